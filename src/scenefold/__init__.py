@@ -1,0 +1,3 @@
+"""Scenefold: path-traced scenes on a handful of ordinary computers, without a master."""
+
+__version__ = "0.1.0"

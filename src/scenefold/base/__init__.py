@@ -1,0 +1,1 @@
+"""Ground floor: ids, locations and arcs, limits, errors. Knows nobody."""

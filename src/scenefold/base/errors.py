@@ -1,0 +1,52 @@
+"""What can go wrong, by whose fault it is.
+
+Our own bugs are AssertionErrors and stop us. Everything else is a ScenefoldError with three parts: what
+happened, where, and what to do about it; the command line prints them as one line.
+"""
+
+from __future__ import annotations
+
+from scenefold.base.reasons import RejectReason
+
+
+class ScenefoldError(Exception):
+    """Root of all errors that a user may see. `str()` is one line: what, where, remedy."""
+
+    def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.where = where
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        place = f" ({self.where})" if self.where else ""
+        remedy = f": {self.remedy}" if self.remedy else ""
+        return f"{self.what}{place}{remedy}"
+
+
+class LocalFault(ScenefoldError):
+    """Our caller asked for what cannot be: a bad argument, file or setting."""
+
+
+class UsageFault(LocalFault):
+    """The command line or a setting is malformed (exit code 2)."""
+
+
+class PeerFault(ScenefoldError):
+    """Another node or client sent what it must not."""
+
+
+class DamagedData(ScenefoldError):
+    """Stored or transmitted data does not verify."""
+
+
+class Unreachable(ScenefoldError):
+    """The cluster, or the node that had to answer, did not (exit code 3)."""
+
+
+class Refused(ScenefoldError):
+    """A node refused a request for a stated reason (exit code 4 where consensus or the mode forbids)."""
+
+    def __init__(self, reason: RejectReason, what: str, *, where: str = "", remedy: str = "") -> None:
+        super().__init__(what, where=where, remedy=remedy)
+        self.reason = reason

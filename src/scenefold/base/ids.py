@@ -1,0 +1,27 @@
+"""Identifiers of Appendix C: nodes, scenes, spaces. A node's id is its IPv4 address as a number."""
+
+from __future__ import annotations
+
+import ipaddress
+from typing import NewType
+
+NodeId = NewType("NodeId", int)
+"""32 bits, unsigned; by default the node's IPv4 address."""
+SceneId = NewType("SceneId", int)
+"""32 bits, unsigned; the first 32 bits of the scene's genesis hash. 0 is no scene."""
+SpaceId = NewType("SpaceId", int)
+"""13 bits: 1 to 8191."""
+KeyId = NewType("KeyId", int)
+"""32 bits: the first 32 bits of the SHA-256 of a public key."""
+
+SPACE_ID_MAX = 8191
+
+
+def node_id_of(address: str) -> NodeId:
+    """The id of the node at an IPv4 address such as "127.0.0.2"; ValueError if it is none."""
+    return NodeId(int(ipaddress.IPv4Address(address)))
+
+
+def address_of(node_id: NodeId) -> str:
+    """The IPv4 address that a node id stands for."""
+    return str(ipaddress.IPv4Address(node_id))
