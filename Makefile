@@ -1,0 +1,60 @@
+# Every target makes .venv itself (tools/bootstrap.py); nothing is needed but make and Python 3.11 or newer.
+# make PYTHON=/path/to/python3 ... chooses which one.
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint format bench docs clean distclean
+
+BIN := .venv/bin
+LOOK_FOR := $(if $(PYTHON),$(PYTHON),python3 python3.11 python3.12 python3.13 python3.14)
+
+# $(call ready,EXTRAS): empty when .venv holds them; otherwise make stops with the one line that says why.
+# It runs while make expands the recipe, because a failing command would add make's own noise to that line.
+ready = $(if $(findstring n,$(filter-out --%,$(firstword -$(MAKEFLAGS)))),,$(call check,$(shell \
+  for python in $(LOOK_FOR); do \
+    if "$$python" -c '' 2>/dev/null; then exec "$$python" tools/bootstrap.py --python "$(PYTHON)" --extras "$(1)"; fi; \
+  done; \
+  echo "scenefold: cannot run $(or $(PYTHON),python3): install Python 3.11 or newer or say make PYTHON=/path/to/python3")))
+check = $(if $(filter-out ready,$(1)),$(error $(1)))
+
+help: ## this list
+	@echo 'make demo    five nodes on this machine render the sample scene into demo-output/'
+	@echo 'make test    lint, then all tests'
+	@echo 'make install .venv with scenectl in it'
+	@echo 'make lint    ruff, mypy --strict, import-linter'
+	@echo 'make format  let ruff arrange the code'
+	@echo 'make bench   the measurements that docs/ quotes'
+	@echo 'make docs    the documentation as pages, in site/'
+	@echo 'make clean   remove what the above made, but not .venv (make distclean: also that)'
+
+install:
+	$(call ready,)@echo 'scenectl is installed: $(BIN)/scenectl --help'
+
+demo:
+	$(call ready,)$(BIN)/scenectl demo --output demo-output
+
+test: lint
+	$(call ready,dev)$(BIN)/python -m pytest --hypothesis-profile=ci
+
+lint:
+	$(call ready,dev)$(BIN)/ruff check --quiet
+	$(BIN)/ruff format --check --quiet
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+format:
+	$(call ready,dev)$(BIN)/ruff check --fix --quiet
+	$(BIN)/ruff format
+
+bench:
+	$(call ready,)$(BIN)/scenectl bench render
+
+docs:
+	$(call ready,docs)$(BIN)/mkdocs build --strict --quiet
+	@echo 'open site/index.html'
+
+clean:
+	rm -rf demo-output site dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -path ./.venv -prune -o -path ./.git -prune -o -name __pycache__ -type d -exec rm -rf {} +
+
+distclean: clean
+	rm -rf .venv
