@@ -1,0 +1,253 @@
+"""A cluster as one user or node sees it on disk: who belongs to it, and the keys to speak there.
+
+Written by `scenectl cluster init`, read by every client and node (design page ux, Set-up):
+
+    cluster.toml             name, cluster id, ports, seeds, members (id, address, public signing key)
+    authority/               the cluster's certificate authority; its key is needed only to admit others
+    datagram.key             32 bytes, the group key of datagrams
+    nodes/<address>/         a node's TLS identity and signing seed
+    users/<name>/            a user's TLS identity and signing seed
+    scenes/<name>.toml       keys of scenes (keyring.py)
+
+A machine needs only its own part: cluster.toml, the authority's certificate, datagram.key and its own folder
+under nodes/ or users/. So each file is read when it is asked for, and a missing one is that request's error.
+The members of the cluster are known from the start, and change only by a new cluster.toml.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import secrets
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.limits import NODES_MAX, PORT_HIGH_PRIORITY, PORT_LOW_PRIORITY
+from scenefold.crypto import Authority, Identity, PublicKey, SigningKey
+from scenefold.world.keyring import SEED_BYTES, Keyring, checked_name
+from scenefold.world.private_files import (
+    damaged,
+    make_private_folder,
+    read_private,
+    read_toml,
+    sync_folder,
+    write_private,
+    write_toml,
+)
+
+DEFAULT_USER = "owner"
+DATAGRAM_KEY_BYTES = 32
+_FORMAT = 1
+_SETTINGS = "cluster.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """The two port numbers that every node of a cluster listens on, UDP and TCP each."""
+
+    low: int = PORT_LOW_PRIORITY
+    high: int = PORT_HIGH_PRIORITY
+
+    def __post_init__(self) -> None:
+        if not (0 < self.low < 65536 and 0 < self.high < 65536) or self.low == self.high:
+            raise LocalFault(
+                f"{self.low} and {self.high} are no two ports", remedy="choose two different numbers from 1 to 65535"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A registered node: its id, address, and the key that its status datagrams verify under."""
+
+    node_id: NodeId
+    address: str
+    public_key: PublicKey
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterProfile:
+    """The profile in `folder`. Members are in id order, which is their order along the line."""
+
+    folder: Path
+    name: str
+    cluster_id: bytes
+    ports: Ports
+    seeds: tuple[str, ...]
+    members: tuple[Member, ...]
+
+    @classmethod
+    def create(
+        cls, folder: Path, name: str, node_addresses: Sequence[str], *, ports: Ports | None = None
+    ) -> ClusterProfile:
+        """Make a new cluster with these nodes and the user "owner" in `folder`, whole or not at all.
+
+        `folder` must not exist, or be empty. Takes some ten milliseconds a node.
+        """
+        checked_name(name, "cluster")
+        addresses = _checked_addresses(node_addresses)
+        _refuse_taken(folder)
+        make_private_folder(folder.parent)
+        draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
+        try:
+            _write_all(draft, name, addresses, ports or Ports())
+            os.replace(draft, folder)  # fails if somebody filled `folder` meanwhile
+            sync_folder(folder.parent)
+        except OSError as problem:
+            raise LocalFault(
+                f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder"
+            ) from problem
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+        return cls.load(folder)
+
+    @classmethod
+    def load(cls, folder: Path) -> ClusterProfile:
+        """Read cluster.toml; LocalFault if there is no profile or it is damaged. Keys are read when asked for."""
+        path = folder / _SETTINGS
+        if not path.exists():
+            raise LocalFault(
+                "there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`"
+            )
+        document = read_toml(path)
+        if document.get("format") != _FORMAT:
+            raise LocalFault(
+                f"the profile has format {document.get('format')!r}, this program knows {_FORMAT}",
+                where=str(path),
+                remedy="use the program's version that wrote it",
+            )
+        try:
+            return _decoded(folder, document)
+        except (KeyError, TypeError, ValueError, LocalFault) as problem:
+            raise damaged(path, f"{type(problem).__name__} {problem}") from problem
+
+    @property
+    def keyring(self) -> Keyring:
+        return Keyring(self.folder / "scenes")
+
+    def member(self, address: str) -> Member:
+        """The member at an address; LocalFault if none is registered there."""
+        for member in self.members:
+            if member.address == address:
+                return member
+        known = ", ".join(member.address for member in self.members)
+        raise LocalFault(f"{address} is no node of this cluster", where=f"{self.folder}", remedy=f"choose of {known}")
+
+    def authority(self) -> Authority:
+        """The authority with its key, to admit others; absent from most machines."""
+        return Authority.from_files(self.folder / "authority")
+
+    def authority_certificate(self) -> bytes:
+        """The certificate (PEM) that every certificate of the cluster verifies under."""
+        return read_private(self.folder / "authority" / "certificate.pem")
+
+    def datagram_key(self) -> bytes:
+        return read_private(self.folder / "datagram.key", bytes_exact=DATAGRAM_KEY_BYTES)
+
+    def node_identity(self, address: str) -> Identity:
+        return Identity.from_files(self._node_folder(address))
+
+    def node_signing_key(self, address: str) -> SigningKey:
+        """The key that the node signs its status with; LocalFault if it is not the registered one."""
+        path = self._node_folder(address) / "signing.seed"
+        key = SigningKey.from_seed(read_private(path, bytes_exact=SEED_BYTES))
+        if key.public != self.member(address).public_key:
+            raise damaged(path, f"it is not the key that is registered for {address}")
+        return key
+
+    def user_identity(self, user: str = DEFAULT_USER) -> Identity:
+        return Identity.from_files(self._user_folder(user))
+
+    def user_signing_key(self, user: str = DEFAULT_USER) -> SigningKey:
+        return SigningKey.from_seed(read_private(self._user_folder(user) / "signing.seed", bytes_exact=SEED_BYTES))
+
+    def _node_folder(self, address: str) -> Path:
+        return self.folder / "nodes" / self.member(address).address
+
+    def _user_folder(self, user: str) -> Path:
+        return self.folder / "users" / checked_name(user, "user")
+
+
+def _checked_addresses(node_addresses: Sequence[str]) -> list[str]:
+    """The addresses in id order; LocalFault if one is malformed, doubled, or their number is out of bounds."""
+    try:
+        ids = sorted(node_id_of(address) for address in node_addresses)
+    except ipaddress.AddressValueError as problem:
+        raise LocalFault(f"{problem}", where="node addresses", remedy="give IPv4 addresses such as 127.0.0.2") from None
+    if len(set(ids)) != len(ids):
+        raise LocalFault("a node address is given twice", remedy="give every address once")
+    if not 1 <= len(ids) <= NODES_MAX:
+        raise LocalFault(f"{len(ids)} nodes", remedy=f"a cluster has 1 to {NODES_MAX} nodes")
+    return [address_of(node_id) for node_id in ids]
+
+
+def _refuse_taken(folder: Path) -> None:
+    if (folder / _SETTINGS).exists():
+        raise LocalFault(
+            "a cluster profile exists already", where=str(folder), remedy="choose another name, or remove the folder"
+        )
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise LocalFault("the place is taken by something else", where=str(folder), remedy="choose another folder")
+
+
+def _write_all(folder: Path, name: str, addresses: Sequence[str], ports: Ports) -> None:
+    authority = Authority.create()
+    make_private_folder(folder)
+    authority.to_files(folder / "authority")
+    write_private(folder / "datagram.key", secrets.token_bytes(DATAGRAM_KEY_BYTES))
+    members = []
+    for address in addresses:
+        identity = authority.issue(f"node:{node_id_of(address)}", [address])
+        key = _write_party(folder / "nodes" / address, identity)
+        members.append({"id": int(node_id_of(address)), "address": address, "public_key": key.public.raw.hex()})
+    _write_party(folder / "users" / DEFAULT_USER, authority.issue(f"user:{DEFAULT_USER}", []))
+    make_private_folder(folder / "scenes")
+    write_toml(
+        folder / _SETTINGS,
+        {
+            "format": _FORMAT,
+            "name": name,
+            "cluster_id": secrets.token_hex(16),
+            "seeds": list(addresses[:3]),
+            "ports": {"low": ports.low, "high": ports.high},
+            "members": members,
+        },
+    )
+
+
+def _write_party(folder: Path, identity: Identity) -> SigningKey:
+    key = SigningKey.generate()
+    make_private_folder(folder.parent)
+    make_private_folder(folder)
+    identity.to_files(folder)
+    write_private(folder / "signing.seed", key.seed)
+    return key
+
+
+def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
+    members = tuple(
+        Member(
+            NodeId(int(entry["id"])),
+            str(ipaddress.IPv4Address(entry["address"])),
+            PublicKey(bytes.fromhex(entry["public_key"])),
+        )
+        for entry in document["members"]
+    )
+    ids = [member.node_id for member in members]
+    if not members or len(members) > NODES_MAX or ids != sorted(set(ids)):
+        raise ValueError("members must be in id order, each once")
+    cluster_id = bytes.fromhex(document["cluster_id"])
+    if len(cluster_id) != 16:
+        raise ValueError("cluster_id must have 16 bytes")
+    return ClusterProfile(
+        folder=folder,
+        name=checked_name(document["name"], "cluster"),
+        cluster_id=cluster_id,
+        ports=Ports(int(document["ports"]["low"]), int(document["ports"]["high"])),
+        seeds=tuple(str(ipaddress.IPv4Address(seed)) for seed in document["seeds"]),
+        members=members,
+    )
