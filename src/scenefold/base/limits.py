@@ -25,5 +25,66 @@ PORT_LOW_PRIORITY = 17349
 PORT_HIGH_PRIORITY = 17350
 """Status, scene log, pools; UDP and TCP."""
 
+RECORD_OVERHEAD_BYTES_MAX = 1024
+"""Header (149 bytes) and signature (at most 384) of one record, with room for their next version."""
+CIPHERTEXT_BYTES_MAX = PAYLOAD_BYTES_MAX + 16
+"""A payload and its authentication tag."""
+BULK_ITEMS_MAX = 8_192
+"""Items of one bulk put or get: a frame of small records, at 1 KiB each."""
+RANGE_LOCATIONS_MAX = 65_536
+"""Locations of one range answer: 1.4 MiB, decoded in some 20 ms."""
+LOG_BYTES_MAX = 4 * 1024 * 1024
+"""A scene log in one packet, so that it fits a frame beside its header."""
+SPACES_PER_SCENE_MAX = 1_024
+"""Spaces that a public scene header lists, shadows included."""
+WRITERS_PER_SCENE_MAX = 1_024
+"""Writer keys that a public scene header lists, retired ones included."""
+PARTICIPANTS_MAX = 127
+"""Members named in one packet of the scene-log protocol: at most every node."""
+SCENES_LISTED_MAX = 1_024
+"""Scene headers in one answer; a cluster of a small studio holds some dozens."""
+BLACKLIST_MAX = 32
+"""Nodes on a blacklist: they must fit a status datagram beside everything else."""
+TEXT_BYTES_MAX = 1_024
+"""A message for people, in UTF-8: a line or two."""
+DOCUMENT_BYTES_MAX = 256 * 1024
+"""A job or its state as a document: settings, never pixels."""
+BULK_BYTES_MAX = FRAME_BYTES_MAX - 64 * 1024
+"""One large `bin` field, so that its packet still fits a frame."""
+VALUE_DEPTH_MAX = 16
+"""Nesting of a packed document; the decoder recurses."""
+VALUE_ITEMS_MAX = 200_000
+"""Numbers, texts, keys and containers of a packed document together: some 20 MiB of Python objects."""
+
 assert PAYLOAD_BYTES_MAX < FRAME_BYTES_MAX
 assert RAY_BATCH_MAX * 36 <= PAYLOAD_BYTES_MAX
+
+# What a scene may hold (specs/05-scene-content.md).
+COORDINATE_ABS_MAX = 1e9
+"""Largest |coordinate|: a triangle's f32 cross product squared must stay finite."""
+TRIANGLE_DOUBLE_AREA_MIN = 1e-18
+"""Smallest length of a triangle's edge cross product: squared, it must stay a normal f32."""
+MATERIALS_MAX = 65_535
+"""A triangle's material number is 16 bits."""
+INSTANCES_MAX = 1_000_000
+"""Every node holds the instance table: 52 MB at this number."""
+LIGHT_TRIANGLES_MAX = 1_000_000
+"""Every node holds the light table: 76 MB at this number."""
+TEXTURE_SIDE_MAX = 16_384
+"""Pixels along a texture's side; beyond it a file is more likely a decompression bomb than an image."""
+TEXTURE_PIXELS_MAX = 8_192 * 8_192
+"""Pixels of one texture: 256 MiB decoded, so that one image alone stays far below 2 GiB."""
+TEXTURE_TILE_SIDE = 120
+"""A tile of 120 x 120 RGBA8 pixels, 57,600 bytes, fits one record."""
+TABLE_PAGES_MAX = 2_500
+"""Pages of all tables of a scene: their locations fit the scene document, which is one record."""
+
+assert TEXTURE_TILE_SIDE**2 * 4 + 64 <= PAYLOAD_BYTES_MAX
+assert TABLE_PAGES_MAX * 20 + 8_192 <= PAYLOAD_BYTES_MAX
+
+CURVE_ARCS_MAX = 1 << 18
+"""Arcs that a box may become: memory and time of the search grow with them, and nobody asks for that many."""
+assert CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < FRAME_BYTES_MAX
+assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
+assert RANGE_LOCATIONS_MAX * 22 < BULK_BYTES_MAX
+assert PARTICIPANTS_MAX >= NODES_MAX
