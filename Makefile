@@ -13,7 +13,7 @@ ready = $(if $(findstring n,$(filter-out --%,$(firstword -$(MAKEFLAGS)))),,$(cal
   for python in $(LOOK_FOR); do \
     if "$$python" -c '' 2>/dev/null; then exec "$$python" tools/bootstrap.py --python "$(PYTHON)" --extras "$(1)"; fi; \
   done; \
-  echo "scenefold: cannot run $(or $(PYTHON),python3): install Python 3.11 or newer or say make PYTHON=/path/to/python3")))
+  echo "cannot run $(or $(PYTHON),python3): install Python 3.11 or newer, or name one with: make PYTHON=/path/to/python3")))
 check = $(if $(filter-out ready,$(1)),$(error $(1)))
 
 help: ## this list

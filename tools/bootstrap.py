@@ -24,7 +24,7 @@ from typing import Dict, Iterator, List, Optional, Tuple
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 OLDEST = (3, 11)
 CANDIDATES = ("python3", "python3.11", "python3.12", "python3.13", "python3.14")
-GET_PYTHON = "install Python %d.%d or newer, or name one with `make PYTHON=/path/to/python3 ...`" % OLDEST
+GET_PYTHON = "install Python %d.%d or newer, or name one with: make PYTHON=/path/to/python3" % OLDEST
 PROBE = (
     "import sys, json, importlib.util as u; "
     "print(json.dumps([list(sys.version_info[:3]), all(u.find_spec(name) for name in ('venv', 'ensurepip'))]))"
@@ -89,7 +89,9 @@ def choose_python(wanted: str) -> Interpreter:
         raise Problem("cannot run %s: %s" % (wanted or "python3", GET_PYTHON))
     new_enough = [python for python in found if python.is_new_enough]
     if not new_enough:
-        raise Problem("needs Python %d.%d or newer, but %s is %s: %s" % (*OLDEST, found[0].command, found[0].version_text, GET_PYTHON))
+        raise Problem(
+            "scenefold needs Python %d.%d or newer, but %s is %s: %s" % (*OLDEST, found[0].command, found[0].version_text, GET_PYTHON)
+        )
     for python in new_enough:
         if python.can_make_venv:
             return python
@@ -98,7 +100,7 @@ def choose_python(wanted: str) -> Interpreter:
 
 def no_venv_module(python: Interpreter) -> str:
     return (
-        "%s lacks the modules venv and ensurepip: install them (Debian, Ubuntu: apt install python%d.%d-venv), or name another Python with `make PYTHON=...`"
+        "%s lacks the modules venv and ensurepip: install them (Debian, Ubuntu: apt install python%d.%d-venv), or name another Python with make PYTHON=..."
         % (
             python.command,
             python.version[0],
@@ -217,24 +219,27 @@ def pip_install(root: str, arguments: List[str]) -> None:
 
 def explain_pip(output: str, log: str) -> str:
     """One line for what pip said in many."""
-    missing = re.search(r"No matching distribution found for (\S+)", output)
-    host = re.search(r"host='([^']+)'(?:, port=(\d+))?", output)
+    missing = re.search(r"No matching distribution found for (\S+)|Cannot install (\S+?)[ ,]", output)
     if "No space left on device" in output:
         return "no space left on the device for .venv: free some (about 1 GB), then run the same command"
-    if "ResolutionImpossible" in output or "conflicting dependencies" in output:
-        return "constraints.txt and pyproject.toml contradict each other: see the end of %s" % log
+    # Before what it says of versions: without an answer from the registry pip calls every pinned one a conflict.
     if NO_NETWORK.search(output):
-        where = " at %s" % ":".join(filter(None, host.groups())) if host else ""
         return (
             "cannot reach the package registry%s: check the network or proxy, or set PIP_INDEX_URL to a mirror, then run the same command"
-            % where
+            % registry_named()
         )
     if missing:
-        return "the package registry has no %s for this Python and machine: try another with `make PYTHON=python3.11 ...`, see %s" % (
-            missing.group(1),
-            log,
+        return (
+            "the package registry has no %s that suits constraints.txt, this Python and this machine: try another with make PYTHON=..., see %s"
+            % (missing.group(1) or missing.group(2), log)
         )
     return "pip failed: %s (all of it in %s)" % (last_line(output), log)
+
+
+def registry_named() -> str:
+    """Where pip was told to look, if the environment says so; never a password in it."""
+    address = os.environ.get("PIP_INDEX_URL", "")
+    return " at %s" % re.sub(r"//[^/@]*@", "//", address) if address else ""
 
 
 def last_line(output: str) -> str:
@@ -295,13 +300,13 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 if not is_ready(root, extras):
                     bring_up(root, options.python, extras)
     except Problem as problem:
-        print("scenefold: " + " ".join(str(problem).split()))
+        print(" ".join(str(problem).split()))
         return 1
     except OSError as error:
-        print("scenefold: cannot make .venv: %s: %s" % (error.strerror, error.filename))
+        print("cannot make .venv: %s: %s" % (error.strerror, error.filename))
         return 1
     except KeyboardInterrupt:
-        print("scenefold: interrupted: run the same command to go on")
+        print("interrupted: run the same command to go on")
         return 1
     print("ready")
     return 0

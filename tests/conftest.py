@@ -1,0 +1,78 @@
+"""What holds for every test: order, Hypothesis profiles, and that nothing unexpected is logged.
+
+Unexpected warnings of Python fail a test through `filterwarnings = error` in pyproject.toml; unexpected log lines of
+level WARNING and above fail it here. A test that provokes one says so, and then it must come:
+
+    @pytest.mark.expect_log("a truncated frame")
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import pytest
+import structlog
+
+# Fast ones first, so that a slip shows within seconds.
+ORDER = ("house", "unit", "study", "conformance", "render", "simulation", "integration")
+LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "exception": 40, "critical": 50, "fatal": 50}
+
+# Machines that run tests are slow at times; a deadline would only measure that.
+hypothesis.settings.register_profile("default", deadline=None)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
+hypothesis.settings.register_profile("thorough", deadline=None, max_examples=2000)
+hypothesis.settings.load_profile("default")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Sort by the folder below tests/, keeping the order within each."""
+    here = Path(__file__).parent
+
+    def rank(item: pytest.Item) -> int:
+        folder = item.path.relative_to(here).parts[0] if item.path.is_relative_to(here) else ""
+        return ORDER.index(folder) if folder in ORDER else len(ORDER)
+
+    items.sort(key=rank)
+
+
+class Complaints(logging.Handler):
+    """Keeps what was logged at WARNING and above."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(f"{record.levelname} {record.name}: {record.getMessage()}")
+
+
+def _through_logging(_logger: Any, method: str, event: structlog.typing.EventDict) -> structlog.typing.EventDict:
+    """Hand a structlog event to the standard logging, where pytest shows it and Complaints sees it."""
+    details = " ".join(f"{key}={value}" for key, value in event.items() if key not in ("event", "exc_info"))
+    exc_info = event.get("exc_info")
+    logging.getLogger("scenefold").log(LEVELS.get(method, 20), "%s %s", event.get("event"), details, exc_info=exc_info)
+    raise structlog.DropEvent
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
+    """Fail a test that logged what it did not expect, or did not log what it expected."""
+    structlog.configure(processors=[_through_logging], cache_logger_on_first_use=False)
+    complaints = Complaints()
+    logging.getLogger().addHandler(complaints)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(complaints)
+    expected = [str(marker.args[0]) for marker in item.iter_markers("expect_log")]
+    surprises = [line for line in complaints.lines if not any(re.search(pattern, line) for pattern in expected)]
+    missing = [pattern for pattern in expected if not any(re.search(pattern, line) for line in complaints.lines)]
+    if surprises:
+        pytest.fail("unexpected log lines:\n" + "\n".join(surprises), pytrace=False)
+    if missing:
+        pytest.fail("log lines that did not come: " + ", ".join(missing), pytrace=False)
