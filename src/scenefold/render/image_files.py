@@ -36,7 +36,7 @@ _CHANNELS = {"beauty": "RGB", "albedo": "RGB", "normal": "XYZ", "depth": "Z"}
 
 def write_exr(path: Path, layers: Mapping[str, Layer], metadata: Mapping[str, str | int | float]) -> None:
     """Write all layers as 32-bit floats. Metadata become attributes of the header; LocalFault if it fails."""
-    import OpenEXR  # type: ignore[import-not-found]
+    import OpenEXR
 
     channels: dict[str, Layer] = {}
     for layer, pixels in layers.items():
@@ -64,7 +64,7 @@ def write_png(path: Path, beauty: Layer, exposure: float = 0.0) -> None:
 
 def image_sha256(beauty: Layer) -> str:
     """SHA-256 of the beauty layer as little-endian f32, H x W x 3, top row first; in hexadecimal."""
-    assert beauty.ndim == 3 and beauty.shape[2] == 3, "the beauty layer is H x W x 3"
+    assert beauty.shape[2:] == (3,), "the beauty layer is H x W x 3"
     return hashlib.sha256(np.ascontiguousarray(beauty, dtype="<f4").tobytes()).hexdigest()
 
 
@@ -76,9 +76,7 @@ def display_bytes(beauty: Layer, exposure: float = 0.0) -> NDArray[np.uint8]:
     stops = np.clip(np.log2(np.maximum(peak, 1.0)) / WHITE_STOPS, 0.0, 1.0)
     fade = stops * stops * (3.0 - 2.0 * stops)
     rolled = _shoulder(light + (peak - light) * fade)
-    encoded = np.where(
-        rolled <= 0.0031308, 12.92 * rolled, 1.055 * np.power(np.maximum(rolled, 1e-9), 1 / 2.4) - 0.055
-    )
+    encoded = np.where(rolled <= 0.0031308, 12.92 * rolled, 1.055 * np.power(np.maximum(rolled, 1e-9), 1 / 2.4) - 0.055)
     return (np.clip(encoded, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
@@ -93,17 +91,13 @@ def check_writable(path: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise LocalFault(
-            f"cannot write there: {error.strerror}", where=str(folder), remedy="choose another output folder"
-        ) from error
+        raise LocalFault(f"cannot write there: {error.strerror}", where=str(folder), remedy="choose another output folder") from error
 
 
 def _shoulder(light: NDArray[np.float64]) -> NDArray[np.float64]:
     """Identity up to SHOULDER_START, then towards 1 with the same slope at the join."""
     room = 1.0 - SHOULDER_START
-    return np.where(
-        light <= SHOULDER_START, light, 1.0 - room * np.exp(-np.maximum(light - SHOULDER_START, 0.0) / room)
-    )
+    return np.where(light <= SHOULDER_START, light, 1.0 - room * np.exp(-np.maximum(light - SHOULDER_START, 0.0) / room))
 
 
 def _planes(layer: str, pixels: Layer) -> list[Layer]:
@@ -123,11 +117,9 @@ def _write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         write(temporary)
-        os.replace(temporary, path)
+        temporary.replace(path)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise LocalFault(
-            f"cannot write the image: {reason}", where=str(path), remedy="check the folder and the free space"
-        ) from error
+        raise LocalFault(f"cannot write the image: {reason}", where=str(path), remedy="check the folder and the free space") from error
     finally:
         temporary.unlink(missing_ok=True)

@@ -1,0 +1,137 @@
+"""What kernels are given: the held part of a scene and one job's numbers, as named tuples of arrays.
+
+Named tuples because numba compiles them as they are: a kernel reads `scene.vertices` and Python can build
+and inspect the same value. Everything is read-only while a job runs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
+U32 = npt.NDArray[np.uint32]
+
+
+class MaterialColumn:
+    """Columns of `SceneArrays.materials`, float64[materials, WIDTH]."""
+
+    BASE = 0
+    """4 columns: linear red, green, blue, alpha."""
+    METALLIC = 4
+    ROUGHNESS = 5
+    EMISSION = 6
+    """3 columns: radiance in W / (m2 sr), strength applied."""
+    TRANSMISSION = 9
+    IOR = 10
+    DOUBLE_SIDED = 11
+    ALPHA_MODE = 12
+    """0 opaque, 1 mask, 2 blend."""
+    ALPHA_CUTOFF = 13
+    BASE_TEXTURE = 14
+    """Index into `textures`, or -1."""
+    METALLIC_ROUGHNESS_TEXTURE = 15
+    WRAP_S = 16
+    """0 repeat, 1 clamp to edge, 2 mirrored repeat."""
+    WRAP_T = 17
+    NEAREST = 18
+    WIDTH = 20
+
+
+class TextureColumn:
+    """Columns of `SceneArrays.textures`, int64[textures, WIDTH]."""
+
+    OFFSET = 0
+    """Of the texture's first byte in `texels`; RGBA8, rows from the top."""
+    WIDTH_PX = 1
+    HEIGHT_PX = 2
+    SRGB = 3
+    WIDTH = 4
+
+
+class LightColumn:
+    """Columns of `SceneArrays.punctual_lights`, float64[lights, WIDTH]."""
+
+    KIND = 0
+    """0 point, 1 spot, 2 directional."""
+    POSITION = 1
+    DIRECTION = 4
+    """Into which the light shines."""
+    COLOR = 7
+    """Point and spot: W / sr; directional: W / m2."""
+    COS_INNER = 10
+    COS_OUTER = 11
+    PROBABILITY = 12
+    """Of choosing this one among the punctual lights."""
+    WIDTH = 13
+
+
+class SceneArrays(NamedTuple):
+    """The part of a scene that a node holds. Triangles of a group are contiguous, in the group's order."""
+
+    vertices: F32
+    """[vertices, 3]"""
+    normals: F32
+    """[vertices, 3]; all zero where the file has none."""
+    uvs: F32
+    """[vertices, 2]"""
+    triangles: U32
+    """[triangles, 3], indices into the three above."""
+    triangle_material: U16
+    """[triangles]"""
+    group_first: I64
+    """[groups]: a group's first triangle, -1 if it is not held."""
+    instance_matrices: F64
+    """[instances, 3, 4], prototype to world; instance 0 is the identity."""
+    instance_normals: F64
+    """[instances, 3, 3]: transposed inverses, for normals."""
+    materials: F64
+    textures: I64
+    texels: U8
+    linear_of_srgb: F64
+    """[256]"""
+    emitter_vertices: F32
+    """[emitters, 3, 3], world space: all of the scene, on every node."""
+    emitter_radiance: F32
+    """[emitters, 3]"""
+    emitter_two_sided: U8
+    emitter_threshold: F32
+    """[emitters], alias table."""
+    emitter_alias: U32
+    punctual_lights: F64
+
+
+class JobNumbers(NamedTuple):
+    """What is equal for every ray of a job, on every node."""
+
+    box_low: F64
+    """[3], the job's box; all geometry lies strictly inside."""
+    box_high: F64
+    sky: F64
+    """[3], radiance of the constant environment."""
+    choose_sky: float
+    """Probability that next-event estimation asks the sky; the three sum to 1, or are all 0."""
+    choose_punctual: float
+    choose_emitter: float
+    inverse_emitter_power: float
+    """1 / sum of luminance x area over all emitters; 0 without any."""
+    camera: F64
+    """[16]: position 3, right 3, up 3, forward 3 (unit), half width and half height of the image plane at
+    distance 1 (perspective) or in world units (orthographic), kind (0, 1), unused."""
+    seed: int
+    frame: int
+    width: int
+    height: int
+    samples: int
+    """Per pixel."""
+    depth: int
+    """Segments of a path at most, the camera ray being the first; 1..32."""
+    stride: int
+    """Multiplier of the scattered pixel order; coprime to width x height."""

@@ -1,0 +1,124 @@
+"""glTF's metallic-roughness surface: Lambert under a GGX microfacet coat, and thin transmission straight through.
+
+Directions are in the shading frame, z along the normal; `wo` and `wi` both point away from the surface.
+Sampling of visible normals after Heitz, Sampling the GGX Distribution of Visible Normals (JCGT 2018).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from scenefold.render.math_kernels import INVERSE_PI, PI, sine_cosine_of_turns
+
+ALPHA_MIN = 1e-3
+"""Smoother surfaces are rendered as this smooth: their density still fits the ray record's pdf code."""
+
+
+@njit(error_model="numpy")
+def luminance(r, g, b):  # type: ignore[no-untyped-def]
+    """Rec. 709 luminance of a linear colour."""
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+@njit(error_model="numpy")
+def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
+    """Schlick's approximation of reflectance at an angle; glTF prescribes it."""
+    m = min(max(1.0 - cosine, 0.0), 1.0)
+    m2 = m * m
+    return f0 + (1.0 - f0) * (m2 * m2 * m)
+
+
+@njit(error_model="numpy")
+def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Two unit vectors that make a right-handed frame with the unit normal (Duff et al., JCGT 2017)."""
+    sign = 1.0 if nz >= 0.0 else -1.0
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
+
+
+@njit(error_model="numpy")
+def sample_cosine(u, v):  # type: ignore[no-untyped-def]
+    """A direction with density cos / pi."""
+    s, c = sine_cosine_of_turns(v)
+    r = math.sqrt(u)
+    return r * c, r * s, math.sqrt(max(0.0, 1.0 - u))
+
+
+@njit(error_model="numpy")
+def _smith_lambda(x, y, z, alpha):  # type: ignore[no-untyped-def]
+    return 0.5 * (math.sqrt(1.0 + alpha * alpha * (x * x + y * y) / (z * z)) - 1.0)
+
+
+@njit(error_model="numpy")
+def _ggx_density(z, alpha):  # type: ignore[no-untyped-def]
+    a2 = alpha * alpha
+    d = z * z * (a2 - 1.0) + 1.0
+    return a2 / (PI * d * d)
+
+
+@njit(error_model="numpy")
+def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
+    """A microfacet normal as seen from (x, y, z), z > 0."""
+    sx, sy, sz = alpha * x, alpha * y, z
+    scale = 1.0 / math.sqrt(sx * sx + sy * sy + sz * sz)
+    sx, sy, sz = sx * scale, sy * scale, sz * scale
+    flat = sx * sx + sy * sy
+    if flat > 1e-14:
+        inverse = 1.0 / math.sqrt(flat)
+        ax, ay, az = -sy * inverse, sx * inverse, 0.0
+    else:
+        ax, ay, az = 1.0, 0.0, 0.0
+    bx, by, bz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
+    s, c = sine_cosine_of_turns(v)
+    r = math.sqrt(u)
+    p, q = r * c, r * s
+    half = 0.5 * (1.0 + sz)
+    q = (1.0 - half) * math.sqrt(max(0.0, 1.0 - p * p)) + half * q
+    h = math.sqrt(max(0.0, 1.0 - p * p - q * q))
+    nx, ny, nz = p * ax + q * bx + h * sx, p * ay + q * by + h * sy, p * az + q * bz + h * sz
+    nx, ny, nz = alpha * nx, alpha * ny, max(1e-9, nz)
+    scale = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx * scale, ny * scale, nz * scale
+
+
+@njit(error_model="numpy")
+def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0_dielectric, transmission, choose_coat):  # type: ignore[no-untyped-def]
+    """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
+
+    Both directions on the upper side; the straight-through lobe is a delta and no part of either.
+    """
+    if woz <= 0.0 or wiz <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    hx, hy, hz = wox + wix, woy + wiy, woz + wiz
+    scale = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
+    hx, hy, hz = hx * scale, hy * scale, hz * scale
+    cosine = wox * hx + woy * hy + woz * hz
+    density = _ggx_density(hz, alpha)
+    lambda_o, lambda_i = _smith_lambda(wox, woy, woz, alpha), _smith_lambda(wix, wiy, wiz, alpha)
+    coat = density / (4.0 * woz * wiz * (1.0 + lambda_o + lambda_i))
+    coat_pdf = density / (4.0 * woz * (1.0 + lambda_o))
+    f_d = fresnel_schlick(f0_dielectric, cosine)
+    body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * INVERSE_PI
+    pdf = choose_coat * coat_pdf + (1.0 - choose_coat) * wiz * INVERSE_PI
+    return (
+        body * base_r + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_r, cosine)),
+        body * base_g + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_g, cosine)),
+        body * base_b + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_b, cosine)),
+        pdf,
+    )
+
+
+@njit(error_model="numpy")
+def coat_probability(woz, base_r, base_g, base_b, metallic, f0_dielectric, transmission):  # type: ignore[no-untyped-def]
+    """With which probability to sample the coat rather than the diffuse body: by their share of energy."""
+    f_d = fresnel_schlick(f0_dielectric, woz)
+    lum = luminance(base_r, base_g, base_b)
+    coat = (1.0 - metallic) * f_d + metallic * fresnel_schlick(lum, woz)
+    body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * lum
+    total = coat + body
+    if not total > 1e-12:
+        return 1.0
+    return min(max(coat / total, 0.1), 1.0) if body > 0.0 else 1.0

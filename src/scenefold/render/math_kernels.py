@@ -1,0 +1,309 @@
+"""Arithmetic that gives the same bits everywhere: only + - * / and square roots (rendering.md, Bits).
+
+libm, SVML and numpy's transcendentals differ between machines and versions, and a sum over a batch depends
+on its length; so sine, cosine, exp2 and log2 are polynomials of our own, random numbers are hashes of what
+they are for, and the packed forms of the ray record (directions, throughput, pdf) are defined here, once.
+All functions are scalar device functions, inlined into the kernels that loop over batches.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+PI = 3.141592653589793
+INVERSE_PI = 0.3183098861837907
+LN2 = 0.6931471805599453
+LOG2_E = 1.4426950408889634
+
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_U32 = np.uint64(0xFFFFFFFF)
+_TWO_TO_MINUS_53 = 1.0 / 9007199254740992.0
+
+
+@intrinsic
+def f64_bits(typingctx, value):  # type: ignore[no-untyped-def]
+    """The 64 bits of a float64."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], context.get_value_type(types.uint64))
+
+    return types.uint64(types.float64), codegen
+
+
+@intrinsic
+def f64_from_bits(typingctx, value):  # type: ignore[no-untyped-def]
+    """The float64 with these 64 bits."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], context.get_value_type(types.float64))
+
+    return types.float64(types.uint64), codegen
+
+
+@intrinsic
+def f32_bits(typingctx, value):  # type: ignore[no-untyped-def]
+    """The 32 bits of a float32."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], context.get_value_type(types.uint32))
+
+    return types.uint32(types.float32), codegen
+
+
+@intrinsic
+def f32_from_bits(typingctx, value):  # type: ignore[no-untyped-def]
+    """The float32 with these 32 bits."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], context.get_value_type(types.float32))
+
+    return types.float32(types.uint32), codegen
+
+
+assert cgutils is not None
+
+
+# Random numbers ------------------------------------------------------------------------------------------
+
+
+@njit(error_model="numpy")
+def mix64(value):  # type: ignore[no-untyped-def]
+    """The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection of 64 bits that avalanches."""
+    value = (value ^ (value >> np.uint64(30))) * _MIX_1
+    value = (value ^ (value >> np.uint64(27))) * _MIX_2
+    return value ^ (value >> np.uint64(31))
+
+
+@njit(error_model="numpy")
+def path_key(seed, frame, pixel, sample):  # type: ignore[no-untyped-def]
+    """The key of one path: a function of what the path is, never of who traces it or when."""
+    key = mix64(np.uint64(seed) + _GOLDEN)
+    key = mix64(key ^ (np.uint64(frame) * _GOLDEN))
+    return mix64(key + ((np.uint64(pixel) << np.uint64(32)) | np.uint64(sample)) * _GOLDEN)
+
+
+@njit(error_model="numpy")
+def uniform(key, bounce, dimension):  # type: ignore[no-untyped-def]
+    """A number in [0, 1), of 53 bits, for one dimension of one bounce of a path."""
+    counter = np.uint64(bounce) * np.uint64(64) + np.uint64(dimension) + np.uint64(1)
+    return float(mix64(key + counter * _GOLDEN) >> np.uint64(11)) * _TWO_TO_MINUS_53
+
+
+# Elementary functions ------------------------------------------------------------------------------------
+
+
+@njit(error_model="numpy")
+def _sin_small(x):  # type: ignore[no-untyped-def]
+    """sin on |x| <= pi/4, Taylor to x^15: error below 1e-16."""
+    z = x * x
+    p = -1.0 / 1307674368000.0
+    p = p * z + 1.0 / 6227020800.0
+    p = p * z - 1.0 / 39916800.0
+    p = p * z + 1.0 / 362880.0
+    p = p * z - 1.0 / 5040.0
+    p = p * z + 1.0 / 120.0
+    p = p * z - 1.0 / 6.0
+    return x + x * z * p
+
+
+@njit(error_model="numpy")
+def _cos_small(x):  # type: ignore[no-untyped-def]
+    """cos on |x| <= pi/4, Taylor to x^16."""
+    z = x * x
+    p = 1.0 / 20922789888000.0
+    p = p * z - 1.0 / 87178291200.0
+    p = p * z + 1.0 / 479001600.0
+    p = p * z - 1.0 / 3628800.0
+    p = p * z + 1.0 / 40320.0
+    p = p * z - 1.0 / 720.0
+    p = p * z + 1.0 / 24.0
+    p = p * z - 0.5
+    return 1.0 + z * p
+
+
+@njit(error_model="numpy")
+def sine_cosine_of_turns(turns):  # type: ignore[no-untyped-def]
+    """(sin, cos) of an angle given in whole turns, 0 <= turns <= 1."""
+    quarter = int(turns * 4.0 + 0.5)
+    rest = (turns - quarter * 0.25) * (2.0 * PI)
+    s, c = _sin_small(rest), _cos_small(rest)
+    quarter &= 3
+    if quarter == 0:
+        return s, c
+    if quarter == 1:
+        return c, -s
+    if quarter == 2:
+        return -s, -c
+    return -c, s
+
+
+@njit(error_model="numpy")
+def log2_of(x):  # type: ignore[no-untyped-def]
+    """Base-2 logarithm of a normal positive x; error below 1e-15 relative to the result's scale."""
+    bits = f64_bits(x)
+    exponent = int((bits >> np.uint64(52)) & np.uint64(0x7FF)) - 1023
+    mantissa = f64_from_bits((bits & np.uint64(0x000FFFFFFFFFFFFF)) | np.uint64(0x3FF0000000000000))
+    if mantissa > 1.4142135623730951:
+        mantissa *= 0.5
+        exponent += 1
+    y = (mantissa - 1.0) / (mantissa + 1.0)
+    z = y * y
+    p = 1.0 / 23.0
+    p = p * z + 1.0 / 21.0
+    p = p * z + 1.0 / 19.0
+    p = p * z + 1.0 / 17.0
+    p = p * z + 1.0 / 15.0
+    p = p * z + 1.0 / 13.0
+    p = p * z + 1.0 / 11.0
+    p = p * z + 1.0 / 9.0
+    p = p * z + 1.0 / 7.0
+    p = p * z + 1.0 / 5.0
+    p = p * z + 1.0 / 3.0
+    p = p * z + 1.0
+    return exponent + 2.0 * y * p * LOG2_E
+
+
+@njit(error_model="numpy")
+def exp2_of(x):  # type: ignore[no-untyped-def]
+    """2^x for -1000 <= x <= 1000."""
+    whole = math.floor(x + 0.5)
+    f = (x - whole) * LN2
+    p = 1.0 / 87178291200.0
+    p = p * f + 1.0 / 6227020800.0
+    p = p * f + 1.0 / 479001600.0
+    p = p * f + 1.0 / 39916800.0
+    p = p * f + 1.0 / 3628800.0
+    p = p * f + 1.0 / 362880.0
+    p = p * f + 1.0 / 40320.0
+    p = p * f + 1.0 / 5040.0
+    p = p * f + 1.0 / 720.0
+    p = p * f + 1.0 / 120.0
+    p = p * f + 1.0 / 24.0
+    p = p * f + 1.0 / 6.0
+    p = p * f + 0.5
+    p = p * f + 1.0
+    p = p * f + 1.0
+    return p * f64_from_bits(np.uint64(int(whole) + 1023) << np.uint64(52))
+
+
+@njit(error_model="numpy")
+def power_of(base, exponent):  # type: ignore[no-untyped-def]
+    """base^exponent for base >= 0; 0 for base 0."""
+    if base <= 0.0:
+        return 0.0
+    return exp2_of(exponent * log2_of(base))
+
+
+# Directions: two 32-bit octahedral coordinates -----------------------------------------------------------
+
+
+@njit(error_model="numpy")
+def _coordinate_code(x):  # type: ignore[no-untyped-def]
+    scaled = (x * 0.5 + 0.5) * 4294967295.0 + 0.5
+    if scaled <= 0.0:
+        return np.uint32(0)
+    if scaled >= 4294967295.0:
+        return np.uint32(0xFFFFFFFF)
+    return np.uint32(np.uint64(scaled))
+
+
+@njit(error_model="numpy")
+def encode_direction(x, y, z):  # type: ignore[no-untyped-def]
+    """The octahedral code of a direction of any length > 0."""
+    scale = 1.0 / (abs(x) + abs(y) + abs(z))
+    u, v = x * scale, y * scale
+    if z < 0.0:
+        u, v = (1.0 - abs(v)) * (1.0 if u >= 0.0 else -1.0), (1.0 - abs(u)) * (1.0 if v >= 0.0 else -1.0)
+    return _coordinate_code(u), _coordinate_code(v)
+
+
+@njit(error_model="numpy")
+def decode_direction(code_u, code_v):  # type: ignore[no-untyped-def]
+    """The unit direction (f64) that a code stands for. The code is the truth: never pack the result again."""
+    u = float(code_u) * (2.0 / 4294967295.0) - 1.0
+    v = float(code_v) * (2.0 / 4294967295.0) - 1.0
+    z = 1.0 - abs(u) - abs(v)
+    if z < 0.0:
+        u, v = (1.0 - abs(v)) * (1.0 if u >= 0.0 else -1.0), (1.0 - abs(u)) * (1.0 if v >= 0.0 else -1.0)
+    scale = 1.0 / math.sqrt(u * u + v * v + z * z)
+    return u * scale, v * scale, z * scale
+
+
+# Throughput: three 13-bit mantissas and a shared 9-bit exponent -------------------------------------------
+
+_EXPONENT_BIAS = 256
+
+
+@njit(error_model="numpy")
+def _exponent_above(x):  # type: ignore[no-untyped-def]
+    """The smallest e with x < 2^e, for a normal positive x."""
+    return int((f64_bits(x) >> np.uint64(52)) & np.uint64(0x7FF)) - 1022
+
+
+@njit(error_model="numpy")
+def _power_of_two(e):  # type: ignore[no-untyped-def]
+    return f64_from_bits(np.uint64(e + 1023) << np.uint64(52))
+
+
+@njit(error_model="numpy")
+def encode_color(r, g, b, key, bounce, dimension):  # type: ignore[no-untyped-def]
+    """48 bits of a colour >= 0, rounded at random so that its mean is exact; `dimension` to +2 are used.
+
+    Too small becomes 0, too large the largest code; callers count what is not finite before they ask.
+    """
+    largest = max(r, max(g, b))
+    if not largest > 1e-70:
+        return np.uint64(0)
+    e = min(_exponent_above(largest), 254)
+    u_r, u_g, u_b = uniform(key, bounce, dimension), uniform(key, bounce, dimension + 1), uniform(key, bounce, dimension + 2)
+    scale = _power_of_two(13 - e)
+    m_r, m_g, m_b = int(r * scale + u_r), int(g * scale + u_g), int(b * scale + u_b)
+    if max(m_r, max(m_g, m_b)) > 8191:
+        # Rounding carried into the next power of two: the code one exponent up is as good.
+        e += 1
+        scale *= 0.5
+        m_r, m_g, m_b = int(r * scale + u_r), int(g * scale + u_g), int(b * scale + u_b)
+    m_r, m_g, m_b = min(m_r, 8191), min(m_g, 8191), min(m_b, 8191)
+    return (
+        np.uint64(m_r)
+        | (np.uint64(m_g) << np.uint64(13))
+        | (np.uint64(m_b) << np.uint64(26))
+        | (np.uint64(e + _EXPONENT_BIAS) << np.uint64(39))
+    )
+
+
+@njit(error_model="numpy")
+def decode_color(code):  # type: ignore[no-untyped-def]
+    """The colour (f64) of a 48-bit code."""
+    mask = np.uint64(0x1FFF)
+    scale = _power_of_two(int((code >> np.uint64(39)) & np.uint64(0x1FF)) - _EXPONENT_BIAS - 13)
+    return (
+        float(code & mask) * scale,
+        float((code >> np.uint64(13)) & mask) * scale,
+        float((code >> np.uint64(26)) & mask) * scale,
+    )
+
+
+# Densities: log2 in steps of 1/1024 from -24 ---------------------------------------------------------------
+
+
+@njit(error_model="numpy")
+def encode_pdf(pdf):  # type: ignore[no-untyped-def]
+    """The 16-bit code of a density per steradian; the ends of the range saturate."""
+    if not pdf > 5.960464477539063e-08:
+        return 0
+    code = int((log2_of(pdf) + 24.0) * 1024.0 + 0.5)
+    return min(code, 65534)
+
+
+@njit(error_model="numpy")
+def decode_pdf(code):  # type: ignore[no-untyped-def]
+    """The density that a code below 65535 stands for."""
+    return exp2_of(float(code) * (1.0 / 1024.0) - 24.0)

@@ -1,0 +1,1 @@
+"""Renderers, each in a package of its own, found by entry point (group `scenefold.renderers`)."""

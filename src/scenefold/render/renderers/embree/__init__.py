@@ -1,0 +1,1 @@
+"""The spatially partitioned renderer: Embree finds the hits, compiled kernels do the rest."""

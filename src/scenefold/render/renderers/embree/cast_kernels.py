@@ -1,0 +1,182 @@
+"""The caster: every ray of a batch against the geometry that this node holds, within this node's cell.
+
+Embree is called once a ray, through its address. Which hit wins must not depend on what else a node holds,
+and Embree leaves equal distances to the order of its tree; so a filter compares every candidate itself by
+(t, instance, group, primitive), and keeps the search open a few units in the last place behind the best,
+so that no candidate of the same t is culled before it was compared.
+
+Memory layouts are Embree 4's (rtcore_ray.h, rtcore_common.h), in 32-bit words:
+    RTCRayHit   0 org 3 | 3 tnear | 4 dir 3 | 7 time | 8 tfar | 9 mask | 10 id | 11 flags
+                12 Ng 3 | 15 u | 16 v | 17 primID | 18 geomID | 19 instID | 20 instPrimID
+    context     0 instID | 1 instPrimID | then ours: 4 best t | 5 instance | 6 group | 7 primitive
+    arguments   0 flags | 1 feature mask | 2-3 context | 4-5 filter | 6-7 function
+    filter's    0-1 valid | 2-3 user | 4-5 context | 6-7 ray | 8-9 hit | 10 N
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import cfunc, njit, types
+
+from scenefold.base.rays import KIND_SHADOW
+from scenefold.partition.kernels import exit_after, owner_ahead
+from scenefold.render.math_kernels import decode_direction
+from scenefold.render.record_kernels import end_of, kind_of, origin_of, set_t_done, t_done_of
+from scenefold.render.renderers.embree.memory_kernels import (
+    call_with_3,
+    load_f32,
+    load_i64,
+    load_u32,
+    store_f32,
+    store_u32,
+)
+from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
+from scenefold.render.space_kernels import box_span, step_after, t_of_step
+
+WORKSPACE_WORDS = 64
+"""uint32 words of a caster's workspace: ray and hit at 0, context at 32, arguments at 48; 64-byte aligned."""
+_CONTEXT = 32
+_ARGUMENTS = 48
+_NOBODY = np.uint32(0xFFFFFFFF)
+_INVOKE_ARGUMENT_FILTER = np.uint32(2)
+_STILL_OPEN = np.float32(1.0 + 2.0**-21)
+
+
+@cfunc(types.void(types.int64), cache=True)
+def nearest_filter(arguments):  # type: ignore[no-untyped-def]
+    """Accept a candidate only if it precedes the best so far by (t, instance, group, primitive)."""
+    context = load_i64(arguments + 16)
+    ray = load_i64(arguments + 24)
+    hit = load_i64(arguments + 32)
+    t = load_f32(ray + 32)
+    best = load_f32(context + 16)
+    primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
+    wins = t < best
+    if t == best:
+        best_instance, best_group = load_u32(context + 20), load_u32(context + 24)
+        # Geometry outside instances carries the largest id there is; adding one puts it first, as instance 0.
+        mine, other = np.uint32(instance + np.uint32(1)), np.uint32(best_instance + np.uint32(1))
+        if mine != other:
+            wins = mine < other
+        elif group != best_group:
+            wins = group < best_group
+        else:
+            wins = primitive < load_u32(context + 28)
+    if wins:
+        store_f32(context + 16, t)
+        store_u32(context + 20, instance)
+        store_u32(context + 24, group)
+        store_u32(context + 28, primitive)
+        store_f32(ray + 32, t * _STILL_OPEN)
+    else:
+        store_u32(load_i64(arguments), np.uint32(0))
+
+
+@njit(error_model="numpy")
+def _prepare(workspace, filter_address):  # type: ignore[no-untyped-def]
+    """Arguments of the two queries: the nearest hit asks the filter, occlusion takes what comes first."""
+    base = workspace.ctypes.data
+    workspace[:] = np.uint32(0)
+    workspace[_CONTEXT] = _NOBODY
+    workspace[_CONTEXT + 1] = _NOBODY
+    workspace[_ARGUMENTS + 1] = _NOBODY
+    words = workspace.view(np.int64)
+    words[(_ARGUMENTS + 2) // 2] = base + _CONTEXT * 4
+    words[(_ARGUMENTS + 4) // 2] = filter_address
+    return base
+
+
+@njit(error_model="numpy")
+def _write_ray(workspace, reals, ox, oy, oz, dx, dy, dz, t_far):  # type: ignore[no-untyped-def]
+    reals[0], reals[1], reals[2], reals[3] = ox, oy, oz, np.float32(0.0)
+    reals[4], reals[5], reals[6], reals[7] = dx, dy, dz, np.float32(0.0)
+    reals[8] = t_far
+    workspace[9], workspace[10], workspace[11] = _NOBODY, np.uint32(0), np.uint32(0)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def cast_batch(  # type: ignore[no-untyped-def]
+    intersect, occluded, filter_address, scene_address, first_instance_id, workspace, rays, family, cells, node, low, high, status, hit_uv, hit_ids
+):
+    """Cast each ray to where it leaves this node's cell, or to what it hits before.
+
+    rays uint32[n, 9], whose t_done is advanced; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]
+    (instance, group, primitive), both written for hits. `first_instance_id`: Embree's id of instance 1.
+    A path ray that is already done (65535) left the job's box before it met any cell: it is free at once.
+    """
+    base = _prepare(workspace, filter_address)
+    reals = workspace.view(np.float32)
+    arguments = base + _ARGUMENTS * 4
+    for i in range(rays.shape[0]):
+        step = t_done_of(rays, i)
+        if step == 65535:
+            status[i] = STATUS_FREE
+            continue
+        ox, oy, oz = origin_of(rays, i)
+        shadow = kind_of(rays, i) == KIND_SHADOW
+        if shadow:
+            ex, ey, ez = end_of(rays, i)
+            fx, fy, fz = np.float32(ex - ox), np.float32(ey - oy), np.float32(ez - oz)
+            t_in, t_out = 0.0, 1.0
+        else:
+            rx, ry, rz = decode_direction(rays[i, 3], rays[i, 4])
+            fx, fy, fz = np.float32(rx), np.float32(ry), np.float32(rz)
+            t_in, t_out = box_span(float(ox), float(oy), float(oz), float(fx), float(fy), float(fz), low, high)
+        t_exit = exit_after(
+            family, cells, node, float(ox), float(oy), float(oz), float(fx), float(fy), float(fz), t_of_step(step, t_in, t_out)
+        )
+        step = step_after(t_exit, t_in, t_out, step)
+        t_limit = t_of_step(step, t_in, t_out)
+        if step == 65535:
+            t_limit = 1.0 if shadow else math.inf
+        if shadow:
+            workspace[_ARGUMENTS] = np.uint32(0)
+            _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, min(np.float32(t_limit * (1.0 + 2.0**-22)), np.float32(1.0)))
+            call_with_3(occluded, scene_address, base, arguments)
+            if reals[8] < np.float32(0.0):
+                status[i] = STATUS_DEAD
+                continue
+        else:
+            workspace[_ARGUMENTS] = _INVOKE_ARGUMENT_FILTER
+            reals[_CONTEXT + 4] = np.float32(math.inf)
+            workspace[_CONTEXT + 5], workspace[_CONTEXT + 6], workspace[_CONTEXT + 7] = _NOBODY, _NOBODY, _NOBODY
+            workspace[17], workspace[18], workspace[19] = _NOBODY, _NOBODY, _NOBODY
+            # The search reaches a little past the limit; what it finds there is left to the next node.
+            _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, np.float32(t_limit * (1.0 + 2.0**-20)))
+            call_with_3(intersect, scene_address, base, arguments)
+            if float(reals[_CONTEXT + 4]) <= t_limit and workspace[18] != _NOBODY:
+                status[i] = STATUS_HIT
+                hit_uv[i, 0], hit_uv[i, 1] = reals[15], reals[16]
+                instance = workspace[19]
+                hit_ids[i, 0] = np.uint32(0) if instance == _NOBODY else instance - np.uint32(first_instance_id) + np.uint32(1)
+                hit_ids[i, 1], hit_ids[i, 2] = workspace[18], workspace[17]
+                continue
+        set_t_done(rays, i, step)
+        status[i] = STATUS_FREE if step == 65535 else STATUS_FORWARD
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def find_owners(rays, family, cells, low, high, me, owners):  # type: ignore[no-untyped-def]
+    """Which node casts each ray next: the owner of the place up to which it is done.
+
+    A ray that is done for good stays with whoever holds it. owners int32[n] is written.
+    """
+    for i in range(rays.shape[0]):
+        step = t_done_of(rays, i)
+        if step == 65535:
+            owners[i] = me
+            continue
+        ox, oy, oz = origin_of(rays, i)
+        x, y, z = float(ox), float(oy), float(oz)
+        if kind_of(rays, i) == KIND_SHADOW:
+            ex, ey, ez = end_of(rays, i)
+            dx, dy, dz = float(np.float32(ex - ox)), float(np.float32(ey - oy)), float(np.float32(ez - oz))
+            t = t_of_step(step, 0.0, 1.0)
+        else:
+            rx, ry, rz = decode_direction(rays[i, 3], rays[i, 4])
+            dx, dy, dz = float(np.float32(rx)), float(np.float32(ry)), float(np.float32(rz))
+            t_in, t_out = box_span(x, y, z, dx, dy, dz, low, high)
+            t = t_of_step(step, t_in, t_out)
+        owners[i] = owner_ahead(family, cells, x + dx * t, y + dy * t, z + dz * t, dx, dy, dz)

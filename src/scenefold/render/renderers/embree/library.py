@@ -1,0 +1,168 @@
+"""Embree 4 as bundled with the embreex wheel, by ctypes: device, geometry, scenes. The only door to Embree.
+
+embreex's own interface has no filters, instances or choice of instruction set (docs/decisions). The device is
+made for AVX2 on one thread: results differ between instruction sets, so every node uses the same, and the
+job's numeric class says which (rendering.md, Bits).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+from importlib import metadata
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from scenefold.base.errors import LocalFault
+
+ISA: Final = "avx2"
+
+_GEOMETRY_TRIANGLE = 0
+_GEOMETRY_INSTANCE = 121
+_BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
+_FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
+_FORMAT_FLOAT3X4_ROW_MAJOR = 0x9134
+_SCENE_ROBUST = 4
+_PROPERTY_VERSION = 0
+
+_POINTER, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
+_SIGNATURES: Final = {
+    "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
+    "rtcReleaseDevice": (None, [_POINTER]),
+    "rtcGetDeviceError": (ctypes.c_int, [_POINTER]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, ctypes.c_int]),
+    "rtcNewScene": (_POINTER, [_POINTER]),
+    "rtcReleaseScene": (None, [_POINTER]),
+    "rtcSetSceneFlags": (None, [_POINTER, ctypes.c_int]),
+    "rtcCommitScene": (None, [_POINTER]),
+    "rtcNewGeometry": (_POINTER, [_POINTER, ctypes.c_int]),
+    "rtcReleaseGeometry": (None, [_POINTER]),
+    "rtcSetSharedGeometryBuffer": (
+        None,
+        [_POINTER, ctypes.c_int, _UINT, ctypes.c_int, _POINTER, _SIZE, _SIZE, _SIZE],
+    ),
+    "rtcSetGeometryInstancedScene": (None, [_POINTER, _POINTER]),
+    "rtcSetGeometryTransform": (None, [_POINTER, _UINT, ctypes.c_int, _POINTER]),
+    "rtcCommitGeometry": (None, [_POINTER]),
+    "rtcAttachGeometryByID": (None, [_POINTER, _POINTER, _UINT]),
+}
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    import embreex
+
+    package = Path(embreex.__file__).resolve().parent
+    candidates = sorted(package.parent.glob("embreex.libs/libembree4*")) + sorted(package.glob("**/*embree4*"))
+    if not candidates:
+        raise LocalFault(
+            "the embreex package brings no Embree 4 library",
+            where=str(package),
+            remedy="install the embreex wheel of constraints.txt for this platform",
+        )
+    library = ctypes.CDLL(os.fspath(candidates[0]))
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+def function_address(name: str) -> int:
+    """The address of one of the library's functions, for kernels that call it."""
+    address = ctypes.cast(getattr(_library(), name), _POINTER).value
+    assert address is not None
+    return address
+
+
+def _has_avx2() -> bool:
+    try:
+        return " avx2 " in Path("/proc/cpuinfo").read_text() + " "
+    except OSError:
+        return True
+
+
+@functools.cache
+def numeric_class() -> str:
+    """The class within which images are equal to the bit: Embree's version and instruction set."""
+    library = _library()
+    device = library.rtcNewDevice(f"isa={ISA},threads=1".encode())
+    version = int(library.rtcGetDeviceProperty(device, _PROPERTY_VERSION))
+    library.rtcReleaseDevice(device)
+    kernels = metadata.version("embreex")
+    return f"embree-{version // 10000}.{version // 100 % 100}.{version % 100}-{ISA}-embreex-{kernels}"
+
+
+class Device:
+    """One Embree device. Scenes made from it must be released before it is."""
+
+    def __init__(self) -> None:
+        if not _has_avx2():
+            raise LocalFault(
+                "this processor lacks AVX2, so its image would differ in bits from the other nodes'",
+                where="/proc/cpuinfo",
+                remedy="render on nodes with AVX2",
+            )
+        self._library = _library()
+        self._device = self._library.rtcNewDevice(f"isa={ISA},threads=1".encode())
+        if not self._device:
+            raise LocalFault("Embree could not start", where="rtcNewDevice", remedy="check the processor and memory limits")
+
+    def check(self, what: str) -> None:
+        """LocalFault if Embree noted an error since the last call."""
+        code = int(self._library.rtcGetDeviceError(self._device))
+        if code:
+            raise LocalFault(f"Embree failed with error {code}", where=what, remedy="give the node more memory, or hold less geometry")
+
+    def new_scene(self) -> int:
+        """An empty scene with conservative ("robust") traversal: no ray slips between two triangles' boxes."""
+        scene = self._library.rtcNewScene(self._device)
+        self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
+        return int(scene)
+
+    def add_triangles(
+        self, scene: int, geometry_id: int, vertices: npt.NDArray[np.float32], triangles: npt.NDArray[np.uint32]
+    ) -> None:
+        """Attach float32[n, 3] vertices and uint32[m, 3] triangles. Both are shared: the caller keeps them alive.
+
+        `vertices` must be followed by at least four more readable bytes, since Embree loads four floats at once.
+        """
+        assert vertices.dtype == np.float32 and vertices.flags.c_contiguous
+        assert triangles.dtype == np.uint32 and triangles.flags.c_contiguous
+        library = self._library
+        geometry = library.rtcNewGeometry(self._device, _GEOMETRY_TRIANGLE)
+        library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices)
+        )
+        library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles)
+        )
+        self._attach(scene, geometry, geometry_id)
+
+    def add_instance(self, scene: int, geometry_id: int, prototype: int, matrix: npt.NDArray[np.float32]) -> None:
+        """Attach a committed scene as an instance under a row-major float32[3, 4] matrix, prototype to world."""
+        library = self._library
+        rows = np.ascontiguousarray(matrix, dtype=np.float32)
+        geometry = library.rtcNewGeometry(self._device, _GEOMETRY_INSTANCE)
+        library.rtcSetGeometryInstancedScene(geometry, prototype)
+        library.rtcSetGeometryTransform(geometry, 0, _FORMAT_FLOAT3X4_ROW_MAJOR, rows.ctypes.data)
+        self._attach(scene, geometry, geometry_id)
+
+    def _attach(self, scene: int, geometry: int, geometry_id: int) -> None:
+        self._library.rtcCommitGeometry(geometry)
+        self._library.rtcAttachGeometryByID(scene, geometry, geometry_id)
+        self._library.rtcReleaseGeometry(geometry)
+
+    def commit(self, scene: int) -> None:
+        """Build the scene's tree. Runs for a second per few million triangles: call it in a worker thread."""
+        self._library.rtcCommitScene(scene)
+
+    def release(self, *scenes: int) -> None:
+        """Let go of scenes and then of the device; the device cannot be used any more."""
+        for scene in scenes:
+            self._library.rtcReleaseScene(scene)
+        self._library.rtcReleaseDevice(self._device)
+        self._device = None

@@ -1,0 +1,77 @@
+"""Loads, stores and calls by address, for kernels that speak Embree's C interface.
+
+numba refuses to cache kernels that close over ctypes pointers; addresses that arrive as plain numbers it does
+not mind, and a call through one costs what it costs in C.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+_I32, _I64, _FLOAT = ir.IntType(32), ir.IntType(64), ir.FloatType()
+
+
+@intrinsic
+def call_with_3(typingctx, function, a, b, c):  # type: ignore[no-untyped-def]
+    """Call the C function at an address with three pointer-sized arguments; it returns nothing."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        pointer = ir.FunctionType(ir.VoidType(), [_I64, _I64, _I64]).as_pointer()
+        builder.call(builder.inttoptr(args[0], pointer), list(args[1:]))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def load_i64(typingctx, address):  # type: ignore[no-untyped-def]
+    """The int64 at an address."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.load(builder.inttoptr(args[0], _I64.as_pointer()))
+
+    return types.int64(types.int64), codegen
+
+
+@intrinsic
+def load_u32(typingctx, address):  # type: ignore[no-untyped-def]
+    """The uint32 at an address."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.load(builder.inttoptr(args[0], _I32.as_pointer()))
+
+    return types.uint32(types.int64), codegen
+
+
+@intrinsic
+def load_f32(typingctx, address):  # type: ignore[no-untyped-def]
+    """The float32 at an address."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.load(builder.inttoptr(args[0], _FLOAT.as_pointer()))
+
+    return types.float32(types.int64), codegen
+
+
+@intrinsic
+def store_u32(typingctx, address, value):  # type: ignore[no-untyped-def]
+    """Write a uint32 to an address."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        builder.store(args[1], builder.inttoptr(args[0], _I32.as_pointer()))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.uint32), codegen
+
+
+@intrinsic
+def store_f32(typingctx, address, value):  # type: ignore[no-untyped-def]
+    """Write a float32 to an address."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        builder.store(args[1], builder.inttoptr(args[0], _FLOAT.as_pointer()))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.float32), codegen

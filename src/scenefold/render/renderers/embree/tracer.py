@@ -1,0 +1,161 @@
+"""One node's tracer for one job: rays in, contributions and leaving rays out (thesis figure B.2).
+
+`advance` works a batch off until nothing of it is left in this node's cell. It keeps a stack of rays and takes
+a chunk from its top at a time, so that memory stays bounded whatever a path does, and the youngest rays, whose
+surroundings are warm in the caches, go first. It is called in a worker thread; the kernels release the GIL.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from scenefold.base.rays import RAY_WORDS
+from scenefold.partition import Partition
+from scenefold.render.arrays import I64, U32, JobNumbers, SceneArrays
+from scenefold.render.pass_sums import PassSums
+from scenefold.render.renderers.embree import cast_kernels, library
+from scenefold.render.renderers.embree.geometry import HeldGeometry
+from scenefold.render.route_kernels import group_by_owner, split_by_owner, take_forwarded
+from scenefold.render.shade_kernels import shade_batch
+
+CHUNK_RAYS = 8192
+"""Rays cast and shaded at a time: their records and hits fit a core's second-level cache."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advanced:
+    """What came of a batch. Ledger counts as in specs/08-passes.md."""
+
+    leaving: dict[int, U32]
+    """Per node, uint32[n, 9]."""
+    created: int
+    retired: int
+    casts: int
+    shadow_casts: int
+
+
+class EmbreeTracer:
+    """Traces rays within one cell of one partition. Not thread safe: one tracer a worker thread."""
+
+    def __init__(self, arrays: SceneArrays, geometry: HeldGeometry, job: JobNumbers, partition: Partition, me: int) -> None:
+        self._arrays = arrays
+        self._geometry = geometry
+        self._job = job
+        self._family = np.int32(partition.family)
+        self._cells = partition.kernel_data()
+        self._nodes = partition.nodes
+        self._me = np.int32(me)
+        self._intersect = np.int64(library.function_address("rtcIntersect1"))
+        self._occluded = np.int64(library.function_address("rtcOccluded1"))
+        self._filter = np.int64(cast_kernels.nearest_filter.address)
+        self._workspace = _aligned_words(cast_kernels.WORKSPACE_WORDS)
+        self._status = np.empty(CHUNK_RAYS, np.uint8)
+        self._hit_uv = np.empty((CHUNK_RAYS, 2), np.float32)
+        self._hit_ids = np.empty((CHUNK_RAYS, 3), np.uint32)
+        self._out = np.empty((3 * CHUNK_RAYS, RAY_WORDS), np.uint32)
+        self._owners = np.empty(3 * CHUNK_RAYS, np.int32)
+
+    def route(self, rays: U32) -> dict[int, U32]:
+        """Group new rays by the node that casts them first."""
+        owners = np.empty(len(rays), np.int32)
+        self._find_owners(rays, owners)
+        return self._grouped(rays, owners, len(rays))
+
+    def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
+        """Trace uint32[n, 9] of one pass until each ray ended or left this cell; `sums` is added to."""
+        top = len(rays)
+        stack = np.empty((top + 4 * CHUNK_RAYS, RAY_WORDS), np.uint32)
+        stack[:top] = rays
+        leaving = np.empty((max(1024, 2 * top), RAY_WORDS), np.uint32)
+        leaving_owner = np.empty(len(leaving), np.int32)
+        left = created = retired = casts = 0
+        shadow_before = int(sums.counters[0])
+        while top > 0:
+            count = min(CHUNK_RAYS, top)
+            top -= count
+            batch = stack[top : top + count].copy()
+            made, kept = self._step(batch, first_path, sums)
+            casts += count
+            created += made
+            retired += count - (kept - made)
+            stack = _with_room(stack, top, kept)
+            if left + kept > len(leaving):
+                leaving, leaving_owner = _with_room(leaving, left, kept), _with_room(leaving_owner, left, kept)
+            top, left = split_by_owner(
+                self._out[:kept], self._owners, self._me, stack, top, leaving, leaving_owner, left
+            )
+        shadow_casts = int(sums.counters[0]) - shadow_before
+        return Advanced(self._grouped(leaving, leaving_owner, left), created, retired, casts, shadow_casts)
+
+    def _step(self, batch: U32, first_path: int, sums: PassSums) -> tuple[int, int]:
+        """Cast and shade a chunk; returns (new rays, new and forwarded rays) now in `_out`, owners in `_owners`."""
+        job = self._job
+        status = self._status[: len(batch)]
+        cast_kernels.cast_batch(
+            self._intersect,
+            self._occluded,
+            self._filter,
+            np.int64(self._geometry.scene_address),
+            np.uint32(self._geometry.first_instance_id),
+            self._workspace,
+            batch,
+            self._family,
+            self._cells,
+            self._me,
+            job.box_low,
+            job.box_high,
+            status,
+            self._hit_uv,
+            self._hit_ids,
+        )
+        made = shade_batch(
+            batch,
+            status,
+            self._hit_uv,
+            self._hit_ids,
+            self._arrays,
+            job,
+            np.int64(first_path),
+            sums.radiance,
+            sums.aovs,
+            sums.counters,
+            self._out,
+        )
+        kept = take_forwarded(batch, status, self._out, made)
+        self._find_owners(self._out[:kept], self._owners)
+        return int(made), int(kept)
+
+    def _find_owners(self, rays: U32, owners: npt.NDArray[np.int32]) -> None:
+        job = self._job
+        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners)
+
+    def _grouped(self, rays: U32, owners: npt.NDArray[np.int32], count: int) -> dict[int, U32]:
+        first: I64 = np.empty(self._nodes + 1, np.int64)
+        grouped = np.empty((count, RAY_WORDS), np.uint32)
+        group_by_owner(rays, owners, count, first, grouped)
+        return {
+            node: grouped[first[node] : first[node + 1]] for node in range(self._nodes) if first[node] < first[node + 1]
+        }
+
+
+def _aligned_words(count: int) -> U32:
+    """uint32[count] at an address that Embree's aligned loads accept (64 bytes)."""
+    raw = np.zeros(count + 16, np.uint32)
+    skip = (-raw.ctypes.data % 64) // 4
+    return raw[skip : skip + count]
+
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def _with_room(array: npt.NDArray[_Scalar], used: int, more: int) -> npt.NDArray[_Scalar]:
+    """The array, or a longer copy of its used part, with room for `more` rows behind `used`."""
+    if used + more <= len(array):
+        return array
+    longer = np.empty((2 * (used + more), *array.shape[1:]), array.dtype)
+    longer[:used] = array[:used]
+    return longer

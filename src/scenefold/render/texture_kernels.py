@@ -1,0 +1,60 @@
+"""Looking up RGBA8 textures: nearest or bilinear, with glTF's three ways to wrap."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from scenefold.render.arrays import TextureColumn
+
+_OFFSET, _WIDTH, _HEIGHT, _SRGB = TextureColumn.OFFSET, TextureColumn.WIDTH_PX, TextureColumn.HEIGHT_PX, TextureColumn.SRGB
+
+
+@njit(error_model="numpy")
+def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
+    if wrap == 1:
+        return min(max(index, 0), size - 1)
+    if wrap == 2:
+        index = index % (2 * size)
+        return index if index < size else 2 * size - 1 - index
+    return index % size
+
+
+@njit(error_model="numpy")
+def _texel(textures, texels, linear_of_srgb, texture, column, row):  # type: ignore[no-untyped-def]
+    at = textures[texture, _OFFSET] + (row * textures[texture, _WIDTH] + column) * 4
+    r, g, b, a = texels[at], texels[at + 1], texels[at + 2], texels[at + 3] / 255.0
+    if textures[texture, _SRGB] != 0:
+        return linear_of_srgb[r], linear_of_srgb[g], linear_of_srgb[b], a
+    return r / 255.0, g / 255.0, b / 255.0, a
+
+
+@njit(error_model="numpy")
+def sample_texture(textures, texels, linear_of_srgb, texture, u, v, wrap_s, wrap_t, nearest):  # type: ignore[no-untyped-def]
+    """Linear RGBA (four f64) at texture coordinates (u, v), v from the top as glTF has it."""
+    width, height = textures[texture, _WIDTH], textures[texture, _HEIGHT]
+    # Coordinates far outside would overflow the whole-number arithmetic; such a surface has no detail anyway.
+    x = min(max(u, -1e6), 1e6) * width
+    y = min(max(v, -1e6), 1e6) * height
+    if nearest:
+        column = _wrapped(int(math.floor(x)), width, wrap_s)
+        row = _wrapped(int(math.floor(y)), height, wrap_t)
+        return _texel(textures, texels, linear_of_srgb, texture, column, row)
+    x -= 0.5
+    y -= 0.5
+    left, top = math.floor(x), math.floor(y)
+    fx, fy = x - left, y - top
+    c0, c1 = _wrapped(int(left), width, wrap_s), _wrapped(int(left) + 1, width, wrap_s)
+    r0, r1 = _wrapped(int(top), height, wrap_t), _wrapped(int(top) + 1, height, wrap_t)
+    a0, a1, a2, a3 = _texel(textures, texels, linear_of_srgb, texture, c0, r0)
+    b0, b1, b2, b3 = _texel(textures, texels, linear_of_srgb, texture, c1, r0)
+    d0, d1, d2, d3 = _texel(textures, texels, linear_of_srgb, texture, c0, r1)
+    e0, e1, e2, e3 = _texel(textures, texels, linear_of_srgb, texture, c1, r1)
+    w00, w10, w01, w11 = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy
+    return (
+        a0 * w00 + b0 * w10 + d0 * w01 + e0 * w11,
+        a1 * w00 + b1 * w10 + d1 * w01 + e1 * w11,
+        a2 * w00 + b2 * w10 + d2 * w01 + e2 * w11,
+        a3 * w00 + b3 * w10 + d3 * w01 + e3 * w11,
+    )
