@@ -8,7 +8,7 @@ from importlib import metadata
 
 import pytest
 
-from house.sources import ROOT
+from house.sources import ROOT, module_of, python_files
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PINNED = dict(
@@ -64,3 +64,10 @@ def test_every_dependency_is_explained() -> None:
         *(name for names in PROJECT["project"]["optional-dependencies"].values() for name in names),
     ]
     assert [name for name in named if plain(name) not in page.replace("_", "-")] == []
+
+
+def test_mypy_knows_every_kernels_module() -> None:
+    kernels = sorted(module_of(path) for path in python_files("src") if "kernels" in path.name)
+    mypy = PROJECT["tool"]["mypy"]
+    assert sorted(mypy["untyped_calls_exclude"]) == kernels, "put it into both lists in pyproject.toml"
+    assert any(sorted(override["module"]) == kernels for override in mypy["overrides"]), "put it into both lists in pyproject.toml"
