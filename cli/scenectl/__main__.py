@@ -1,0 +1,84 @@
+"""`scenectl`: the groups of verbs, each in a file of its own that is imported when one of its verbs is called.
+
+So `scenectl --help` imports cyclopts and nothing of ours but this, `errors` and `output`. Whatever a verb
+raises ends here as one line on standard error and an exit code (errors.py).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from scenectl.errors import DONE, FAILED, WRONG_USAGE, Ending, Interrupted, ending_of
+from scenectl.output import emit_error
+
+GROUPS = {
+    "cluster": "Make a cluster and look at it.",
+    "node": "Run nodes.",
+    "scene": "Make scenes and fill them.",
+    "data": "Read and write single records of a scene.",
+    "render": "Render images.",
+    "bench": "Measure, as the project's own documentation does.",
+    "demo": "The whole way in one go: five nodes, the sample scene, an image.",
+}
+
+
+def build_app() -> App:
+    """The command line as a cyclopts application; no group is imported yet."""
+    app = App(
+        name="scenectl",
+        help=(
+            "Scenes that are stored, edited and path-traced on a handful of ordinary computers.\n\n"
+            "Example: scenectl render still kitchen.glb -o kitchen.exr"
+        ),
+        version=_version,
+        help_format="plaintext",
+        help_epilogue=(
+            "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 cluster unreachable, "
+            "4 refused by consensus or mode, 5 degraded, 130 interrupted."
+        ),
+    )
+    for name, about in GROUPS.items():
+        app.command(f"scenectl.{name}:app", name=name, help=about)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    as_json, debug = "--json" in tokens, "--debug" in tokens
+    try:
+        result = build_app()(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+        return result if isinstance(result, int) else DONE
+    except CycloptsError as error:
+        emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
+        return WRONG_USAGE
+    except BrokenPipeError:
+        # Whoever read our output left; writing it out at exit would fail once more.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except (Exception, KeyboardInterrupt, BaseExceptionGroup) as error:  # noqa: BLE001 - a user sees a line, never a traceback
+        ending = ending_of(error)
+        emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
+        return ending.exit_code
+
+
+def _usage_ending(error: CycloptsError) -> Ending:
+    chain = " ".join(error.command_chain or ())
+    command = f"scenectl {chain}".strip()
+    what = " ".join(str(error).split()).rstrip(".")
+    return Ending("usage", WRONG_USAGE, what, where=command, remedy=f"see `{command} --help`")
+
+
+def _version() -> str:
+    import scenefold
+
+    return f"scenectl {scenefold.__version__}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""`scenectl bench`: the measurements that docs/benchmarks.md quotes, to be repeated on any machine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+from cyclopts.validators import Number
+
+from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
+
+app = App(name="bench", help="Measure, as the project's own documentation does.", help_format="plaintext")
+
+
+@app.command
+def curve(
+    *,
+    points: Annotated[int, Parameter(validator=Number(gte=1, lte=100_000_000))] = 1_000_000,
+    output: Output = PLAIN,
+) -> None:
+    """Measure encoding and decoding of the space-filling curves, in points a second on one thread.
+
+    Example: scenectl bench curve --points 1000000
+
+    Parameters
+    ----------
+    points
+        Points of each measurement.
+    """
+    import numpy as np
+
+    from scenefold.curve import Curve
+
+    dice = np.random.default_rng(1)
+    results: list[dict[str, Any]] = []
+    for kind in ("hilbert", "z-order"):
+        for dimensions in (2, 3, 4):
+            space = Curve(kind, dimensions)
+            cells = dice.integers(0, 2 ** min(space.bits, 63), size=(points, dimensions), dtype=np.uint64)
+            locations = space.encode(cells[:10])
+            space.decode(locations)  # compiles, outside of the measurement
+            encode_s, locations = _timed(lambda space=space, cells=cells: space.encode(cells))
+            decode_s, _ = _timed(lambda space=space, locations=locations: space.decode(locations))
+            results.append(
+                {
+                    "curve": kind,
+                    "dimensions": dimensions,
+                    "encode_points_per_second": round(points / encode_s),
+                    "decode_points_per_second": round(points / decode_s),
+                }
+            )
+    rows = [
+        (result["curve"], result["dimensions"], f"{result['encode_points_per_second']:,}", f"{result['decode_points_per_second']:,}")
+        for result in results
+    ]
+    emit(output, {"points": points, "results": results}, table(("curve", "dimensions", "encode/s", "decode/s"), rows))
+
+
+@app.command
+def store(
+    *,
+    records: Annotated[int, Parameter(validator=Number(gte=1, lte=1_000_000))] = 1000,
+    record_bytes: Annotated[int, Parameter(validator=Number(gte=1, lte=60 * 1024))] = 60 * 1024,
+    nodes: Annotated[int, Parameter(validator=Number(gte=1, lte=127))] = 3,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Measure durable writes and reads through the whole path: sealed, signed, sent, verified, stored, and back.
+
+    Example: scenectl bench store --records 1000 --nodes 3
+
+    Parameters
+    ----------
+    records
+        Number of records.
+    record_bytes
+        Payload of each.
+    nodes
+        Nodes of the cluster that is started when no profile is given.
+    """
+    from scenectl.running import run
+
+    result = run(_measure_store, output.profile, nodes, records, record_bytes)
+    rows = [
+        ("write", f"{result['write_records_per_second']:,}", size_text(result["write_bytes_per_second"]) + "/s"),
+        ("read", f"{result['read_records_per_second']:,}", size_text(result["read_bytes_per_second"]) + "/s"),
+    ]
+    emit(output, result, table(("direction", "records/s", "payload"), rows))
+
+
+@app.command
+def render(
+    *,
+    file: Path | None = None,
+    samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 16,
+    output: Output = PLAIN,
+) -> None:
+    """Measure paths and rays a second on one node against the bare Embree rate, and CPU seconds of 5 nodes against 1.
+
+    Example: scenectl bench render --file bmw27.glb --samples 16
+
+    Parameters
+    ----------
+    file
+        Scene file; by default the sample scene.
+    samples
+        Paths for each pixel.
+    """
+    from scenectl.progress import Progress
+    from scenectl.running import run
+    from scenefold.render.bench import bench_render, bench_text
+
+    with Progress(quiet=output.json) as progress:
+        result = run(bench_render, file, samples, progress)
+    emit(output, result, bench_text(result))
+
+
+async def _measure_store(profile: str | None, nodes: int, records: int, record_bytes: int) -> dict[str, Any]:
+    import os
+    from contextlib import AsyncExitStack
+
+    from scenefold.base.ids import SpaceId
+    from scenefold.base.location import LINE_LENGTH, Location
+    from scenefold.client import connect
+    from scenefold.node.local import local_cluster
+
+    async with AsyncExitStack() as stack:
+        if profile is None:
+            embedded = await stack.enter_async_context(local_cluster(nodes))
+            cluster = await stack.enter_async_context(connect(embedded.profile))
+        else:
+            cluster = await stack.enter_async_context(connect(profile))
+        scene = await cluster.scenes.create(f"bench-{os.urandom(4).hex()}")
+        space = scene.space(SpaceId(10))
+        payload = os.urandom(record_bytes)
+        places = [Location.from_number(LINE_LENGTH * index // records) for index in range(records)]
+        begun = time.monotonic()
+        await space.put_many([(place, payload) for place in places])
+        written = time.monotonic()
+        found = await space.get_many(places)
+        read = time.monotonic()
+        assert found == [payload] * records
+        count = len(await cluster.nodes())
+    write_s, read_s = written - begun, read - written
+    return {
+        "nodes": count,
+        "records": records,
+        "record_bytes": record_bytes,
+        "write_records_per_second": round(records / write_s),
+        "write_bytes_per_second": round(records * record_bytes / write_s),
+        "read_records_per_second": round(records / read_s),
+        "read_bytes_per_second": round(records * record_bytes / read_s),
+    }
+
+
+def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    begun = time.perf_counter()
+    result = call()
+    return time.perf_counter() - begun, result

@@ -1,0 +1,178 @@
+"""`scenectl data`: single records of a scene, by space and location; for looking closely and for scripts."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+from cyclopts.validators import Number
+
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text
+from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceOption
+
+app = App(name="data", help="Read and write single records of a scene.", help_format="plaintext")
+
+SceneOption = Annotated[str, Parameter(name=("--scene", "-s"))]
+
+
+@app.command
+def put(
+    space: SpaceOption,
+    location: PlaceOption,
+    file: Path,
+    /,
+    *,
+    scene: SceneOption,
+    new: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Encrypt, sign and store a file of up to 60 KiB as one record; done when it is durable.
+
+    Example: scenectl data put files 0a note.txt --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Number of the space, or its name: meta, geometry, materials, textures, cameras, lights, instances, groups, renders, files.
+    location
+        Up to 40 hexadecimal digits; missing ones are 0.
+    file
+        File to store; - for standard input.
+    scene
+        Name of the scene.
+    new
+        Fail if the location holds a record already.
+    """
+    from scenectl.running import run
+    from scenefold.base.errors import UsageFault
+    from scenefold.base.limits import PAYLOAD_BYTES_MAX
+    from scenefold.client import ABSENT, connect
+
+    payload = _read(file, PAYLOAD_BYTES_MAX + 1)
+    if len(payload) > PAYLOAD_BYTES_MAX:
+        raise UsageFault(
+            "the file does not fit one record", where=str(file), remedy=f"split it into parts of up to {PAYLOAD_BYTES_MAX} bytes"
+        )
+
+    async def work() -> None:
+        async with connect(output.profile) as cluster:
+            target = (await cluster.scenes.open(scene)).space(space.number)
+            await target.put(location.first, payload, expect=ABSENT if new else None)
+
+    run(work)
+    document = {"scene": scene, "space": space.number, "location": location.first.hex(), "bytes": len(payload)}
+    emit(output, document, f"{size_text(len(payload))} stored at {location.first.hex()}.")
+
+
+@app.command
+def get(
+    space: SpaceOption,
+    location: PlaceOption,
+    /,
+    *,
+    scene: SceneOption,
+    to: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Fetch a record, verify and decrypt it, and write it to a file or to standard output.
+
+    Example: scenectl data get files 0a -o note.txt --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Number or name of the space.
+    location
+        Up to 40 hexadecimal digits; missing ones are 0.
+    scene
+        Name of the scene.
+    to
+        File to write; by default standard output, with --json the field data_base64.
+    """
+    from scenectl.running import run
+    from scenefold.base.errors import LocalFault
+    from scenefold.client import connect
+
+    async def work() -> bytes | None:
+        async with connect(output.profile) as cluster:
+            return await (await cluster.scenes.open(scene)).space(space.number).get(location.first)
+
+    payload = run(work)
+    if payload is None:
+        place = f"scene {scene}, space {space}, {location.first.hex()}"
+        raise LocalFault("there is no record", where=place, remedy="`scenectl data ls` lists those that are there")
+    document: dict[str, Any] = {"scene": scene, "space": space.number, "location": location.first.hex(), "bytes": len(payload)}
+    if to is not None:
+        to.write_bytes(payload)
+        emit(output, document | {"file": str(to)}, f"{size_text(len(payload))} written to {to}.")
+    elif output.json:
+        import base64
+
+        emit(output, document | {"data_base64": base64.b64encode(payload).decode()}, "")
+    else:
+        sys.stdout.buffer.write(payload)
+
+
+@app.command
+def ls(
+    space: SpaceOption,
+    /,
+    *,
+    scene: SceneOption,
+    first: PlaceOption = LINE_START,
+    last: PlaceOption = LINE_END,
+    limit: Annotated[int, Parameter(validator=Number(gte=1))] = 1000,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """List locations that hold records, in the order of the line.
+
+    Example: scenectl data ls geometry --scene kitchen --first 40 --last 7f --profile studio
+
+    Parameters
+    ----------
+    space
+        Number or name of the space.
+    scene
+        Name of the scene.
+    first
+        Leading digits of the first location to list.
+    last
+        Leading digits of the last one; what is missing is filled with f.
+    limit
+        Most locations to list.
+    """
+    from scenectl.running import run
+    from scenefold.base.errors import UsageFault
+    from scenefold.client import connect
+
+    if first.first > last.last:
+        raise UsageFault("the first location lies behind the last", where=f"--first {first} --last {last}", remedy="exchange them")
+
+    async def work() -> tuple[list[str], bool]:
+        found: list[str] = []
+        async with connect(output.profile) as cluster:
+            async for location in (await cluster.scenes.open(scene)).space(space.number).query(first.first, last.last):
+                if len(found) == limit:
+                    return found, True
+                found.append(location.hex())
+        return found, False
+
+    locations, more = run(work)
+    text = "\n".join(locations)
+    if more and not output.json:
+        print(f"more than {limit}: go on with --first, or raise --limit", file=sys.stderr)
+    emit(output, {"scene": scene, "space": space.number, "locations": locations, "more": more}, text)
+
+
+def _read(file: Path, count: int) -> bytes:
+    from scenefold.base.errors import LocalFault
+
+    if str(file) == "-":
+        return sys.stdin.buffer.read(count)
+    try:
+        with file.open("rb") as source:
+            return source.read(count)
+    except OSError as error:
+        raise LocalFault(f"cannot read the file: {error.strerror}", where=str(file), remedy="check the path") from error

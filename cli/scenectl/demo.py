@@ -1,0 +1,66 @@
+"""`scenectl demo`: the whole way in one go, with the sample scene that the project brings along."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+from cyclopts.validators import Number
+
+from scenectl.output import PLAIN, Output, emit
+from scenectl.values import HD_QUARTER, SizeOption
+
+app = App(name="demo", help_format="plaintext", help_epilogue="Example: scenectl demo --output demo-output")
+
+
+@app.default
+def demo(
+    *,
+    to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("demo-output"),
+    nodes: Annotated[int, Parameter(validator=Number(gte=1, lte=127))] = 5,
+    samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
+    size: SizeOption = HD_QUARTER,
+    output: Output = PLAIN,
+) -> None:
+    """Start five nodes on this machine, import the sample scene, render it, and write image and report.
+
+    Parameters
+    ----------
+    to
+        Folder for image.exr, image.png and report.json; made if need be.
+    nodes
+        Number of nodes.
+    samples
+        Paths for each pixel.
+    size
+        Width and height in pixels.
+    """
+    from scenectl.progress import Progress
+    from scenectl.running import run
+    from scenectl.still import StillJob, check_job, make_still, report_text
+    from scenefold.base.errors import LocalFault
+    from scenefold.render.client import StillOptions
+    from scenefold.scene.sample import sample_scene_file
+
+    try:
+        to.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LocalFault(f"cannot make the folder: {error.strerror}", where=str(to), remedy="choose another --output") from error
+    options = StillOptions(width=size.width, height=size.height, samples=samples, seed=1, algorithm="bounded-radial", sky=None, camera=None)
+    job = StillJob(
+        file=sample_scene_file(),
+        scene_name="sample",
+        profile=None,
+        nodes=nodes,
+        threads=None,
+        options=options,
+        exr=to / "image.exr",
+        png=to / "image.png",
+    )
+    check_job(job)
+    with Progress(quiet=output.json) as progress:
+        report = run(make_still, job, progress)
+    (to / "report.json").write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n")
+    emit(output, report, report_text(report) + f"\nThe figures are in {to / 'report.json'}.")

@@ -1,0 +1,114 @@
+"""What ends a command: exit codes, and any error as one line that says what, where, and what to do (ux.md, *scenectl*).
+
+The line is made from the error itself, never from a traceback; `--debug` shows that as well. Trio wraps what
+fails in a nursery into groups, of which the user sees the one error that tells most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
+from scenefold.base.reasons import RejectReason
+
+DONE = 0
+FAILED = 1
+WRONG_USAGE = 2
+UNREACHABLE = 3
+REFUSED = 4
+DEGRADED = 5
+INTERRUPTED = 130
+"""What shells give a program that ended by SIGINT (128 + 2)."""
+
+_POLICY_REASONS = frozenset(
+    {
+        RejectReason.POSITION_TAKEN,
+        RejectReason.POSITION_BEHIND,
+        RejectReason.PEER_MISSED,
+        RejectReason.MODE_FORBIDS,
+        RejectReason.NOT_AUTHORISED,
+        RejectReason.NO_MAJORITY,
+        RejectReason.KEY_REVOKED,
+    }
+)
+"""Reasons by which consensus or the mode forbids; the others (a full disk, say) are failures."""
+
+
+class Interrupted(Exception):
+    """The user pressed Ctrl-C, or the process was told to end; everything was stopped in order."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a command ended badly."""
+
+    kind: str
+    exit_code: int
+    what: str
+    where: str = ""
+    remedy: str = ""
+
+    @property
+    def line(self) -> str:
+        return " ".join(str(ScenefoldError(self.what, where=self.where, remedy=self.remedy)).split())
+
+    def document(self) -> dict[str, object]:
+        """The JSON form: stable, see docs/reference/scenectl.md."""
+        error = {"kind": self.kind, "what": self.what, "where": self.where, "remedy": self.remedy}
+        return {"error": error, "exit_code": self.exit_code}
+
+
+def ending_of(error: BaseException) -> Ending:
+    """The exit code and the words for an error that no verb handled."""
+    error = most_telling(error)
+    match error:
+        case Interrupted() | KeyboardInterrupt():
+            return Ending("interrupted", INTERRUPTED, "interrupted", remedy="the same command may be given again")
+        case UsageFault():
+            return _ending("usage", WRONG_USAGE, error)
+        case Unreachable():
+            return _ending("unreachable", UNREACHABLE, error)
+        case Refused():
+            return _ending("refused", REFUSED if error.reason in _POLICY_REASONS else FAILED, error)
+        case PeerFault():
+            return _ending("peer", FAILED, error)
+        case LocalFault():
+            return _ending("failed", FAILED, error)
+        case ScenefoldError():
+            return _ending("damaged", FAILED, error)
+        case MemoryError():
+            return Ending("failed", FAILED, "out of memory", remedy="use a machine with more, or a smaller scene")
+        case OSError():
+            return Ending("failed", FAILED, error.strerror or str(error), where=str(error.filename or "this computer"))
+        case _:
+            return Ending(
+                "bug",
+                FAILED,
+                f"internal error, {type(error).__name__}: {error}",
+                where=_place_of(error),
+                remedy="repeat with --debug and report what it prints",
+            )
+
+
+def most_telling(error: BaseException) -> BaseException:
+    """The one error of a group (of groups) to show: our own kinds before others, the first before the rest."""
+    leaves = list(_leaves(error))
+    ours = [leaf for leaf in leaves if isinstance(leaf, ScenefoldError | Interrupted | KeyboardInterrupt)]
+    return (ours or leaves)[0]
+
+
+def _leaves(error: BaseException) -> list[BaseException]:
+    if not isinstance(error, BaseExceptionGroup):
+        return [error]
+    return [leaf for inner in error.exceptions for leaf in _leaves(inner)]
+
+
+def _ending(kind: str, exit_code: int, error: ScenefoldError) -> Ending:
+    return Ending(kind, exit_code, error.what, error.where, error.remedy)
+
+
+def _place_of(error: BaseException) -> str:
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return "" if trace is None else f"{trace.tb_frame.f_globals.get('__name__', '?')}, line {trace.tb_lineno}"

@@ -1,0 +1,110 @@
+"""`scenectl render`: from a scene to an image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+from cyclopts.validators import Number
+
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
+from scenectl.values import HD_QUARTER, ColourOption, SizeOption
+
+app = App(name="render", help="Render images.", help_format="plaintext")
+
+
+@app.command
+def still(
+    file: Path | None = None,
+    /,
+    *,
+    nodes: Annotated[int, Parameter(env_var="SCENEFOLD_NODES", validator=Number(gte=1, lte=127))] = 5,
+    algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
+    to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
+    samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
+    size: SizeOption = HD_QUARTER,
+    seed: Annotated[int, Parameter(validator=Number(gte=0, lt=2**32))] = 1,
+    sky: ColourOption | None = None,
+    camera: str | None = None,
+    exposure: Annotated[float, Parameter(validator=Number(gte=-64, lte=64))] = 0.0,
+    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
+    scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Render one image of a scene file, or of a scene in the cluster, and wait for it.
+
+    Without a profile a cluster of its own is started on this machine, in a temporary folder, and removed at the end.
+
+    Example: scenectl render still kitchen.glb --nodes 5 --samples 64 --size 640x360 -o kitchen.exr
+
+    Example: scenectl render still --scene kitchen --profile studio -o kitchen.exr
+
+    Parameters
+    ----------
+    file
+        glTF, GLB, OBJ, PLY or STL file; without it --scene names a scene that the cluster holds.
+    nodes
+        Nodes of the cluster that is started when no profile is given.
+    algorithm
+        How space is divided among the nodes.
+    to
+        OpenEXR file to write; a PNG is written beside it.
+    samples
+        Paths for each pixel.
+    size
+        Width and height in pixels.
+    seed
+        Seed of the random numbers; the same seed gives the same image.
+    sky
+        Colour of a uniform sky as R,G,B, linear; without it the scene's own surroundings.
+    camera
+        Name of the camera; by default the scene's first.
+    exposure
+        Brightness of the PNG in stops; the EXR is not changed.
+    threads
+        Threads that each node renders with, when no profile is given.
+    scene
+        Name of the scene; by default that of the file without its ending.
+    """
+    from scenectl.progress import Progress
+    from scenectl.running import run
+    from scenectl.still import StillJob, check_job, make_still, report_text
+    from scenefold.base.errors import UsageFault
+    from scenefold.render.client import StillOptions
+
+    if file is None and (scene is None or output.profile is None):
+        raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
+    if to.suffix.lower() == ".png":
+        raise UsageFault("the output is the EXR file", where=f"-o {to}", remedy="name it .exr; the PNG is written beside it")
+    options = StillOptions(
+        width=size.width,
+        height=size.height,
+        samples=samples,
+        seed=seed,
+        algorithm=algorithm,
+        sky=None if sky is None else sky.rgb,
+        camera=camera,
+    )
+    job = StillJob(
+        file=file,
+        scene_name=scene or scene_name_of(file),
+        profile=output.profile,
+        nodes=nodes,
+        threads=threads,
+        options=options,
+        exr=to,
+        png=to.with_suffix(".png"),
+        exposure=exposure,
+    )
+    check_job(job)
+    with Progress(quiet=output.json) as progress:
+        report = run(make_still, job, progress)
+    emit(output, report, report_text(report))
+
+
+def scene_name_of(file: Path | None) -> str:
+    """A scene's name from a file's: what a name may not hold becomes '_'."""
+    from scenefold.client import scene_name_of as named
+
+    return named(file.stem if file is not None else "scene")

@@ -1,0 +1,51 @@
+"""From a verb into Trio and out again: signals end the work in order, whatever it is doing.
+
+SIGINT and SIGTERM cancel the command's own scope instead of raising KeyboardInterrupt at some arbitrary
+line, so every `finally` runs and nothing is left half done. A second SIGINT ends the process at once, for
+work in a thread that cannot be asked to stop.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+from scenectl.errors import INTERRUPTED, Interrupted
+
+Result = TypeVar("Result")
+
+
+def run(function: Callable[..., Awaitable[Result]], *args: Any) -> Result:
+    """Run an async call to its end and return what it returns; `Interrupted` after a signal."""
+    import trio
+
+    async def guarded() -> Result:
+        interrupted = False
+
+        async def watch(scope: trio.CancelScope, *, task_status: trio.TaskStatus[None]) -> None:
+            nonlocal interrupted
+            with trio.open_signal_receiver(signal.SIGINT, signal.SIGTERM) as signals:
+                task_status.started()
+                async for _ in signals:
+                    if interrupted:
+                        _leave_now()
+                    interrupted = True
+                    scope.cancel()
+
+        async with trio.open_nursery() as nursery:
+            with trio.CancelScope() as scope:
+                await nursery.start(watch, scope)
+                result = await function(*args)
+            nursery.cancel_scope.cancel()
+        if scope.cancelled_caught:
+            raise Interrupted
+        return result
+
+    return trio.run(guarded)
+
+
+def _leave_now() -> None:
+    import os
+
+    os._exit(INTERRUPTED)

@@ -1,0 +1,127 @@
+"""`scenectl scene`: make scenes, list them, look into them, import files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
+
+if TYPE_CHECKING:
+    from scenefold.client import ImportReport, SceneInfo, SceneListing
+
+app = App(name="scene", help="Make scenes and fill them.", help_format="plaintext")
+
+
+@app.command
+def create(name: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """Make an empty scene; its keys go into the profile's keyring before any node hears of it.
+
+    Example: scenectl scene create kitchen --profile studio
+
+    Parameters
+    ----------
+    name
+        Name of the scene in this profile: letters, digits, '-', '_' and '.'.
+    """
+    from scenectl.running import run
+    from scenefold.client import connect
+
+    async def make() -> dict[str, Any]:
+        async with connect(output.profile) as cluster:
+            scene = await cluster.scenes.create(name)
+            return {"name": name, "scene": f"{scene.id:08x}", "genesis": scene.genesis.hex()}
+
+    document = run(make)
+    emit(output, document, f"Scene {name} is made; its id is {document['scene']}.")
+
+
+@app.command(name="list")
+def list_(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """List the scenes of the cluster, also those whose keys this profile does not hold.
+
+    Example: scenectl scene list --profile studio --json
+    """
+    from scenectl.running import run
+    from scenefold.client import connect
+
+    async def ask() -> list[SceneListing]:
+        async with connect(output.profile) as cluster:
+            return await cluster.scenes.list()
+
+    found = run(ask)
+    rows = [(scene.name or "-", f"{scene.id:08x}", "yes" if scene.has_key else "no") for scene in found]
+    document = {"scenes": [scene.document() for scene in found]}
+    emit(output, document, table(("name", "id", "key held"), rows) if rows else "No scene yet.")
+
+
+@app.command
+def info(name: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """Show what a scene holds.
+
+    Example: scenectl scene info kitchen --profile studio
+
+    Parameters
+    ----------
+    name
+        Name of the scene in this profile.
+    """
+    from scenectl.running import run
+    from scenefold.client import connect
+
+    async def ask() -> SceneInfo:
+        async with connect(output.profile) as cluster:
+            return await (await cluster.scenes.open(name)).info()
+
+    found = run(ask)
+    lines = [f"{key.replace('_', ' ')}: {_plain(value)}" for key, value in found.document().items()]
+    emit(output, found.document(), "\n".join(lines))
+
+
+@app.command(name="import")
+def import_(
+    file: Path,
+    /,
+    *,
+    scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Import a glTF, GLB, OBJ, PLY or STL file into a scene, which is made if it does not exist.
+
+    The scene shows its content only when the import is complete; an interrupted import is repeated by the same command.
+
+    Example: scenectl scene import kitchen.glb --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    file
+        The file to import.
+    scene
+        Name of the scene; by default that of the file without its ending.
+    """
+    from scenectl.progress import Progress
+    from scenectl.running import run
+    from scenefold.client import connect
+
+    name = scene or file.stem
+
+    async def work(progress: Progress) -> ImportReport:
+        async with connect(output.profile) as cluster:
+            target = await cluster.scenes.open_or_create(name)
+            return await target.import_file(file, progress=progress)
+
+    with Progress(quiet=output.json) as progress:
+        report = run(work, progress)
+    text = f"{file} is in scene {name}: {report.records} records, {size_text(report.bytes)}, {report.seconds:.1f} s."
+    text += "".join(f"\nnot carried over: {line}" for line in report.not_carried)
+    emit(output, {"scene": name, "file": str(file), **report.document()}, text)
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {inner}" for key, inner in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        return ", ".join(_plain(inner) for inner in value) or "none"
+    return str(value)

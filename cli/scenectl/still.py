@@ -1,0 +1,160 @@
+"""From a scene file to an image: what `render still` and `demo` share.
+
+With a profile the work is done by that cluster. Without one a cluster is started for the occasion, one process
+a node, in a temporary folder, and is stopped and removed at the end, however that comes about.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenectl.output import size_text
+
+if TYPE_CHECKING:
+    from scenefold.client import Cluster, ImportReport, Scene
+    from scenefold.client.progress import ProgressCallback
+    from scenefold.render.client import StillOptions, StillResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillJob:
+    """What to render, where, and into which files."""
+
+    file: Path | None
+    """Scene file to import first; None for a scene that the cluster holds already."""
+    scene_name: str
+    profile: str | None
+    nodes: int
+    threads: int | None
+    options: StillOptions
+    exr: Path
+    png: Path
+    exposure: float = 0.0
+
+
+@dataclass
+class Phases:
+    """Seconds that each phase took, in the order of their beginning."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def time(self, name: str) -> Iterator[None]:
+        begun = time.monotonic()
+        try:
+            yield
+        finally:
+            self.seconds[name] = round(self.seconds.get(name, 0.0) + time.monotonic() - begun, 3)
+
+
+def check_job(job: StillJob) -> None:
+    """Find what would fail only after minutes of work: a missing file, an output that cannot be written."""
+    from scenefold.base.errors import LocalFault
+    from scenefold.render.image_files import check_writable
+
+    if job.file is not None and not job.file.is_file():
+        raise LocalFault("there is no such scene file", where=str(job.file), remedy="check the path")
+    for path in (job.exr, job.png):
+        check_writable(path)
+
+
+async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any]:
+    """Do the whole job and return its report (docs/reference/scenectl.md, *Report of an image*)."""
+    phases = Phases()
+    imported: ImportReport | None = None
+    async with _cluster(job, phases) as cluster:
+        scene: Scene
+        if job.file is None:
+            scene = await cluster.scenes.open(job.scene_name)
+        else:
+            with phases.time("import"):
+                scene = await cluster.scenes.open_or_create(job.scene_name)
+                imported = await scene.import_file(job.file, progress=progress)
+        from scenefold.render.client import render_still
+
+        with phases.time("render"):
+            result = await render_still(cluster, scene, job.options, progress)
+        with phases.time("write"):
+            sha256 = await _write(cluster, job, result)
+        nodes = [node.address for node in await cluster.nodes()]
+    return {
+        "scene": job.scene_name,
+        "file": None if job.file is None else str(job.file),
+        "nodes": len(nodes),
+        "records_per_node": None if imported is None else {node: imported.records_by_node.get(node, 0) for node in nodes},
+        "import": None if imported is None else imported.document(),
+        **result.report,
+        "image_sha256": sha256,
+        "exr": str(job.exr),
+        "png": str(job.png),
+        "seconds": phases.seconds,
+    }
+
+
+def report_text(report: dict[str, Any]) -> str:
+    """The report as a short table for people."""
+    lines = [f"{report['exr']} and {report['png']} are written."]
+    for key, label in (
+        ("nodes", "nodes"),
+        ("passes", "passes"),
+        ("paths_per_second", "paths/s"),
+        ("rays_per_second", "rays/s"),
+        ("rays_passed", "rays passed between nodes"),
+        ("rays_passed_per_path", "rays passed per path"),
+        ("bytes_passed", "bytes passed between nodes"),
+        ("efficiency", "efficiency"),
+    ):
+        if report.get(key) is not None:
+            lines.append(f"  {label + ':':<28}{_value_text(key, report[key])}")
+    seconds = ", ".join(f"{phase} {value:.1f}" for phase, value in report["seconds"].items())
+    lines.append(f"  {'seconds:':<28}{seconds}")
+    lines += [f"  not carried over: {missing}" for missing in (report.get("import") or {}).get("not_carried", [])]
+    lines.append(f"  {'image sha256:':<28}{report['image_sha256']}")
+    return "\n".join(lines)
+
+
+@asynccontextmanager
+async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
+    from scenefold.client import connect
+
+    if job.profile is not None:
+        async with connect(job.profile) as cluster:
+            yield cluster
+        return
+    from scenefold.node.local import local_cluster
+
+    begun = time.monotonic()
+    stopping = begun
+    async with local_cluster(job.nodes, threads=job.threads) as embedded:
+        async with connect(embedded.profile) as cluster:
+            phases.seconds["start"] = round(time.monotonic() - begun, 3)
+            yield cluster
+            stopping = time.monotonic()
+    phases.seconds["stop"] = round(time.monotonic() - stopping, 3)
+
+
+async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> str:
+    from scenefold.render.image_files import image_sha256, write_exr, write_png
+
+    sha256 = image_sha256(result.layers["beauty"])
+    metadata = {"scenefold.scene": job.scene_name, "scenefold.image_sha256": sha256}
+
+    def write() -> None:
+        write_exr(job.exr, result.layers, metadata)
+        write_png(job.png, result.layers["beauty"], job.exposure)
+
+    await cluster.in_worker("import", write)
+    return sha256
+
+
+def _value_text(key: str, value: Any) -> str:
+    if key == "bytes_passed":
+        return size_text(value)
+    if isinstance(value, float):
+        return f"{value:,.3f}" if value < 100 else f"{value:,.0f}"
+    return f"{value:,}" if isinstance(value, int) else str(value)

@@ -1,0 +1,195 @@
+"""Values of options that are more than a word or a number: sizes, colours, node addresses, places on the line.
+
+`parse` of each raises ValueError with a sentence; cyclopts turns that into wrong usage (exit code 2).
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Protocol, Self
+
+from cyclopts import Parameter, Token
+
+from scenefold.base.ids import SPACE_ID_MAX
+from scenefold.base.limits import NODES_MAX
+from scenefold.base.location import LOCATION_BYTES, Location
+
+SIDE_PIXELS_MAX = 16_384
+"""Pixels of one side of an image."""
+
+SPACE_NAMES = (
+    "meta",
+    "geometry",
+    "materials",
+    "textures",
+    "cameras",
+    "lights",
+    "instances",
+    "groups",
+    "renders",
+    "files",
+)
+"""Spaces that every scene has, by number from 1 on. Tests hold it equal to scenefold.scene.layout, slow to import."""
+
+
+class _Value(Protocol):
+    @classmethod
+    def parse(cls, text: str) -> Self: ...
+
+
+def _convert(kind: type[_Value], tokens: Sequence[Token]) -> Any:
+    return kind.parse(tokens[0].value)
+
+
+_ONE_WORD = Parameter(converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=str)
+
+
+@dataclass(frozen=True)
+class Size:
+    """Width and height of an image in pixels: 640x360."""
+
+    width: int
+    height: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        width, cross, height = text.lower().partition("x")
+        if not (cross and _is_digits(width) and _is_digits(height)):
+            raise ValueError(f"a size is WIDTHxHEIGHT, such as 640x360, not {text!r}")
+        if not all(1 <= int(side) <= SIDE_PIXELS_MAX for side in (width, height)):
+            raise ValueError(f"a side has 1 to {SIDE_PIXELS_MAX} pixels, not {text!r}")
+        return cls(int(width), int(height))
+
+    def __str__(self) -> str:
+        return f"{self.width}x{self.height}"
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Linear red, green, blue, each finite and from 0 up: 0.8,0.9,1."""
+
+    rgb: tuple[float, float, float]
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        try:
+            red, green, blue = (float(part) for part in text.split(","))
+        except ValueError:
+            raise ValueError(f"a colour is R,G,B, such as 0.8,0.9,1, not {text!r}") from None
+        if not all(math.isfinite(part) and part >= 0 for part in (red, green, blue)):
+            raise ValueError(f"a colour has three finite numbers from 0 up, not {text!r}")
+        return cls((red, green, blue))
+
+    def __str__(self) -> str:
+        return ",".join(f"{part:g}" for part in self.rgb)
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """Different IPv4 addresses of nodes: 127.0.0.2,127.0.0.3."""
+
+    all: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        addresses = tuple(part.strip() for part in text.split(",") if part.strip())
+        for address in addresses:
+            _check_address(address)
+        if not 1 <= len(addresses) <= NODES_MAX:
+            raise ValueError(f"a cluster has 1 to {NODES_MAX} nodes, not {len(addresses)}")
+        if len(set(addresses)) != len(addresses):
+            raise ValueError("an address stands there twice")
+        return cls(addresses)
+
+    def __str__(self) -> str:
+        return ",".join(self.all)
+
+
+@dataclass(frozen=True)
+class Address:
+    """One IPv4 address."""
+
+    text: str
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        _check_address(text)
+        return cls(text)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Place:
+    """A location by its leading hexadecimal digits, 1 to 40 of them; what is missing is filled up."""
+
+    digits: str
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        digits = text.lower().removeprefix("0x")
+        if not 1 <= len(digits) <= 2 * LOCATION_BYTES or set(digits) - set("0123456789abcdef"):
+            raise ValueError(f"a location has 1 to {2 * LOCATION_BYTES} hexadecimal digits, not {text!r}")
+        return cls(digits)
+
+    @property
+    def first(self) -> Location:
+        """The first location that begins with these digits."""
+        return Location(bytes.fromhex(self.digits.ljust(2 * LOCATION_BYTES, "0")))
+
+    @property
+    def last(self) -> Location:
+        """The last location that begins with these digits."""
+        return Location(bytes.fromhex(self.digits.ljust(2 * LOCATION_BYTES, "f")))
+
+    def __str__(self) -> str:
+        return self.digits
+
+
+LINE_START = Place("0")
+LINE_END = Place("f")
+
+
+@dataclass(frozen=True)
+class SpaceNumber:
+    """A space by number, 1 to 8191, or by name, such as geometry."""
+
+    number: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        if _is_digits(text):
+            if not 1 <= int(text) <= SPACE_ID_MAX:
+                raise ValueError(f"a space has a number from 1 to {SPACE_ID_MAX}, not {text}")
+            return cls(int(text))
+        if text.lower() not in SPACE_NAMES:
+            raise ValueError(f"no space is called {text!r}: {', '.join(SPACE_NAMES)}, or a number")
+        return cls(SPACE_NAMES.index(text.lower()) + 1)
+
+    def __str__(self) -> str:
+        return str(self.number)
+
+
+HD_QUARTER = Size(640, 360)
+
+SizeOption = Annotated[Size, _ONE_WORD]
+ColourOption = Annotated[Colour, _ONE_WORD]
+AddressOption = Annotated[Address, _ONE_WORD]
+AddressesOption = Annotated[Addresses, _ONE_WORD]
+PlaceOption = Annotated[Place, _ONE_WORD]
+SpaceOption = Annotated[SpaceNumber, _ONE_WORD]
+
+
+def _is_digits(text: str) -> bool:
+    return text.isascii() and text.isdigit() and len(text) < 10
+
+
+def _check_address(text: str) -> None:
+    try:
+        ipaddress.IPv4Address(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no IPv4 address such as 127.0.0.2") from None

@@ -1,0 +1,38 @@
+"""Many records cut into requests: by the owner of each, then into frames that are not too large. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from scenefold.base.ids import NodeId
+from scenefold.base.location import Location
+from scenefold.client.table import RoutingTable
+
+FRAME_BYTES_TARGET = 2 * 1024 * 1024
+"""Of one PutMany or GetMany: large enough that the round trip is small beside it, small enough to share the line."""
+FRAME_RECORDS_MAX = 4096
+"""Of one PutMany or GetMany; empty records would otherwise make frames of hundreds of thousands."""
+
+
+def by_owner(locations: Sequence[Location], table: RoutingTable) -> dict[NodeId, list[int]]:
+    """Indices of the locations that each node owns, in their given order."""
+    parts: dict[NodeId, list[int]] = {}
+    for index, location in enumerate(locations):
+        parts.setdefault(table.owner_of(location).node_id, []).append(index)
+    return parts
+
+
+def frames(
+    indices: Sequence[int], sizes: Sequence[int], bytes_max: int = FRAME_BYTES_TARGET, count_max: int = FRAME_RECORDS_MAX
+) -> Iterator[list[int]]:
+    """Cut `indices` into runs whose sizes (by index) sum to at most `bytes_max`, and at least one record each."""
+    frame: list[int] = []
+    total = 0
+    for index in indices:
+        if frame and (total + sizes[index] > bytes_max or len(frame) >= count_max):
+            yield frame
+            frame, total = [], 0
+        frame.append(index)
+        total += sizes[index]
+    if frame:
+        yield frame

@@ -1,0 +1,65 @@
+"""If this fails, progress floods a log, tables are crooked, or --json is no JSON."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import pytest
+
+from scenectl.output import Output, emit, size_text, table
+from scenectl.progress import Progress
+from scenectl.values import SPACE_NAMES, Place, Size
+from scenefold.base.location import FIRST, LAST
+from scenefold.client.progress import ProgressState
+
+
+def test_plain_progress_is_at_most_a_line_a_second_and_never_misses_the_end() -> None:
+    clock, stream = [0.0], io.StringIO()
+    with Progress(stream=stream, now=lambda: clock[0]) as progress:
+        for done in range(1, 101):
+            clock[0] = done * 0.03
+            progress(ProgressState("import", done, 100, "records"))
+        progress(ProgressState("import", 100, 100, "records"))
+    lines = stream.getvalue().splitlines()
+    assert lines[0] == "import: 1 of 100 records"
+    assert lines[-1] == "import: 100 of 100 records"
+    assert len(lines) == 4
+
+
+def test_quiet_progress_says_nothing() -> None:
+    stream = io.StringIO()
+    with Progress(quiet=True, stream=stream) as progress:
+        progress(ProgressState("import", 1, None, "records"))
+    assert stream.getvalue() == ""
+
+
+def test_results_are_text_or_one_json_object(capsys: pytest.CaptureFixture[str]) -> None:
+    emit(Output(), {"a": 1}, "text")
+    assert capsys.readouterr().out == "text\n"
+    emit(Output(json=True), {"a": 1}, "text")
+    assert json.loads(capsys.readouterr().out) == {"a": 1}
+
+
+def test_tables_line_up() -> None:
+    assert table(("node", "records"), [("127.0.0.2", 7), ("b", 12)]).splitlines() == [
+        "node       records",
+        "127.0.0.2        7",
+        "b               12",
+    ]
+
+
+def test_sizes_read_well() -> None:
+    assert [size_text(count) for count in (0, 1023, 1536, 3 * 2**30)] == ["0 B", "1023 B", "1.5 KiB", "3.0 GiB"]
+
+
+def test_places_fill_up_both_ways() -> None:
+    assert Place.parse("0").first == FIRST
+    assert Place.parse("0xF").last == LAST
+    assert str(Size.parse("640X360")) == "640x360"
+
+
+def test_space_names_are_those_of_the_scene_layout() -> None:
+    from scenefold.scene.layout import SPACES
+
+    assert {space.name: int(space.id) for space in SPACES} == {name: index + 1 for index, name in enumerate(SPACE_NAMES)}

@@ -1,0 +1,116 @@
+"""If this fails, a verb has lost its help, or wrong usage ends in a traceback or under the wrong exit code."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from scenectl.__main__ import GROUPS, main
+
+VERBS = [
+    "cluster init",
+    "cluster status",
+    "node run",
+    "node local",
+    "scene create",
+    "scene list",
+    "scene info",
+    "scene import",
+    "data put",
+    "data get",
+    "data ls",
+    "render still",
+    "bench curve",
+    "bench store",
+    "bench render",
+    "demo",
+]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help_with_an_example_and_json(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*verb.split(), "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"Example: scenectl {verb}" in text
+    assert "--json" in text
+    assert "--debug" in text
+
+
+@pytest.mark.parametrize("group", sorted({verb.split()[0] for verb in VERBS}))
+def test_the_first_page_names_every_group(group: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    assert group in capsys.readouterr().out
+    assert group in GROUPS
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    from scenefold import __version__
+
+    assert main(["--version"]) == 0
+    assert __version__ in capsys.readouterr().out
+
+
+WRONG = {
+    "an unknown group": ["clster"],
+    "an unknown verb": ["cluster", "statsu"],
+    "an unknown option": ["cluster", "status", "--colour"],
+    "a missing argument": ["scene", "create"],
+    "a size of 0": ["render", "still", "a.glb", "--size", "0x4"],
+    "a malformed size": ["render", "still", "a.glb", "--size", "640"],
+    "no samples": ["render", "still", "a.glb", "--samples", "0"],
+    "no nodes": ["render", "still", "a.glb", "--nodes", "0"],
+    "too many nodes": ["render", "still", "a.glb", "--nodes", "128"],
+    "an unknown algorithm": ["render", "still", "a.glb", "--algorithm", "octree"],
+    "a sky of two numbers": ["render", "still", "a.glb", "--sky", "1,2"],
+    "a dark sky below 0": ["render", "still", "a.glb", "--sky", "1,2,-3"],
+    "a sky that is no number": ["render", "still", "a.glb", "--sky", "1,2,nan"],
+    "a negative seed": ["render", "still", "a.glb", "--seed", "-1"],
+    "a malformed address": ["cluster", "init", "x", "--nodes", "127.0.0.2,here"],
+    "an address twice": ["cluster", "init", "x", "--nodes", "127.0.0.2,127.0.0.2"],
+    "no address": ["cluster", "init", "x", "--nodes", ","],
+    "a malformed location": ["data", "get", "1", "xyz", "--scene", "s"],
+    "a long location": ["data", "get", "1", "0" * 41, "--scene", "s"],
+    "space 0": ["data", "get", "0", "00", "--scene", "s"],
+    "an unknown space": ["data", "get", "attic", "00", "--scene", "s"],
+    "nodes that are no number": ["node", "local", "many"],
+    "a range that ends before it begins": ["data", "ls", "1", "--scene", "s", "--first", "80", "--last", "7f"],
+    "nothing to render": ["render", "still"],
+}
+
+
+@pytest.mark.parametrize("arguments", WRONG.values(), ids=WRONG.keys())
+def test_wrong_usage_is_one_line_and_exit_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("SCENEFOLD_PROFILE", raising=False)
+    assert main(arguments) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("error: ")
+    assert said.err.count("\n") == 1
+    assert main([*arguments, "--json"]) == 2
+    said = capsys.readouterr()
+    document = json.loads(said.out)
+    assert document["exit_code"] == 2
+    assert document["error"]["kind"] == "usage"
+    assert document["error"]["what"]
+
+
+def test_a_missing_scene_file_is_a_failure_with_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "still", "nowhere.glb", "-o", "x.exr"]) == 1
+    assert "nowhere.glb" in capsys.readouterr().err
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\n"
+        "from scenectl.__main__ import main\n"
+        "main(['--help'])\n"
+        "heavy = {'numpy', 'numba', 'trio', 'cryptography', 'lmdb', 'trimesh', 'OpenEXR'} & set(sys.modules)\n"
+        "sys.exit(f'imported: {heavy}' if heavy else 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

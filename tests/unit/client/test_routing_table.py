@@ -1,0 +1,65 @@
+"""If this fails, clients ask the wrong nodes, or miss parts of the line."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.ids import NodeId
+from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Location, even_right_bounds
+from scenefold.client.split import by_owner, frames
+from scenefold.client.table import Owner, RoutingTable
+
+LOCATIONS = st.binary(min_size=20, max_size=20).map(Location)
+
+
+def _table(bounds: list[Location]) -> RoutingTable:
+    return RoutingTable(Owner(NodeId(10 + index), f"127.0.0.{10 + index}", bound) for index, bound in enumerate(bounds))
+
+
+@given(st.lists(LOCATIONS, min_size=1, max_size=12), LOCATIONS)
+def test_arcs_tile_the_line_and_hold_what_their_owner_owns(bounds: list[Location], location: Location) -> None:
+    table = _table(bounds)
+    arcs = table.arcs()
+    assert arcs[0][1].first == FIRST and arcs[-1][1].last == LAST
+    assert sum(arc.length for _, arc in arcs) == WHOLE_LINE.length
+    holders = [owner for owner, arc in arcs if location in arc]
+    assert holders == [table.owner_of(location)]
+
+
+def test_a_bound_is_the_last_location_of_its_owner() -> None:
+    table = _table(even_right_bounds(3))
+    bound = table.owners[0].right_bound
+    following = bound.next()
+    assert following is not None
+    assert table.owner_of(bound) is table.owners[0]
+    assert table.owner_of(following) is table.owners[1]
+
+
+def test_only_newer_news_change_the_table() -> None:
+    table = RoutingTable([Owner(NodeId(1), "a", Location.from_number(5), 7), Owner(NodeId(2), "b", LAST, 7)])
+    assert table.updated(Owner(NodeId(1), "a", Location.from_number(9), 7)) is table
+    changed = table.updated(Owner(NodeId(1), "a", Location.from_number(9), 8))
+    assert changed.owner_of(Location.from_number(8)).node_id == 1
+    assert table.owner_of(Location.from_number(8)).node_id == 2
+    joined = changed.updated(Owner(NodeId(3), "c", FIRST, 1))
+    assert joined.owner_of(FIRST).node_id == 3
+
+
+@given(st.lists(LOCATIONS, max_size=40), st.integers(1, 9))
+def test_splitting_by_owner_loses_nothing_and_keeps_the_order(locations: list[Location], nodes: int) -> None:
+    table = _table(even_right_bounds(nodes))
+    parts = by_owner(locations, table)
+    assert sorted(index for part in parts.values() for index in part) == list(range(len(locations)))
+    for node_id, part in parts.items():
+        assert part == sorted(part)
+        assert all(table.owner_of(locations[index]).node_id == node_id for index in part)
+
+
+@given(st.lists(st.integers(0, 50), max_size=60), st.integers(1, 120), st.integers(1, 7))
+def test_frames_keep_their_bounds_and_all_records(sizes: list[int], bytes_max: int, count_max: int) -> None:
+    cut = list(frames(range(len(sizes)), sizes, bytes_max, count_max))
+    assert [index for frame in cut for index in frame] == list(range(len(sizes)))
+    for frame in cut:
+        assert 1 <= len(frame) <= count_max
+        assert len(frame) == 1 or sum(sizes[index] for index in frame) <= bytes_max
