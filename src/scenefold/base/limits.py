@@ -88,3 +88,32 @@ assert CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < FRAME_BYTES_MAX
 assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
 assert RANGE_LOCATIONS_MAX * 22 < BULK_BYTES_MAX
 assert PARTICIPANTS_MAX >= NODES_MAX
+
+# Connections (specs/04-wire.md, world/).
+PENDING_HANDSHAKES_MAX = 64
+"""Connections that have not shown a certificate yet; the oldest of the pushiest source makes room."""
+HANDSHAKE_S_MAX = 10.0
+"""Seconds that a peer may take to show a certificate: two cores under full load need about one."""
+CONNECTIONS_MAX = 1_024
+"""Authenticated connections to one port: every node and client of a cluster several times over."""
+REQUESTS_IN_FLIGHT_MAX = 256
+"""Requests of ours that wait for an answer on one connection."""
+REQUESTS_HANDLED_MAX = 64
+"""Requests of one connection that are handled at a time; beyond it nothing more is read from it."""
+REQUEST_BYTES_HANDLED_MAX = 4 * FRAME_BYTES_MAX
+"""Bytes of those requests: memory that one connection can bind."""
+SEND_STALL_S_MAX = 30.0
+"""Seconds without any progress in sending, after which a peer counts as gone."""
+
+# Store (specs/10-store.md).
+STORE_QUEUE_CHANGES_MAX = 1_024
+"""Changes that wait for the store's writer; beyond it callers wait."""
+STORE_BATCH_BYTES_MAX = 16 * 1024 * 1024
+"""Bytes of one commit: about 256 full records, so that the first of a batch does not wait long for the last."""
+STORE_READ_BATCH_MAX = 128
+"""Records that one call in a reading thread copies: 8 MiB at most, so that threads are shared fairly."""
+STORE_RESERVE_BYTES = 256 * 1024 * 1024
+"""Free disk that new records leave alone, so that what was accepted can still be moved and repaired."""
+
+assert REQUESTS_HANDLED_MAX <= REQUESTS_IN_FLIGHT_MAX
+assert STORE_BATCH_BYTES_MAX >= FRAME_BYTES_MAX
