@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 
 import numpy as np
 
+from scenefold.base.errors import PeerFault
 from scenefold.render.arrays import I32, I64
 
 AOV_COLUMNS = 8
@@ -29,3 +31,46 @@ class PassSums:
         return cls(
             np.zeros((paths, 3), np.int64), np.zeros((paths, AOV_COLUMNS), np.int32), np.zeros(COUNTERS, np.int64)
         )
+
+    def add(self, other: PassSums) -> None:
+        """Add another node's or thread's sums of the same pass."""
+        self.radiance[:] += other.radiance
+        self.aovs[:] += other.aovs
+        self.counters[:] += other.counters
+
+    def to_bytes(self) -> bytes:
+        """Only the paths that have something: counts, their numbers, their rows, for radiance and for AOVs."""
+        lit = np.flatnonzero(self.radiance.any(axis=1))
+        seen = np.flatnonzero(self.aovs[:, AOV_COLUMNS - 1])
+        return b"".join(
+            (
+                struct.pack("<II", len(lit), len(seen)),
+                self.counters.astype("<i8").tobytes(),
+                lit.astype("<u2").tobytes(),
+                seen.astype("<u2").tobytes(),
+                self.radiance[lit].astype("<i8").tobytes(),
+                self.aovs[seen].astype("<i4").tobytes(),
+            )
+        )
+
+    def add_bytes(self, payload: bytes) -> None:
+        """Add what `to_bytes` of another node gave; PeerFault if it does not fit this pass."""
+        head = struct.calcsize("<II") + 8 * COUNTERS
+        if len(payload) < head:
+            raise PeerFault("sums of a pass are cut off", where=f"{len(payload)} bytes")
+        lit_count, seen_count = struct.unpack_from("<II", payload)
+        expected = head + lit_count * (2 + 24) + seen_count * (2 + 4 * AOV_COLUMNS)
+        if len(payload) != expected:
+            raise PeerFault("sums of a pass have the wrong size", where=f"{len(payload)} bytes instead of {expected}")
+        self.counters[:] += np.frombuffer(payload, "<i8", COUNTERS, 8)
+        at = head
+        lit = np.frombuffer(payload, "<u2", lit_count, at)
+        at += 2 * lit_count
+        seen = np.frombuffer(payload, "<u2", seen_count, at)
+        at += 2 * seen_count
+        for numbers in (lit, seen):
+            if len(numbers) and (int(numbers[-1]) >= len(self.radiance) or (np.diff(numbers.astype(np.int64)) <= 0).any()):
+                raise PeerFault("sums of a pass name paths that it does not have")
+        self.radiance[lit] += np.frombuffer(payload, "<i8", 3 * lit_count, at).reshape(-1, 3)
+        at += 24 * lit_count
+        self.aovs[seen] += np.frombuffer(payload, "<i4", AOV_COLUMNS * seen_count, at).reshape(-1, AOV_COLUMNS)
