@@ -8,6 +8,7 @@ the order in which samples arrived leaves no trace.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -55,25 +56,64 @@ def histogram(fractions: npt.ArrayLike, weights: npt.ArrayLike | None = None, *,
 def fit_bounds(counts: npt.ArrayLike, nodes: int) -> Floats:
     """N - 1 inner bounds that give every node the same share of a histogram of [0, 1), as far as wedges may be so.
 
-    Spans are then limited to what makes cells convex and not degenerate (`limit_spans`), so that a node can be
-    left with less than its share where all work lies in one direction. Without any work: equal spans.
+    Where one share would need more than half a turn, its node gets half a turn and the others share the rest
+    evenly. Spans are then limited to what a cell may be (`limit_spans`). Without any work: equal spans.
     """
     tally = np.asarray(counts, np.float64).reshape(-1)
     if len(tally) == 0 or not (tally >= 0.0).all() or not np.isfinite(tally).all():
         raise LocalFault("a histogram has at least one bin, and counts that are finite and not negative")
-    share = float(tally.sum()) / nodes
-    if share == 0.0:
+    total = float(tally.sum())
+    if total == 0.0:
         return even_bounds(nodes)
-    bounds = np.empty(nodes - 1)
+    bounds = np.concatenate([[0.0], _crossings(tally, even_bounds(nodes) * total), [1.0]])
+    widest = int(np.argmax(np.diff(bounds)))
+    if nodes > 2 and bounds[widest + 1] - bounds[widest] > SPAN_MAX:
+        bounds = _around_the_widest(tally, bounds, widest)
+    return limit_spans(bounds[1:-1])
+
+
+def _crossings(tally: Floats, wanted: Sequence[float] | Floats) -> Floats:
+    """Where the running count crosses each of the ascending numbers wanted: the march."""
+    places = np.empty(len(wanted))
     running, place = 0.0, 0
-    for node in range(nodes - 1):
-        wanted = share * (node + 1)
-        while place < len(tally) - 1 and running + tally[place] < wanted:
+    for i, target in enumerate(wanted):
+        while place < len(tally) - 1 and running + tally[place] < target:
             running += tally[place]
             place += 1
-        inside = (wanted - running) / tally[place] if tally[place] > 0.0 else 1.0
-        bounds[node] = (place + min(inside, 1.0)) / len(tally)
-    return limit_spans(bounds)
+        inside = (target - running) / tally[place] if tally[place] > 0.0 else 1.0
+        places[i] = (place + min(max(inside, 0.0), 1.0)) / len(tally)
+    return places
+
+
+def _around_the_widest(tally: Floats, bounds: Floats, widest: int) -> Floats:
+    """All N + 1 bounds anew, with a span of half a turn for one node, where that leaves the others equal shares.
+
+    Half a turn slides along the span that was too wide; what it uncovers on its left falls to the nodes on
+    the left, and so on the right. The left ones' share grows with the slide, so bisection finds the balance.
+    """
+    edges, running = np.arange(len(tally) + 1) / len(tally), np.concatenate([[0.0], np.cumsum(tally)])
+    total = float(running[-1])
+    left, right = widest, len(bounds) - 2 - widest
+
+    def uncovered(start: float) -> tuple[float, float]:
+        return float(np.interp(start, edges, running)), total - float(np.interp(start + SPAN_MAX, edges, running))
+
+    least, most = float(bounds[widest]), float(bounds[widest + 1]) - SPAN_MAX
+    if left == 0:
+        most = 0.0
+    elif right == 0:
+        least = 1.0 - SPAN_MAX
+    for _ in range(60):
+        start = 0.5 * (least + most)
+        on_left, on_right = uncovered(start)
+        if on_left * right < on_right * left:
+            least = start
+        else:
+            most = start
+    before, behind = uncovered(most)
+    first = _crossings(tally, [before * node / left for node in range(1, left)])
+    last = _crossings(tally, [total - behind * node / right for node in range(right - 1, 0, -1)])
+    return np.concatenate([[0.0] * (left > 0), first, [most, most + SPAN_MAX], last, [1.0] * (right > 0)])
 
 
 def limit_spans(bounds: npt.ArrayLike) -> Floats:
