@@ -49,7 +49,7 @@ bench:
 	$(call ready,)$(BIN)/scenectl bench render
 
 docs:
-	$(call ready,docs)$(BIN)/mkdocs build --strict --quiet
+	$(call ready,docs)NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo 'open site/index.html'
 
 clean:

@@ -1,6 +1,6 @@
 """If this fails, a dependency is used outside the one place that wraps it, or a pure room touches the world.
 
-One dependency, one door (docs/explanation/architecture.md): exchanging a library then means changing one room.
+One dependency, one door (docs/architecture.md): exchanging a library then means changing one room.
 """
 
 from __future__ import annotations

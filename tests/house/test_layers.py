@@ -1,6 +1,6 @@
 """If this fails, a room knows one above or beside it, or a new room stands on no floor.
 
-The floors are in pyproject.toml, as docs/explanation/architecture.md draws them.
+The floors are in pyproject.toml, as docs/architecture.md draws them.
 """
 
 from __future__ import annotations
