@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from scenefold.partition import Partition, camera_frame, limit_spans
+from scenefold.partition import Partition, camera_frame, even_bounds, limit_spans
 
 NODES = st.one_of(st.integers(1, 9), st.sampled_from([16, 33, 64, 127]))
 SEEDS = st.integers(0, 2**32 - 1)
@@ -36,18 +36,18 @@ def centroids(shape: str, nodes: int, rng: np.random.Generator) -> np.ndarray:
             return scattered
 
 
-def wedges(nodes: int, rng: np.random.Generator) -> Partition:
+def wedges(nodes: int, rng: np.random.Generator, *, even: bool = False) -> Partition:
     frame = camera_frame(rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3) + np.array([0, 0, 3]), rng.uniform(-1, 1, 3))
     bounds = rng.uniform(0, 1, nodes - 1) ** rng.choice([0.2, 1.0, 4.0])
-    return Partition.wedges(frame, limit_spans(np.sort(bounds)))
+    return Partition.wedges(frame, even_bounds(nodes) if even else limit_spans(np.sort(bounds)))
 
 
 @st.composite
 def partitions(draw: st.DrawFn, shapes: tuple[str, ...] = (*SHAPES, "wedges")) -> tuple[Partition, np.random.Generator]:
     """A partition, and a generator for points and rays to try on it."""
     nodes, shape, rng = draw(NODES), draw(st.sampled_from(shapes)), np.random.default_rng(draw(SEEDS))
-    if shape == "wedges":
-        return wedges(nodes, rng), rng
+    if shape in ("wedges", "even wedges"):
+        return wedges(nodes, rng, even=shape == "even wedges"), rng
     return Partition.voronoi(centroids(shape, nodes, rng)), rng
 
 

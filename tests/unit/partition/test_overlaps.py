@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefold.base.errors import LocalFault
@@ -31,7 +31,8 @@ def test_a_node_is_told_of_every_box_that_its_grown_cell_meets(case, dilation, s
         assert mask[partition.owner(near), np.arange(len(low))].all()
 
 
-@given(partitions(("scattered", "coplanar", "grid", "wedges")))
+@given(partitions(("scattered", "coplanar", "grid", "even wedges")))
+@settings(max_examples=30)
 def test_hardly_more_than_what_a_cell_meets_is_told(case):
     partition, rng = case
     low = points(partition, rng, 60)
