@@ -1,0 +1,130 @@
+"""Packets to bytes and back, from the table alone (specs/03-wire.md, Encoding).
+
+    packet  =  [ type, request_id, mini_status | nil, field, field, ... ]        one MessagePack array
+
+Encoding checks every field against its kind first and blames our caller (LocalFault); decoding does the same
+and blames the sender (MalformedPacket, and nothing else). Both are plain functions, safe in any thread.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import msgpack
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.limits import FRAME_BYTES_MAX
+from scenefold.wire.common import MINI_STATUS, U32, Packet
+from scenefold.wire.documents import skip_value
+from scenefold.wire.errors import MalformedPacket, Misfit, UnsupportedPacket
+from scenefold.wire.kinds import Kind, Maybe, Nothing, Struct
+from scenefold.wire.table import RESERVED, ROWS
+from scenefold.wire.tokens import TRUNCATED, read_array_head, read_uint
+
+PROTOCOL_VERSION = 1
+"""Of what this module speaks; negotiated when a connection opens."""
+
+_HEAD_FIELDS = 3
+_PING_BROADCAST = 1
+
+
+def _layout(number: int) -> Struct[Any]:
+    row = ROWS[number]
+    # A PingBroadcast consists of whole statuses: the small one would only repeat the first of them.
+    mini_status: Kind[Any] = Nothing() if number == _PING_BROADCAST else Maybe(MINI_STATUS)
+    return Struct(row.packet, ("request_id", U32), ("mini_status", mini_status), *row.fields)
+
+
+_LAYOUTS = {number: _layout(number) for number in ROWS}
+
+
+def encode_packet(packet: Packet) -> bytes:
+    """The packet's bytes, without the length of a frame; LocalFault names the field that is out of bounds."""
+    packed: bytes = _pack(packet).bytes()
+    return packed
+
+
+def encode_frame(packet: Packet) -> bytes:
+    """The packet as a whole frame, ready to be sent. Saves the copy that `frame(encode_packet(packet))` makes."""
+    with _pack(packet).getbuffer() as body:
+        return b"".join((struct.pack(">I", len(body)), body))
+
+
+def _pack(packet: Packet) -> Any:
+    number = packet.TYPE
+    try:
+        layout = _LAYOUTS[number]
+        if type(packet) is not layout.build:
+            raise KeyError
+    except KeyError:
+        raise LocalFault(f"{type(packet).__name__} is no packet of the table") from None
+    try:
+        plain = layout.plain_fields(packet)
+    except Misfit as misfit:
+        raise LocalFault(f"the packet cannot be sent: {misfit.problem}", where=f"{layout.name}{misfit.path}") from None
+    packer = msgpack.Packer(autoreset=False)
+    packer.pack([number, *plain])
+    with packer.getbuffer() as body:
+        if len(body) > FRAME_BYTES_MAX:
+            raise LocalFault(
+                f"the packet of {len(body)} bytes exceeds a frame's {FRAME_BYTES_MAX}",
+                where=layout.name,
+                remedy="send fewer items in one packet",
+            )
+    return packer
+
+
+def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOCOL_VERSION) -> Packet:
+    """The packet that `data` is, wholly. MalformedPacket, with the field's name, is all that it raises.
+
+    `version` is the sender's, as negotiated: a later one may append fields that we do not know.
+    """
+    if len(data) > FRAME_BYTES_MAX:
+        raise MalformedPacket("frame", f"{len(data)} bytes, at most {FRAME_BYTES_MAX} are allowed")
+    data = bytes(data)
+    request_id: int | None = None
+    name = "packet"
+    try:
+        count, at = read_array_head(data, 0)
+        if count < _HEAD_FIELDS:
+            raise Misfit(f"{count} fields, at least {_HEAD_FIELDS} were expected")
+        name = "type"
+        number, at = read_uint(data, at)
+        layout = _LAYOUTS.get(number)
+        name = "request_id" if layout is None else layout.name
+        request_id = _peek_request_id(data, at)
+        if layout is None:
+            raise _unknown(number, request_id)
+        _check_count(count, len(layout.fields) + 1, version)
+        (packet_id, mini_status, *values), at = layout.read_fields(data, at)
+        for _ in range(count - len(layout.fields) - 1):
+            at = skip_value(data, at)
+        if at != len(data):
+            raise Misfit(f"{len(data) - at} bytes too many")
+    except Misfit as misfit:
+        raise MalformedPacket(f"{name}{misfit.path}", misfit.problem, request_id=request_id) from None
+    except TRUNCATED:
+        raise MalformedPacket(name, "truncated", request_id=request_id) from None
+    packet: Packet = layout.build(*values, request_id=packet_id, mini_status=mini_status)
+    return packet
+
+
+def _peek_request_id(data: bytes, at: int) -> int | None:
+    """The request id for the error that may follow; None if it cannot be read."""
+    try:
+        value, _ = read_uint(data, at)
+    except (Misfit, *TRUNCATED):
+        return None
+    return value if value <= U32.most else None
+
+
+def _unknown(number: int, request_id: int | None) -> MalformedPacket:
+    if number in RESERVED:
+        return UnsupportedPacket(number, RESERVED[number], request_id=request_id)
+    return MalformedPacket("type", f"{number} is no packet", request_id=request_id)
+
+
+def _check_count(count: int, expected: int, version: int) -> None:
+    if count < expected or (count > expected and version <= PROTOCOL_VERSION):
+        raise Misfit(f"{count} fields, {expected} were expected")

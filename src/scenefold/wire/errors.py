@@ -1,0 +1,41 @@
+"""The one exception that decoding raises (specs/03-wire.md, Errors).
+
+Whatever a stranger sends, the answer of this room is a packet or a MalformedPacket: it names the field and,
+where the array's head could still be read, the request id, so that the sender gets a typed Fault and not a
+dropped connection.
+"""
+
+from __future__ import annotations
+
+from scenefold.base.errors import PeerFault
+
+
+class MalformedPacket(PeerFault):
+    """What arrived is no packet of ours. `field` is a path such as "PutMany.items[3].location"."""
+
+    def __init__(self, field: str, problem: str, *, request_id: int | None = None) -> None:
+        super().__init__(f"malformed packet: {problem}", where=field)
+        self.field = field
+        self.problem = problem
+        self.request_id = request_id
+
+
+class UnsupportedPacket(MalformedPacket):
+    """The packet's number is reserved, but this version of scenefold does not know it yet."""
+
+    def __init__(self, number: int, name: str, *, request_id: int | None = None) -> None:
+        super().__init__("type", f"not supported: {number} {name}", request_id=request_id)
+        self.number = number
+
+
+class Misfit(Exception):
+    """A value or its bytes do not fit their kind. Never leaves this package: the codec adds where and by whose fault."""
+
+    def __init__(self, problem: str, path: str = "") -> None:
+        super().__init__(problem)
+        self.problem = problem
+        self.path = path
+
+    def inside(self, outer: str) -> Misfit:
+        """The same misfit, seen from one container further out."""
+        return Misfit(self.problem, outer + self.path)

@@ -1,0 +1,132 @@
+"""Packets 1 to 4: who is there, and whose key is it (thesis C.1, C.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from scenefold.base.limits import BLACKLIST_MAX, NODES_MAX
+from scenefold.wire.common import (
+    INCARNATION,
+    LOCATION,
+    SIGNATURE,
+    U8,
+    U32,
+    U64,
+    Carrier,
+    KeyId,
+    Location,
+    NodeId,
+    Packet,
+    row,
+)
+from scenefold.wire.kinds import Bin, Many, Maybe, Struct, Text
+from scenefold.wire.pieces import pack_piece
+
+ADDRESS_BYTES_MAX = 64
+"""A host, or host:port: the longest IPv6 address with a port is 47 characters."""
+UNSIGNED = bytes(64)
+"""Stands in a status that is yet to be signed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What a node says about itself, signed by it, also when others pass it on."""
+
+    lamport: int
+    """Rises with every status of this boot; hearing of a node counts only then."""
+    node: NodeId
+    incarnation: bytes
+    """16 random bytes, drawn when the data folder was made."""
+    boot: int
+    address: str
+    """Host, or host:port where the low-priority port is not the usual one."""
+    right_bound: Location
+    render_pool: int = 0
+    scene_frame: int = 0
+    offline_fraction: int = 0
+    """Share of disk used, of 2^32."""
+    offline_blocks: int = 0
+    """Disk in blocks of 4 KiB."""
+    online_fraction: int = 0
+    online_blocks: int = 0
+    rays_per_second: int = 0
+    ray_queue_length: int = 0
+    blacklist: tuple[NodeId, ...] = ()
+    signature: bytes = UNSIGNED
+
+    def signable(self) -> bytes:
+        """The bytes that `signature` signs, under the domain scenefold/status."""
+        return pack_piece(STATUS, replace(self, signature=UNSIGNED))
+
+
+STATUS = Struct(
+    Status,
+    ("lamport", U64),
+    ("node", U32),
+    ("incarnation", INCARNATION),
+    ("boot", U32),
+    ("address", Text(ADDRESS_BYTES_MAX)),
+    ("right_bound", LOCATION),
+    ("render_pool", U32),
+    ("scene_frame", U64),
+    ("offline_fraction", U32),
+    ("offline_blocks", U64),
+    ("online_fraction", U32),
+    ("online_blocks", U32),
+    ("rays_per_second", U32),
+    ("ray_queue_length", U32),
+    ("blacklist", Many(U32, BLACKLIST_MAX)),
+    ("signature", SIGNATURE),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PublicKeyInfo:
+    """A public key in full. `exponent` is 0 where the suite has none."""
+
+    key: KeyId
+    suite: int
+    exponent: int
+    raw: bytes
+
+
+PUBLIC_KEY_INFO = Struct(PublicKeyInfo, ("key", U32), ("suite", U8), ("exponent", U32), ("raw", Bin(lengths=(32, 384))))
+
+
+@dataclass(frozen=True, slots=True)
+class PingBroadcast(Packet):
+    """Statuses: the sender's own first, then others of its table."""
+
+    TYPE: ClassVar[int] = 1
+    statuses: tuple[Status, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RequestState(Packet):
+    """Are you there? Answered by a PingBroadcast."""
+
+    TYPE: ClassVar[int] = 2
+
+
+@dataclass(frozen=True, slots=True)
+class RequestPublicKey(Packet):
+    TYPE: ClassVar[int] = 3
+    key: KeyId
+
+
+@dataclass(frozen=True, slots=True)
+class RespondPublicKey(Packet):
+    """The key, or None if it is unknown here."""
+
+    TYPE: ClassVar[int] = 4
+    answer: PublicKeyInfo | None
+
+
+ROWS = (
+    row(PingBroadcast, Carrier.UDP_HIGH, ("statuses", Many(STATUS, NODES_MAX))),
+    row(RequestState, Carrier.UDP_HIGH),
+    row(RequestPublicKey, Carrier.UDP_HIGH, ("key", U32)),
+    row(RespondPublicKey, Carrier.UDP_HIGH, ("answer", Maybe(PUBLIC_KEY_INFO))),
+)
+STRUCTS = (STATUS, PUBLIC_KEY_INFO)

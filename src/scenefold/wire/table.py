@@ -1,0 +1,44 @@
+"""The table of packets: every number with its name, carrier and fields (specs/03-wire.md).
+
+The rows stand next to the classes that they describe, one file per family; here they become one table.
+A test holds it equal to the table in the spec.
+"""
+
+from __future__ import annotations
+
+from scenefold.wire import data_packets, own_packets, pool_packets, render_packets, scene_log_packets, status_packets
+from scenefold.wire.common import MINI_STATUS, Row
+
+ROWS: dict[int, Row] = {
+    row.number: row
+    for family in (status_packets, scene_log_packets, data_packets, pool_packets, own_packets, render_packets)
+    for row in family.ROWS
+}
+
+RESERVED: dict[int, str] = {
+    24: "of the thesis's range",
+    25: "of the thesis's range",
+    26: "of the thesis's range",
+    27: "of the thesis's range",
+    28: "of the thesis's range",
+    29: "of the thesis's range",
+    30: "of the thesis's range",
+    31: "of the thesis's range",
+    41: "OfferRange",
+    42: "ClaimRange",
+    43: "CopyRecords",
+    44: "RangeDigest",
+    45: "PurgeRecord",
+    46: "ReturnCredits",
+    47: "WatchEvents",
+    61: "TerminationToken",
+    62: "FetchGeometry",
+    63: "GeometryPart",
+}
+"""Numbers that are spoken for but not built: they decode to UnsupportedPacket."""
+
+STRUCTS = (MINI_STATUS, *status_packets.STRUCTS, *scene_log_packets.STRUCTS, *data_packets.STRUCTS)
+"""What stands inside packets as an array of its own."""
+
+assert not ROWS.keys() & RESERVED.keys()
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 64))
