@@ -117,3 +117,27 @@ STORE_RESERVE_BYTES = 256 * 1024 * 1024
 
 assert REQUESTS_HANDLED_MAX <= REQUESTS_IN_FLIGHT_MAX
 assert STORE_BATCH_BYTES_MAX >= FRAME_BYTES_MAX
+
+# Client (client/).
+CLIENT_REQUEST_S = 30.0
+"""Seconds that a node may take to answer: a durable write behind a full queue on an old disk."""
+CLIENT_TRIES_MAX = 4
+"""Tries of one call; with the pauses between them a restarting node is waited for about two seconds."""
+CLIENT_PAUSE_S = 0.15
+"""The first pause between tries; each is three times the one before, give or take a half."""
+CLIENT_FRAMES_IN_FLIGHT = 8
+"""Bulk requests of one client at a time: 16 MiB on the way."""
+CLIENT_FRAMES_PER_NODE = 2
+"""Of these to one node: one on the way while the other is worked on."""
+CLIENT_FRAME_BYTES = 2 * 1024 * 1024
+"""Records of one bulk write: the round trip is small beside it, and others still get their turn on the line."""
+CLIENT_FRAME_RECORDS = 1_024
+"""Records of one bulk write, so that verifying them takes a node less than a tenth of a second."""
+CLIENT_GET_KEYS = 64
+"""Keys of one bulk read: full records make 3.7 MiB of reply."""
+CLIENT_BATCH_BYTES = 1024 * 1024
+"""Payload that one visit of a worker thread seals or opens."""
+
+assert CLIENT_FRAME_BYTES + CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < BULK_BYTES_MAX
+assert CLIENT_FRAME_RECORDS <= BULK_ITEMS_MAX
+assert CLIENT_GET_KEYS * (CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX) < BULK_BYTES_MAX

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from scenefold.base.ids import NodeId
+from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS
 from scenefold.base.location import Location
 from scenefold.client.table import RoutingTable
-
-FRAME_BYTES_TARGET = 2 * 1024 * 1024
-"""Of one PutMany or GetMany: large enough that the round trip is small beside it, small enough to share the line."""
-FRAME_RECORDS_MAX = 4096
-"""Of one PutMany or GetMany; empty records would otherwise make frames of hundreds of thousands."""
 
 
 def by_owner(locations: Sequence[Location], table: RoutingTable) -> dict[NodeId, list[int]]:
@@ -23,7 +19,7 @@ def by_owner(locations: Sequence[Location], table: RoutingTable) -> dict[NodeId,
 
 
 def frames(
-    indices: Sequence[int], sizes: Sequence[int], bytes_max: int = FRAME_BYTES_TARGET, count_max: int = FRAME_RECORDS_MAX
+    indices: Sequence[int], sizes: Sequence[int], bytes_max: int = CLIENT_FRAME_BYTES, count_max: int = CLIENT_FRAME_RECORDS
 ) -> Iterator[list[int]]:
     """Cut `indices` into runs whose sizes (by index) sum to at most `bytes_max`, and at least one record each."""
     frame: list[int] = []

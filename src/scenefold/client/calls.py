@@ -1,0 +1,146 @@
+"""Requests of a client to nodes: one try, or bounded tries with pauses, and the table that says whom to ask.
+
+Lost packets, restarted nodes and moved bounds are everyday matters, so every call here may be tried again:
+all requests of a client are idempotent (a record is resent byte for byte). How often, and how long in all, is
+bounded; then the last error is the caller's, in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TypeVar
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.limits import (
+    CLIENT_FRAMES_IN_FLIGHT,
+    CLIENT_FRAMES_PER_NODE,
+    CLIENT_PAUSE_S,
+    CLIENT_REQUEST_S,
+    CLIENT_TRIES_MAX,
+)
+from scenefold.base.location import even_right_bounds
+from scenefold.base.reasons import RejectReason
+from scenefold.client.table import Owner, RoutingTable
+from scenefold.wire import Fault, Packet, RequestTable, RespondTable
+from scenefold.world import Links, Priority, World
+
+Answer = TypeVar("Answer", bound=Packet)
+Result = TypeVar("Result")
+
+_PASSING = frozenset({RejectReason.BUSY, RejectReason.NOT_READY})
+"""Reasons that may be gone after a pause."""
+
+
+def is_passing(reason: int) -> bool:
+    """Whether a refusal for this reason is worth another try after a pause."""
+    return reason in _PASSING
+
+
+class Calls:
+    """What all objects of one client share: links, routing table, bounds on what is in flight."""
+
+    def __init__(self, world: World, links: Links, addresses: Sequence[str], node_ids: Sequence[NodeId]) -> None:
+        """`addresses` and `node_ids`: the members that the profile knows, in the order of the line."""
+        bounds = even_right_bounds(len(node_ids))
+        self.world = world
+        self.table = RoutingTable(map(Owner, node_ids, addresses, bounds))
+        self._links = links
+        self._slots = trio.CapacityLimiter(CLIENT_FRAMES_IN_FLIGHT)
+        self._node_slots: dict[str, trio.CapacityLimiter] = {}
+
+    def address_of(self, node_id: NodeId) -> str:
+        """Where to reach a node; one that the table does not know yet is taken by its id."""
+        owner = self.table.by_id(node_id)
+        return address_of(node_id) if owner is None else owner.address
+
+    async def ask(
+        self,
+        address: str,
+        packet: Packet,
+        answer: type[Answer] | tuple[type[Answer], ...],
+        *,
+        priority: Priority = Priority.LOW,
+        timeout_s: float = CLIENT_REQUEST_S,
+    ) -> Answer:
+        """One request, one try. Unreachable if there is no reply; a Fault becomes Refused, another type PeerFault."""
+        reply = await self._links.request(address, priority, packet, timeout_s)
+        self._notice(reply)
+        if isinstance(reply, Fault):
+            raise Refused(reply.reason, f"the node refused {type(packet).__name__}: {reply.text}", where=address)
+        if not isinstance(reply, answer):
+            raise PeerFault(f"{type(reply).__name__} is no answer to {type(packet).__name__}", where=address)
+        return reply
+
+    async def ask_in_turn(self, address: str, packet: Packet, answer: type[Answer] | tuple[type[Answer], ...], **options: float) -> Answer:
+        """`ask` for large requests: bounded in number, all together and for each node."""
+        node_slots = self._node_slots.setdefault(address, trio.CapacityLimiter(CLIENT_FRAMES_PER_NODE))
+        async with node_slots, self._slots:
+            return await self.ask(address, packet, answer, **options)  # type: ignore[arg-type]
+
+    async def ask_any(
+        self,
+        packet: Packet,
+        answer: type[Answer] | tuple[type[Answer], ...],
+        *,
+        first: NodeId | None = None,
+        priority: Priority = Priority.HIGH,
+    ) -> Answer:
+        """Ask one node after the other, `first` or a random one first, until one answers."""
+
+        async def round_of_all() -> Answer:
+            last: Unreachable | None = None
+            for address in self._addresses_from(first):
+                try:
+                    return await self.ask(address, packet, answer, priority=priority)
+                except Unreachable as error:
+                    last = error
+            assert last is not None
+            raise last
+
+        try:
+            return await self.patiently(round_of_all, refresh=False)
+        except Unreachable as error:
+            addresses = self._addresses_from(self.table.owners[0].node_id)
+            where = ", ".join(addresses[:4]) + (" and others" if len(addresses) > 4 else "")
+            remedy = "see that the nodes are running (`scenectl node run`) and can be reached"
+            raise Unreachable("no node of the cluster answers", where=where, remedy=remedy) from error
+
+    async def refresh(self) -> None:
+        """Take the routing table of any node. Nodes that it does not know keep their last known place."""
+        reply = await self.ask_any(RequestTable(), RespondTable)
+        owners = [Owner(status.node, status.address.partition(":")[0], status.right_bound, status.lamport) for status in reply.statuses]
+        if owners:
+            self.table = RoutingTable(owners)
+
+    async def patiently(self, call: Callable[[], Awaitable[Result]], *, refresh: bool = True) -> Result:
+        """Try a call up to CLIENT_TRIES_MAX times while nodes are away or busy, with growing pauses between."""
+        for attempt in range(CLIENT_TRIES_MAX):
+            try:
+                return await call()
+            except (Unreachable, Refused) as error:
+                passing = isinstance(error, Unreachable) or is_passing(error.reason)
+                if not passing or attempt == CLIENT_TRIES_MAX - 1:
+                    raise
+            await self.pause(attempt)
+            if refresh:
+                await self.refresh()
+        raise AssertionError("unreachable: the last try returns or raises")
+
+    async def pause(self, attempt: int) -> None:
+        """Wait before try number `attempt` + 1: longer each time, and not for everybody the same."""
+        await self.world.clock.sleep(CLIENT_PAUSE_S * 3**attempt * (0.5 + self.world.entropy.uniform()))
+
+    def _addresses_from(self, first: NodeId | None) -> list[str]:
+        owners = self.table.owners
+        start = int(self.world.entropy.uniform() * len(owners))
+        if first is not None:
+            start = next((index for index, owner in enumerate(owners) if owner.node_id == first), start)
+        return [owner.address for owner in [*owners[start:], *owners[:start]]]
+
+    def _notice(self, reply: Packet) -> None:
+        news = reply.mini_status
+        if news is not None:
+            self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport))
