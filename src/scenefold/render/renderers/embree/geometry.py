@@ -7,40 +7,29 @@ intersected in its prototype's space, with the matrix as it was stored.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from scenefold.render.arrays import SceneArrays
+from scenefold.render.contract import HeldScene
 from scenefold.render.renderers.embree.library import Device
-
-
-@dataclass(frozen=True, slots=True)
-class HeldGroup:
-    """A group in `SceneArrays`: its number, its prototype and how many triangles it has."""
-
-    group: int
-    prototype: int
-    triangles: int
 
 
 class HeldGeometry:
     """Embree's trees over the held groups. `close()` frees them; the arrays must live as long as this."""
 
-    def __init__(self, arrays: SceneArrays, groups: list[HeldGroup], instances: list[tuple[int, int]]) -> None:
-        """`instances`: (instance, prototype) pairs from 1 on; their matrices are in `arrays`."""
-        self._arrays = arrays
+    def __init__(self, scene: HeldScene) -> None:
+        self._scene = scene
+        arrays = scene.arrays
         self._device = Device()
         self._top = self._device.new_scene()
         self._prototypes: dict[int, int] = {}
         self.first_instance_id = int(arrays.group_first.shape[0])
-        for held in groups:
-            scene = self._top if held.prototype == 0 else self._prototype_scene(held.prototype)
+        for held in scene.groups:
+            target = self._top if held.prototype == 0 else self._prototype_scene(held.prototype)
             first = int(arrays.group_first[held.group])
-            self._device.add_triangles(scene, held.group, arrays.vertices, arrays.triangles[first : first + held.triangles])
-        for scene in self._prototypes.values():
-            self._device.commit(scene)
-        for instance, prototype in instances:
+            self._device.add_triangles(target, held.group, arrays.vertices, arrays.triangles[first : first + held.triangles])
+        for target in self._prototypes.values():
+            self._device.commit(target)
+        for instance, prototype in scene.instances:
             if prototype in self._prototypes:
                 matrix = arrays.instance_matrices[instance].astype(np.float32)
                 self._device.add_instance(

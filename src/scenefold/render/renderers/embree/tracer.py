@@ -7,7 +7,6 @@ surroundings are warm in the caches, go first. It is called in a worker thread; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +15,8 @@ import numpy.typing as npt
 from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition
 from scenefold.render.arrays import I64, U32, JobNumbers, SceneArrays
+from scenefold.render.contract import Advanced
+from scenefold.render.generate_kernels import generate_pass
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree import cast_kernels, library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
@@ -24,18 +25,6 @@ from scenefold.render.shade_kernels import shade_batch
 
 CHUNK_RAYS = 8192
 """Rays cast and shaded at a time: their records and hits fit a core's second-level cache."""
-
-
-@dataclass(frozen=True, slots=True)
-class Advanced:
-    """What came of a batch. Ledger counts as in specs/08-passes.md."""
-
-    leaving: dict[int, U32]
-    """Per node, uint32[n, 9]."""
-    created: int
-    retired: int
-    casts: int
-    shadow_casts: int
 
 
 class EmbreeTracer:
@@ -59,8 +48,10 @@ class EmbreeTracer:
         self._out = np.empty((3 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._owners = np.empty(3 * CHUNK_RAYS, np.int32)
 
-    def route(self, rays: U32) -> dict[int, U32]:
-        """Group new rays by the node that casts them first."""
+    def generate(self, first_path: int, count: int) -> dict[int, U32]:
+        """See `Tracer`. What misses the job's box altogether stays here, to see the sky."""
+        rays = np.empty((count, RAY_WORDS), np.uint32)
+        generate_pass(self._job, np.int64(first_path), rays)
         owners = np.empty(len(rays), np.int32)
         self._find_owners(rays, owners)
         return self._grouped(rays, owners, len(rays))

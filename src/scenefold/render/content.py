@@ -1,0 +1,176 @@
+"""From a scene's records to the arrays of one node: which groups it holds, and the arrays that kernels read.
+
+A node holds every (instance, group) pair whose world box meets its cell, grown by two steps of t_done: so it
+finds every hit up to the step to which it certifies a ray (specs/07-rays.md). Textures are held where a held
+triangle wears them. Pure: payloads come in, arrays go out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenefold.base.rays import T_DONE_STEPS
+from scenefold.partition import Partition
+from scenefold.render.arrays import F64, I64, U8, MaterialColumn, SceneArrays, TextureColumn
+from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
+from scenefold.render.setup_kernels import linear_of_srgb
+from scenefold.scene.payloads.geometry import GeometryAtom
+from scenefold.scene.payloads.tiles import TextureTile
+from scenefold.scene.tables import SceneTables, instance_groups
+
+_DILATION_STEPS = 2.0
+_ROUNDING = 1e-6
+"""Of the box's diagonal: what single precision may move a hit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """What one node holds: groups in ascending order, and instances other than 0."""
+
+    groups: tuple[int, ...]
+    instances: tuple[int, ...]
+    pairs: int
+    """(instance, group) pairs that meet the cell."""
+    instanced_triangles: int
+    """Triangles of those pairs."""
+
+
+def pair_boxes(tables: SceneTables) -> tuple[I64, I64, F64, F64]:
+    """All (instance, group) pairs and their world boxes: instances, groups, low f64[m, 3], high f64[m, 3]."""
+    instances, groups = instance_groups(tables.groups, tables.instances)
+    low, high = tables.groups.low[groups].astype(np.float64), tables.groups.high[groups].astype(np.float64)
+    matrices = tables.instances.matrices[instances].astype(np.float64)
+    centre, half = (low + high) * 0.5, (high - low) * 0.5
+    turned = (matrices[:, :, :3] * centre[:, None, :]).sum(axis=2) + matrices[:, :, 3]
+    reach = (np.abs(matrices[:, :, :3]) * half[:, None, :]).sum(axis=2)
+    slack = 1e-6 * (np.abs(turned) + reach)
+    return instances, groups, turned - reach - slack, turned + reach + slack
+
+
+def share_of(tables: SceneTables, partition: Partition, me: int) -> Share:
+    """What node `me` of a partition must hold."""
+    instances, groups, low, high = pair_boxes(tables)
+    step = diagonal_of(*job_box(tables)) * (_DILATION_STEPS / T_DONE_STEPS + _ROUNDING)
+    mine = partition.overlaps(low, high, step)[me]
+    return Share(
+        tuple(int(group) for group in np.unique(groups[mine])),
+        tuple(int(instance) for instance in np.unique(instances[mine]) if instance != 0),
+        int(mine.sum()),
+        int(tables.groups.triangles[groups[mine]].sum()),
+    )
+
+
+def scene_arrays(
+    tables: SceneTables,
+    atoms: Mapping[int, Sequence[GeometryAtom]],
+    tiles: Mapping[int, Sequence[TextureTile]],
+) -> SceneArrays:
+    """The kernels' arrays over the held groups' atoms and the held textures' tiles."""
+    vertex_count = sum(len(atom.positions) for group in atoms.values() for atom in group)
+    triangle_count = sum(len(atom.triangles) for group in atoms.values() for atom in group)
+    # Embree reads four floats per vertex, so one row follows the last vertex.
+    vertices = np.zeros((vertex_count + 1, 3), np.float32)[:vertex_count]
+    normals = np.zeros((vertex_count, 3), np.float32)
+    uvs = np.zeros((vertex_count, 2), np.float32)
+    triangles = np.empty((triangle_count, 3), np.uint32)
+    triangle_material = np.empty(triangle_count, np.uint16)
+    group_first = np.full(len(tables.groups), -1, np.int64)
+    vertex = triangle = 0
+    for group in sorted(atoms):
+        group_first[group] = triangle
+        for atom in atoms[group]:
+            vertex_end, triangle_end = vertex + len(atom.positions), triangle + len(atom.triangles)
+            vertices[vertex:vertex_end] = atom.positions
+            if atom.normals is not None:
+                normals[vertex:vertex_end] = atom.normals
+            if atom.uvs is not None:
+                uvs[vertex:vertex_end] = atom.uvs
+            triangles[triangle:triangle_end] = atom.triangles + np.uint32(vertex)
+            triangle_material[triangle:triangle_end] = atom.materials
+            vertex, triangle = vertex_end, triangle_end
+    matrices = tables.instances.matrices.astype(np.float64)
+    texture_rows, texels = _textures(tables, tiles)
+    lights = tables.lights
+    return SceneArrays(
+        vertices,
+        normals,
+        uvs,
+        triangles,
+        triangle_material,
+        group_first,
+        matrices,
+        _normal_matrices(matrices),
+        material_rows(tables),
+        texture_rows,
+        texels,
+        linear_of_srgb(),
+        np.ascontiguousarray(lights.corners),
+        np.ascontiguousarray(lights.emission),
+        lights.two_sided.astype(np.uint8),
+        np.ascontiguousarray(lights.threshold),
+        np.ascontiguousarray(lights.alias),
+        punctual_rows(tables),
+    )
+
+
+def worn_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom]]) -> list[int]:
+    """The textures that the held triangles wear, ascending."""
+    used: set[int] = set()
+    for group in atoms.values():
+        for atom in group:
+            used.update(int(material) for material in np.unique(atom.materials))
+    worn = set()
+    for number in used:
+        material = tables.materials[number]
+        worn.update({material.base_color_texture, material.metallic_roughness_texture})
+    return sorted(texture for texture in worn if texture >= 0)
+
+
+def material_rows(tables: SceneTables) -> F64:
+    """`SceneArrays.materials`. Emission is rounded to f32, as the light table has it."""
+    rows = np.zeros((max(len(tables.materials), 1), MaterialColumn.WIDTH))
+    for row, material in zip(rows, tables.materials, strict=False):
+        row[MaterialColumn.BASE : MaterialColumn.BASE + 4] = material.base_color
+        row[MaterialColumn.METALLIC], row[MaterialColumn.ROUGHNESS] = material.metallic, material.roughness
+        row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] = np.array(material.emissive, np.float32)
+        row[MaterialColumn.TRANSMISSION], row[MaterialColumn.IOR] = material.transmission, material.ior
+        row[MaterialColumn.DOUBLE_SIDED] = float(material.double_sided)
+        row[MaterialColumn.ALPHA_MODE], row[MaterialColumn.ALPHA_CUTOFF] = float(material.alpha_mode), material.alpha_cutoff
+        row[MaterialColumn.BASE_TEXTURE] = material.base_color_texture
+        row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] = material.metallic_roughness_texture
+        row[MaterialColumn.WRAP_S], row[MaterialColumn.WRAP_T] = float(material.wrap_s), float(material.wrap_t)
+        row[MaterialColumn.NEAREST] = float(material.nearest)
+    return rows
+
+
+def _normal_matrices(matrices: F64) -> F64:
+    """Cofactor matrices f64[n, 3, 3] of the rotations: inverse transposes up to scale, with the sign of the determinant."""
+    a = matrices[:, :, :3]
+    rows = np.empty_like(a)
+    for row in range(3):
+        rows[:, row] = np.cross(a[:, (row + 1) % 3], a[:, (row + 2) % 3])
+    determinant = (a[:, 0] * rows[:, 0]).sum(axis=1)
+    rows *= np.where(determinant < 0.0, -1.0, 1.0)[:, None, None]
+    return np.ascontiguousarray(rows)
+
+
+def _textures(tables: SceneTables, tiles: Mapping[int, Sequence[TextureTile]]) -> tuple[I64, U8]:
+    rows = np.zeros((len(tables.textures), TextureColumn.WIDTH), np.int64)
+    rows[:, TextureColumn.OFFSET] = -1
+    size = sum(tables.textures[texture].width * tables.textures[texture].height * 4 for texture in tiles)
+    texels: npt.NDArray[np.uint8] = np.zeros(size, np.uint8)
+    offset = 0
+    for number in sorted(tiles):
+        texture = tables.textures[number]
+        end = offset + texture.width * texture.height * 4
+        image = texels[offset:end].reshape(texture.height, texture.width, 4)
+        for tile in tiles[number]:
+            left, upper, right, lower = texture.tile_box(tile.tile)
+            image[upper:lower, left:right] = tile.pixels
+        rows[number] = offset, texture.width, texture.height, int(texture.srgb)
+        offset = end
+    return rows, texels

@@ -1,0 +1,100 @@
+"""What a renderer is: the contract between a job and the code that finds its light (specs/09-renderer-contract.md).
+
+A renderer is a class without arguments, named by an entry point of the group `scenefold.renderers`. For each
+job a node opens it on what the node holds, and gets tracers: one for each thread. A tracer is handed batches of
+rays (uint32[n, 9], base/rays.py) in its node's cell, adds to integer sums what they contribute, and gives
+back those that leave. It knows no network, no clock and no other node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Protocol
+
+from scenefold.base.errors import LocalFault
+from scenefold.partition import Partition
+from scenefold.render.arrays import U32, JobNumbers, SceneArrays
+from scenefold.render.pass_sums import PassSums
+
+ENTRY_POINTS = "scenefold.renderers"
+
+
+@dataclass(frozen=True, slots=True)
+class HeldGroup:
+    """A group in `SceneArrays`: its number, its prototype and how many triangles it has."""
+
+    group: int
+    prototype: int
+    triangles: int
+
+
+@dataclass(frozen=True, slots=True)
+class HeldScene:
+    """What one node holds for a job."""
+
+    arrays: SceneArrays
+    groups: tuple[HeldGroup, ...]
+    instances: tuple[tuple[int, int], ...]
+    """(instance, prototype) from instance 1 on; matrices are in `arrays`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advanced:
+    """What came of a batch (counts for the ledger: specs/08-passes.md)."""
+
+    leaving: dict[int, U32]
+    """By node index, uint32[n, 9]."""
+    created: int
+    retired: int
+    casts: int
+    """Rays cast, one a visit of this cell: the node's work."""
+    shadow_casts: int
+
+
+class Tracer(Protocol):
+    """Traces in one thread. Calls come from one thread at a time and must release the GIL while they compute."""
+
+    def generate(self, first_path: int, count: int) -> dict[int, U32]:
+        """The camera rays of paths first_path .. first_path + count - 1, by the node that casts them first."""
+        ...
+
+    def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
+        """Trace rays of one pass until each has ended or left this cell. `sums` is added to.
+
+        Bits of the sums depend on the rays and the scene alone: not on the batch, the order, or the cell.
+        """
+        ...
+
+
+class OpenScene(Protocol):
+    """A renderer opened on what a node holds."""
+
+    def tracers(self, count: int) -> list[Tracer]:
+        """As many tracers as there are threads."""
+        ...
+
+    def close(self) -> None:
+        """Free everything; no tracer is used any more."""
+        ...
+
+
+class Renderer(Protocol):
+    """What an entry point of the group names."""
+
+    def numeric_class(self) -> str:
+        """Nodes with equal classes give equal bits; a job is refused by a node of another class."""
+        ...
+
+    def open(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> OpenScene:
+        """Build what tracing needs (trees, tables). Called in a worker thread; LocalFault if it cannot be."""
+        ...
+
+
+def load_renderer(name: str) -> Renderer:
+    """The installed renderer of this name; LocalFault if there is none."""
+    for entry in metadata.entry_points(group=ENTRY_POINTS, name=name):
+        renderer: Renderer = entry.load()()
+        return renderer
+    known = sorted(entry.name for entry in metadata.entry_points(group=ENTRY_POINTS))
+    raise LocalFault(f"there is no renderer {name!r}", remedy=f"install it, or choose one of: {', '.join(known) or 'none'}")

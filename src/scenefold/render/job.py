@@ -1,0 +1,160 @@
+"""A job: everything that decides the bits of an image, as one document that all its nodes get (rendering.md).
+
+`RenderOptions` is what a user asks for. The node that organises the job turns it into a `Job`: the scene
+and the key to read it with, the camera as numbers, the nodes in line order and the partition. The document is
+plain values only, packed by the wire's strict codec, so its bytes are equal wherever it is packed.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.errors import PeerFault, UsageFault
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.limits import NODES_MAX
+from scenefold.partition import Partition
+from scenefold.render.passes import PassPlan
+from scenefold.wire import pack_value, unpack_value
+
+ALGORITHMS = ("bounded-radial", "voronoi")
+SIDE_MAX = 16_384
+SAMPLES_MAX = 1 << 20
+DEPTH_MAX = 32
+SYMMETRIC_KEY_BYTES = 24
+_CAMERA_NUMBERS = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderOptions:
+    """What a user asks of a render. `check()` says what is wrong with it."""
+
+    width: int = 640
+    height: int = 360
+    samples: int = 64
+    """Paths per pixel."""
+    seed: int = 1
+    depth: int = 8
+    """Segments of a path at most, the camera ray being the first."""
+    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Radiance of the constant environment, linear."""
+    camera: str | None = None
+    """Name of one of the scene's cameras; None: its default."""
+    algorithm: str = "bounded-radial"
+
+    def check(self) -> None:
+        """UsageFault naming the first option that is out of range."""
+        bounds = (
+            ("width", self.width, 1, SIDE_MAX),
+            ("height", self.height, 1, SIDE_MAX),
+            ("samples", self.samples, 1, SAMPLES_MAX),
+            ("seed", self.seed, 0, 2**63 - 1),
+            ("depth", self.depth, 1, DEPTH_MAX),
+        )
+        for name, value, least, most in bounds:
+            if not least <= value <= most:
+                raise UsageFault(f"{name} is {value}", remedy=f"give a whole number from {least} to {most}")
+        if len(self.sky) != 3 or not all(0.0 <= channel <= 1e9 for channel in self.sky):
+            raise UsageFault("the sky is no colour", remedy="give three numbers from 0 to 1e9, as in 0.5,0.6,0.7")
+        if self.algorithm not in ALGORITHMS:
+            raise UsageFault(f"there is no algorithm {self.algorithm!r}", remedy=f"choose one of {', '.join(ALGORITHMS)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A job as its nodes know it."""
+
+    id: int
+    scene: SceneId
+    genesis: bytes
+    symmetric_key: bytes
+    """Of the scene: taking part in a job is what lets a node read the scene, for as long as the job lasts."""
+    key_epoch: int
+    content: bytes
+    """SHA-256 of the scene's tables, so that all nodes render the same content or none."""
+    numeric_class: str
+    width: int
+    height: int
+    samples: int
+    seed: int
+    frame: int
+    depth: int
+    sky: tuple[float, float, float]
+    camera: tuple[float, ...]
+    """16 numbers as in `JobNumbers.camera`."""
+    nodes: tuple[NodeId, ...]
+    """In line order; a node's index here is its index in the partition."""
+    partition: Partition
+
+    @property
+    def plan(self) -> PassPlan:
+        """The job's passes."""
+        return PassPlan(self.id, self.width * self.height * self.samples)
+
+    def to_bytes(self) -> bytes:
+        """The packed document."""
+        return pack_value(
+            {
+                "id": self.id,
+                "scene": int(self.scene),
+                "genesis": self.genesis,
+                "symmetric_key": self.symmetric_key,
+                "key_epoch": self.key_epoch,
+                "content": self.content,
+                "numeric_class": self.numeric_class,
+                "size": [self.width, self.height],
+                "samples": self.samples,
+                "seed": self.seed,
+                "frame": self.frame,
+                "depth": self.depth,
+                "sky": struct.pack("<3d", *self.sky),
+                "camera": struct.pack(f"<{_CAMERA_NUMBERS}d", *self.camera),
+                "nodes": [int(node) for node in self.nodes],
+                "partition": self.partition.to_document(),
+            }
+        )
+
+    @classmethod
+    def from_bytes(cls, payload: bytes) -> Job:
+        """The job of a packed document; PeerFault if it is none."""
+        document = unpack_value(payload, what="a job")
+        try:
+            return cls._from_map(document)
+        except (KeyError, TypeError, ValueError, struct.error) as error:
+            raise PeerFault("a job's document is ill-formed", where=f"{type(error).__name__}: {error}") from error
+
+    @classmethod
+    def _from_map(cls, document: Any) -> Job:
+        width, height = (int(side) for side in document["size"])
+        job = cls(
+            id=int(document["id"]),
+            scene=SceneId(int(document["scene"])),
+            genesis=bytes(document["genesis"]),
+            symmetric_key=bytes(document["symmetric_key"]),
+            key_epoch=int(document["key_epoch"]),
+            content=bytes(document["content"]),
+            numeric_class=str(document["numeric_class"]),
+            width=width,
+            height=height,
+            samples=int(document["samples"]),
+            seed=int(document["seed"]),
+            frame=int(document["frame"]),
+            depth=int(document["depth"]),
+            sky=struct.unpack("<3d", document["sky"]),
+            camera=struct.unpack(f"<{_CAMERA_NUMBERS}d", document["camera"]),
+            nodes=tuple(NodeId(int(node)) for node in document["nodes"]),
+            partition=Partition.from_document(document["partition"]),
+        )
+        within = (
+            0 < job.width <= SIDE_MAX
+            and 0 < job.height <= SIDE_MAX
+            and 0 < job.samples <= SAMPLES_MAX
+            and 0 < job.depth <= DEPTH_MAX
+            and 0 < len(job.nodes) <= NODES_MAX
+            and job.partition.nodes == len(job.nodes)
+            and len(job.symmetric_key) == SYMMETRIC_KEY_BYTES
+        )
+        if not within:
+            raise ValueError("a number is out of its range")
+        return job

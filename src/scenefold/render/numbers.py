@@ -1,0 +1,101 @@
+"""A job's numbers for the kernels, from its document and the scene's tables: equal on every node to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenefold.render.arrays import F64, JobNumbers, LightColumn
+from scenefold.render.bsdf_kernels import luminance
+from scenefold.render.generate_kernels import scattering_stride
+from scenefold.render.job import Job
+from scenefold.render.setup_kernels import emitter_power, sine_cosine
+from scenefold.scene.payloads.cameras import Camera
+from scenefold.scene.tables import SceneTables
+
+_BOX_MARGIN = 1e-4
+"""Of the box's diagonal: shadow rays that end at a far face pass everything before it."""
+_KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
+
+
+def camera_numbers(camera: Camera, width: int, height: int) -> tuple[float, ...]:
+    """The 16 numbers of `JobNumbers.camera`; the image's shape decides the horizontal angle."""
+    rotation = np.asarray(camera.matrix, np.float64)
+    if camera.kind == "perspective":
+        sine, cosine = sine_cosine(camera.yfov * 0.5)
+        half_height = float(sine / cosine)
+    else:
+        half_height = camera.ymag
+    half_width = half_height * width / height
+    position, right, up, back = rotation[:3, 3], rotation[:3, 0], rotation[:3, 1], rotation[:3, 2]
+    values = [*position, *right, *up, *(-back), half_width, half_height, 0.0 if camera.kind == "perspective" else 1.0, 0.0]
+    return tuple(float(value) for value in values)
+
+
+def job_box(tables: SceneTables) -> tuple[F64, F64]:
+    """The job's box: all geometry and all lights that have a place, and a little more. (low, high), f64[3] each."""
+    low, high = tables.document.world_low.copy(), tables.document.world_high.copy()
+    for light in tables.punctual:
+        if light.kind != "directional":
+            low, high = np.minimum(low, light.position), np.maximum(high, light.position)
+    margin = _BOX_MARGIN * diagonal_of(low, high)
+    return low - margin, high + margin
+
+
+def diagonal_of(low: F64, high: F64) -> float:
+    """The length of a box's diagonal."""
+    x, y, z = (float(value) for value in high - low)
+    return float(np.sqrt(x * x + y * y + z * z))
+
+
+def punctual_rows(tables: SceneTables) -> F64:
+    """`SceneArrays.punctual_lights`: chosen by the power that they can send into the job's box."""
+    low, high = job_box(tables)
+    radius = 0.5 * diagonal_of(low, high)
+    lights = [light for light in tables.punctual if max(light.color) > 0.0]
+    rows = np.zeros((len(lights), LightColumn.WIDTH))
+    powers = []
+    for row, light in zip(rows, lights, strict=True):
+        directional = light.kind == "directional"
+        row[LightColumn.KIND] = _KINDS[light.kind]
+        row[LightColumn.POSITION : LightColumn.POSITION + 3] = light.position
+        row[LightColumn.DIRECTION : LightColumn.DIRECTION + 3] = light.direction
+        row[LightColumn.COLOR : LightColumn.COLOR + 3] = light.color
+        row[LightColumn.COS_INNER] = sine_cosine(light.inner_cone)[1]
+        row[LightColumn.COS_OUTER] = sine_cosine(light.outer_cone)[1]
+        powers.append(float(luminance(*light.color)) * (radius * radius if directional else 4.0))
+    total = sum(powers)
+    for row, power in zip(rows, powers, strict=True):
+        row[LightColumn.PROBABILITY] = power / total
+    return rows
+
+
+def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
+    """The kernels' view of a job."""
+    low, high = job_box(tables)
+    power = float(emitter_power(tables.lights.corners.copy(), tables.lights.emission.copy()))
+    present = (max(job.sky) > 0.0, any(max(light.color) > 0.0 for light in tables.punctual), power > 0.0)
+    choose_sky, choose_punctual, choose_emitter = _choices(*present)
+    return JobNumbers(
+        box_low=low,
+        box_high=high,
+        sky=np.array(job.sky, np.float64),
+        choose_sky=choose_sky,
+        choose_punctual=choose_punctual,
+        choose_emitter=choose_emitter,
+        inverse_emitter_power=1.0 / power if power > 0.0 else 0.0,
+        camera=np.array(job.camera, np.float64),
+        seed=job.seed,
+        frame=job.frame,
+        width=job.width,
+        height=job.height,
+        samples=job.samples,
+        depth=job.depth,
+        stride=scattering_stride(job.width * job.height),
+    )
+
+
+def _choices(sky: bool, punctual: bool, emitters: bool) -> tuple[float, float, float]:
+    """How often next-event estimation asks each kind of light: evenly among the kinds that there are."""
+    kinds = sky + punctual + emitters
+    share = 1.0 / kinds if kinds else 0.0
+    return share * sky, share * punctual, share * emitters

@@ -1,0 +1,40 @@
+"""The `embree` renderer: the contract's three parts put together."""
+
+from __future__ import annotations
+
+from scenefold.partition import Partition
+from scenefold.render.arrays import JobNumbers
+from scenefold.render.contract import HeldScene, Tracer
+from scenefold.render.renderers.embree import library
+from scenefold.render.renderers.embree.geometry import HeldGeometry
+from scenefold.render.renderers.embree.tracer import EmbreeTracer
+
+
+class EmbreeScene:
+    """Trees over what a node holds, and the tracers that share them."""
+
+    def __init__(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> None:
+        self._held, self._numbers, self._partition, self._me = held, numbers, partition, me
+        self._geometry = HeldGeometry(held)
+
+    def tracers(self, count: int) -> list[Tracer]:
+        """See `OpenScene`."""
+        return [
+            EmbreeTracer(self._held.arrays, self._geometry, self._numbers, self._partition, self._me) for _ in range(count)
+        ]
+
+    def close(self) -> None:
+        """See `OpenScene`."""
+        self._geometry.close()
+
+
+class EmbreeRenderer:
+    """Spatially partitioned path tracing with Embree; equal bits within its numeric class."""
+
+    def numeric_class(self) -> str:
+        """See `Renderer`."""
+        return library.numeric_class()
+
+    def open(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
+        """See `Renderer`."""
+        return EmbreeScene(held, numbers, partition, me)
