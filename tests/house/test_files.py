@@ -50,3 +50,10 @@ def test_no_file_holds(pattern: re.Pattern[str], why: str) -> None:
         if pattern.search(line)
     ]
     assert found == [], why
+
+
+@pytest.mark.parametrize("path", [path for path in text_files() if path.suffix == ".md"], ids=name)
+def test_links_lead_somewhere(path: Path) -> None:
+    text = re.sub(r"```.*?```|`[^`]*`", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    targets = [target.split("#")[0] for target in re.findall(r"(?<!!)\[[^\]]+\]\(([^)\s]+)\)", text) if "://" not in target]
+    assert [target for target in targets if target and not (path.parent / target).exists()] == []
