@@ -1,1 +1,92 @@
+"""The seam to the outside, and what services talk through: ports, channels, links (specs/04-world.md).
 
+Names that need the wire load on first use, so that `import scenefold.world` stays cheap.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from scenefold.world.ports import (
+    Clock,
+    Connection,
+    ConnectionLost,
+    Datagrams,
+    Disk,
+    DiskFailed,
+    DiskFull,
+    DiskSpace,
+    Endpoint,
+    Entropy,
+    Environment,
+    Network,
+    Ports,
+    Priority,
+    ReadTransaction,
+    Workers,
+    World,
+    WriteTransaction,
+)
+
+if TYPE_CHECKING:
+    from scenefold.world.channel import Channel, open_channel
+    from scenefold.world.links import Links, open_links
+    from scenefold.world.quiet import QuietLog
+    from scenefold.world.real import DEFAULT_LANES, offline_world, real_world
+    from scenefold.world.serving import Handler, serve_connection
+    from scenefold.world.tasks import background_tasks
+
+_LATE = {
+    "Channel": "channel",
+    "open_channel": "channel",
+    "Links": "links",
+    "open_links": "links",
+    "QuietLog": "quiet",
+    "DEFAULT_LANES": "real",
+    "offline_world": "real",
+    "real_world": "real",
+    "Handler": "serving",
+    "serve_connection": "serving",
+    "background_tasks": "tasks",
+}
+
+__all__ = [
+    "DEFAULT_LANES",
+    "Channel",
+    "Clock",
+    "Connection",
+    "ConnectionLost",
+    "Datagrams",
+    "Disk",
+    "DiskFailed",
+    "DiskFull",
+    "DiskSpace",
+    "Endpoint",
+    "Entropy",
+    "Environment",
+    "Handler",
+    "Links",
+    "Network",
+    "Ports",
+    "Priority",
+    "QuietLog",
+    "ReadTransaction",
+    "Workers",
+    "World",
+    "WriteTransaction",
+    "background_tasks",
+    "offline_world",
+    "open_channel",
+    "open_links",
+    "real_world",
+    "serve_connection",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_LATE[name]}"), name)
+    globals()[name] = value
+    return value

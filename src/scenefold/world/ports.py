@@ -221,7 +221,7 @@ class Environment(Protocol):
 class Disk(Protocol):
     """Folders with ordered tables, each open in one process at a time."""
 
-    def open(self, folder: Path, tables: Sequence[str]) -> Environment:
+    def open(self, folder: Path, tables: Sequence[str], /) -> Environment:
         """Open a folder, made if need be. LocalFault if it is in use, no folder, unwritable or no store of ours."""
         ...
 

@@ -1,0 +1,201 @@
+"""The door to LMDB (port `Disk`; specs/10-store.md).
+
+One folder is one LMDB environment with a named table for each of ours. Every commit is synced. The map begins small
+(a process may run under a limit of address space) and doubles when it is full: all transactions end, the environment
+is closed and opened again with a larger map, and the change runs anew. Opening again, rather than resizing in place,
+leaves a way back if the larger map cannot be had.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar, cast
+
+import lmdb
+
+from scenefold.base.errors import LocalFault
+from scenefold.store.folder import FolderLock
+from scenefold.store.gate import Gate
+from scenefold.world.ports import DiskFailed, DiskFull, DiskSpace, ReadTransaction, WriteTransaction
+
+T = TypeVar("T")
+
+DATA_NAME = "data.mdb"
+MAP_BYTES_FIRST = 64 * 1024 * 1024
+MAP_BYTES_MAX = 1 << 46
+READERS_MAX = 126
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class LmdbDisk:
+    """Opens folders as LMDB environments."""
+
+    def __init__(self, *, map_bytes_first: int = MAP_BYTES_FIRST) -> None:
+        self._map_bytes_first = map_bytes_first
+
+    def open(self, folder: Path, tables: Sequence[str]) -> LmdbEnvironment:
+        lock = FolderLock(folder)
+        try:
+            return LmdbEnvironment(folder, tables, lock, self._map_bytes_first)
+        except BaseException:
+            lock.release()
+            raise
+
+
+class LmdbEnvironment:
+    """An open folder (port `Environment`)."""
+
+    def __init__(self, folder: Path, tables: Sequence[str], lock: FolderLock, map_bytes: int) -> None:
+        self._folder = folder
+        self._names = tuple(tables)
+        self._lock = lock
+        self._gate = Gate()
+        # A map twice the file leaves room for the first changes after a start.
+        self._map_bytes = max(map_bytes, 2 * _file_bytes(folder))
+        self._failed: str | None = None
+        try:
+            self._open()
+        except lmdb.Error as error:
+            raise _opening_fault(error, folder) from error
+
+    def _open(self) -> None:
+        env = lmdb.open(
+            str(self._folder),
+            map_size=self._map_bytes,
+            max_dbs=len(self._names) + 8,
+            max_readers=READERS_MAX,
+            mode=0o600,
+            create=True,
+        )
+        try:
+            self._tables = {name: env.open_db(name.encode()) for name in self._names}
+        except BaseException:
+            env.close()
+            raise
+        self._env = env
+
+    @contextmanager
+    def read(self) -> Iterator[ReadTransaction]:
+        with self._gate.shared(), self._env.begin(buffers=True) as transaction:
+            yield _Transaction(transaction, self._tables)
+
+    def update(self, change: Callable[[WriteTransaction], T]) -> T:
+        while True:
+            if self._failed is not None:
+                raise DiskFailed(self._failed)
+            try:
+                return self._commit(change)
+            except lmdb.MapFullError:
+                self._grow()
+            except lmdb.Error as error:
+                raise self._why(error) from error
+
+    def _commit(self, change: Callable[[WriteTransaction], T]) -> T:
+        with self._gate.shared(), self._env.begin(write=True, buffers=True) as transaction:
+            return change(_Transaction(transaction, self._tables))
+
+    def _why(self, error: lmdb.Error) -> Exception:
+        if is_full(error):
+            return DiskFull(f"no room on the disk of {self._folder}")
+        # After a failed sync the kernel may have dropped the pages, and the next sync would wrongly succeed. So
+        # nothing is written from here on; what was acknowledged before is on the disk.
+        self._failed = f"the disk of {self._folder} failed: {error}"
+        return DiskFailed(self._failed)
+
+    def _grow(self) -> None:
+        if self._map_bytes * 2 > MAP_BYTES_MAX:
+            raise DiskFull(f"the store in {self._folder} has reached its greatest size")
+        with self._gate.alone():
+            self._env.close()
+            smaller, self._map_bytes = self._map_bytes, self._map_bytes * 2
+            try:
+                self._open()
+            except (lmdb.Error, OSError) as error:
+                self._map_bytes = smaller
+                self._open()
+                raise DiskFull(f"no room in memory for a map of {2 * smaller} bytes of {self._folder}") from error
+
+    def space(self) -> DiskSpace:
+        """From the tables' page counts and the file system; touches no data."""
+        with self._gate.shared():
+            info = self._env.info()
+            page_bytes = int(self._env.stat()["psize"])
+            with self._env.begin() as transaction:
+                stats = [transaction.stat(table) for table in self._tables.values()]
+            live = sum(int(s["branch_pages"] + s["leaf_pages"] + s["overflow_pages"]) for s in stats) * page_bytes
+            file_bytes = (int(info["last_pgno"]) + 1) * page_bytes
+        files = os.statvfs(self._folder)
+        return DiskSpace(
+            used=live,
+            reusable=max(0, file_bytes - live),
+            free=files.f_bavail * files.f_frsize,
+            total=files.f_blocks * files.f_frsize,
+        )
+
+    def close(self) -> None:
+        with self._gate.alone():
+            self._failed = f"the store in {self._folder} is closed"
+            self._env.close()
+            self._lock.release()
+
+
+class _Transaction:
+    """An LMDB transaction in our words."""
+
+    def __init__(self, transaction: lmdb.Transaction, tables: dict[str, lmdb._Database]) -> None:
+        self._transaction = transaction
+        self._tables = tables
+
+    def get(self, table: str, key: bytes) -> memoryview | None:
+        return cast("memoryview | None", self._transaction.get(key, db=self._tables[table]))
+
+    def keys(self, table: str, first: bytes, last: bytes) -> Iterator[bytes]:
+        with self._transaction.cursor(self._tables[table]) as cursor:
+            if cursor.set_range(first):
+                for key in cursor.iternext(keys=True, values=False):
+                    found = bytes(key)
+                    if found > last:
+                        return
+                    yield found
+
+    def scan(self, table: str, first: bytes, last: bytes) -> Iterator[tuple[bytes, memoryview]]:
+        with self._transaction.cursor(self._tables[table]) as cursor:
+            if cursor.set_range(first):
+                for key, value in cursor.iternext():
+                    found = bytes(key)
+                    if found > last:
+                        return
+                    yield found, cast(memoryview, value)
+
+    def put(self, table: str, key: bytes, value: bytes) -> None:
+        self._transaction.put(key, value, db=self._tables[table])
+
+    def delete(self, table: str, key: bytes) -> bool:
+        return self._transaction.delete(key, db=self._tables[table])
+
+
+def is_full(error: lmdb.Error) -> bool:
+    """Whether LMDB's error says that there is no room: ENOSPC, a quota, or a limit of file size."""
+    text = str(error).lower()
+    return isinstance(error, lmdb.DiskError) or any(os.strerror(number).lower() in text for number in _NO_ROOM)
+
+
+def _file_bytes(folder: Path) -> int:
+    path = folder / DATA_NAME
+    return path.stat().st_size if path.exists() else 0
+
+
+def _opening_fault(error: lmdb.Error, folder: Path) -> LocalFault:
+    if is_full(error):
+        return LocalFault("the disk of the data folder is full", where=str(folder), remedy="free some space there")
+    if isinstance(error, lmdb.ReadonlyError):
+        remedy = "give this user write permission, or choose another folder"
+        return LocalFault("the data folder cannot be written", where=str(folder), remedy=remedy)
+    if isinstance(error, lmdb.InvalidError | lmdb.CorruptedError | lmdb.VersionMismatchError):
+        remedy = "restore it from its copies on other nodes into an empty folder"
+        return LocalFault(f"{DATA_NAME} there is damaged, or no store", where=str(folder), remedy=remedy)
+    return LocalFault(f"the store cannot be opened: {error}", where=str(folder), remedy="choose another folder")

@@ -1,0 +1,148 @@
+"""Group commit: changes that arrive while a commit is being synced share the next one.
+
+One task takes changes from a bounded queue and hands a batch at a time to the writing thread. A sync costs about the
+same for one record as for a hundred, so under load the batches grow by themselves, and a lone put waits for nobody.
+A caller hears of its change only once the commit is durable.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, cast
+
+import trio
+
+from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.store.changes import Change
+from scenefold.store.statistics import Counts, SpaceAddress, Tally
+from scenefold.world.ports import DiskFailed, DiskFull, Environment, Workers, WriteTransaction
+
+R = TypeVar("R")
+
+_log = logging.getLogger("scenefold.store")
+
+
+@dataclass(slots=True, eq=False)
+class _Waiting:
+    """A caller and its change. `answer` is set before `done`; an exception in it is raised."""
+
+    change: Change[Any]
+    done: trio.Event = field(default_factory=trio.Event)
+    answer: Any = None
+    abandoned: bool = False
+
+    def finish(self, answer: Any) -> None:
+        self.answer = answer
+        self.done.set()
+
+
+@dataclass(frozen=True, slots=True)
+class Committed:
+    """Answers in the order of the changes, and the new counts of the spaces that changed."""
+
+    answers: list[Any]
+    counts: dict[SpaceAddress, Counts]
+
+
+class GroupWriter:
+    """The store's only writer. `run` it in one task; `submit` from any number."""
+
+    def __init__(self, workers: Workers, environment: Environment, reserve_bytes: int) -> None:
+        self._workers = workers
+        self._environment = environment
+        self._reserve_bytes = reserve_bytes
+        self._entrance, self._exit = trio.open_memory_channel[_Waiting](STORE_QUEUE_CHANGES_MAX)
+        self.counts: dict[SpaceAddress, Counts] = {}
+
+    async def submit(self, change: Change[R]) -> R:
+        """Apply a change; returns when it is durable. Cancelled, the change may or may not happen."""
+        waiting = _Waiting(change)
+        try:
+            await self._entrance.send(waiting)
+        except (trio.BrokenResourceError, trio.ClosedResourceError):
+            raise _closing() from None
+        try:
+            await waiting.done.wait()
+        finally:
+            waiting.abandoned = True
+        if isinstance(waiting.answer, Exception):
+            raise waiting.answer
+        return cast(R, waiting.answer)
+
+    async def run(self) -> None:
+        """Commit until cancelled. A failing disk ends it with LocalFault: a node must not go on without one."""
+        batch: list[_Waiting] = []
+        try:
+            async for first in self._exit:
+                batch = [waiting for waiting in self._gather(first) if not waiting.abandoned]
+                committed = await self._workers.run(
+                    "store", commit, self._environment, [waiting.change for waiting in batch], self._reserve_bytes
+                )
+                self.counts.update(committed.counts)
+                for waiting, answer in zip(batch, committed.answers, strict=True):
+                    waiting.finish(answer)
+                batch = []
+        except DiskFailed as error:
+            _log.critical("%s", error)
+            raise LocalFault(str(error), remedy="see to the disk, then start the node again") from error
+        finally:
+            self._dismiss(batch)
+
+    def _gather(self, first: _Waiting) -> list[_Waiting]:
+        batch, size_bytes = [first], first.change.size_bytes
+        while size_bytes < STORE_BATCH_BYTES_MAX:
+            try:
+                waiting = self._exit.receive_nowait()
+            except (trio.WouldBlock, trio.EndOfChannel):
+                break
+            batch.append(waiting)
+            size_bytes += waiting.change.size_bytes
+        return batch
+
+    def _dismiss(self, batch: list[_Waiting]) -> None:
+        # Nothing here awaits, so no caller can slip in between; later ones find the entrance broken.
+        while True:
+            try:
+                batch.append(self._exit.receive_nowait())
+            except (trio.WouldBlock, trio.EndOfChannel):
+                break
+        self._exit.close()
+        for waiting in batch:
+            waiting.finish(_closing())
+
+
+def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_bytes: int) -> Committed:
+    """Apply changes in one synced transaction (in the writing thread). What has no room is answered, not raised."""
+    space = environment.space()
+    room_bytes = space.free + space.reusable - reserve_bytes
+    admitted = []
+    for change in changes:
+        fits = change.uses_reserve or change.size_bytes <= room_bytes
+        room_bytes -= change.size_bytes if fits else 0
+        admitted.append(fits)
+
+    def apply(transaction: WriteTransaction) -> Committed:
+        tally = Tally()
+        answers = [change.apply(transaction, tally) if fits else _full(change) for change, fits in zip(changes, admitted, strict=True)]
+        return Committed(answers, tally.write(transaction))
+
+    try:
+        return environment.update(apply)
+    except DiskFull as error:
+        _log.error("%s; %d changes refused", error, len(changes))
+        return Committed([_full(change) for change in changes], {})
+
+
+def _full(change: Change[Any]) -> Any:
+    try:
+        return change.when_full()
+    except Refused as refusal:
+        return refusal
+
+
+def _closing() -> Refused:
+    return Refused(RejectReason.NOT_READY, "the store is closing", remedy="try again once the node runs")

@@ -1,0 +1,100 @@
+"""Channels to the nodes that this process talks to, opened when needed and shared by all its tasks."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+import trio
+
+from scenefold.base.errors import Unreachable
+from scenefold.wire import Packet
+from scenefold.world.channel import Channel, open_channel
+from scenefold.world.ports import Network, Priority, World
+from scenefold.world.tasks import background_tasks
+
+Key = tuple[str, Priority]
+
+
+@dataclass(slots=True, eq=False)
+class _Link:
+    """One attempt to have a channel. All who ask meanwhile share it, and its failure."""
+
+    settled: trio.Event = field(default_factory=trio.Event)
+    channel: Channel | None = None
+    failure: Unreachable | None = None
+
+    @property
+    def is_usable(self) -> bool:
+        return not self.settled.is_set() or (self.channel is not None and self.channel.is_open)
+
+
+class Links:
+    """A pool of channels, one per address and priority; made by `open_links`."""
+
+    def __init__(self, network: Network, nursery: trio.Nursery) -> None:
+        self._network = network
+        self._nursery = nursery
+        self._links: dict[Key, _Link] = {}
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
+        """Ask the node at an address, connecting first if need be, within `timeout_s` seconds in all.
+
+        Errors are those of `Channel.request`. A request that failed may have been carried out.
+        """
+        with trio.move_on_after(timeout_s):
+            channel = await self._channel(address, priority)
+            return await channel.request(packet, timeout_s)
+        raise _too_slow(address, timeout_s)
+
+    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
+        """Send a packet that has no answer; it is on its way when this returns."""
+        with trio.move_on_after(timeout_s):
+            channel = await self._channel(address, priority)
+            await channel.send(packet)
+            return
+        raise _too_slow(address, timeout_s)
+
+    async def _channel(self, address: str, priority: Priority) -> Channel:
+        key = (address, priority)
+        link = self._links.get(key)
+        if link is None or not link.is_usable:
+            # The task belongs to the pool, so that a caller that gives up does not take the others' attempt along.
+            link = self._links[key] = _Link()
+            self._nursery.start_soon(self._keep, key, link)
+        await link.settled.wait()
+        if link.channel is None:
+            assert link.failure is not None
+            failure = link.failure
+            raise Unreachable(failure.what, where=failure.where, remedy=failure.remedy) from failure
+        return link.channel
+
+    async def _keep(self, key: Key, link: _Link) -> None:
+        """Connect, hold the channel as long as it lives, then forget it."""
+        address, priority = key
+        try:
+            connection = await self._network.connect(address, priority)
+            async with open_channel(connection, address) as channel:
+                link.channel = channel
+                link.settled.set()
+                await channel.closed.wait()
+        except Unreachable as error:
+            link.failure = error
+        finally:
+            if link.channel is None and link.failure is None:
+                link.failure = Unreachable("the connections of this process are closed", where=address)
+            link.settled.set()
+            if self._links.get(key) is link:
+                del self._links[key]
+
+
+@asynccontextmanager
+async def open_links(world: World) -> AsyncIterator[Links]:
+    """A pool that closes its channels at the end."""
+    async with background_tasks() as nursery:
+        yield Links(world.network, nursery)
+
+
+def _too_slow(address: str, timeout_s: float) -> Unreachable:
+    return Unreachable(f"the node does not answer within {timeout_s:g} s", where=address, remedy="see that it runs, then try again")

@@ -1,0 +1,139 @@
+"""TLS 1.3 over TCP, and UDP, on the two ports (port `Network`; design: wire, ports and carriers).
+
+A node listens on its own address. Each connection that arrives gets a task; the handshake in it is bounded in time
+and in number, and what fails there is logged once a minute a source. Only then does the service see a `Connection`.
+"""
+
+from __future__ import annotations
+
+import logging
+import ssl
+import time
+
+import trio
+
+from scenefold.base.errors import PeerFault, Unreachable
+from scenefold.base.ids import node_id_of
+from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, PENDING_HANDSHAKES_MAX
+from scenefold.crypto import Identity, client_context, server_context
+from scenefold.world.ports import ConnectionLost, Ports, Priority, Serve
+from scenefold.world.quiet import QuietLog
+from scenefold.world.real.binding import bind_fault
+from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
+from scenefold.world.real.handshakes import PendingHandshakes
+from scenefold.world.real.tls import TlsConnection, shake_hands
+
+_quiet = QuietLog(logging.getLogger("scenefold.world.network"))
+
+
+class RealNetwork:
+    """Sockets under the identity of one node or user."""
+
+    def __init__(self, identity: Identity, authority_cert: bytes, ports: Ports, *, handshake_s_max: float = HANDSHAKE_S_MAX) -> None:
+        self._server_context = server_context(identity, authority_cert)
+        self._client_context = client_context(identity, authority_cert)
+        self._ports = ports
+        self._handshake_s_max = handshake_s_max
+
+    async def listen(
+        self,
+        address: str,
+        priority: Priority,
+        serve: Serve,
+        *,
+        task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
+    ) -> None:
+        port = self._ports.number(priority)
+        try:
+            listeners = await trio.open_tcp_listeners(port, host=address)
+        except OSError as error:
+            raise bind_fault(error, "TCP", address, port) from error
+        door = _Door(self._server_context, serve, self._handshake_s_max)
+        async with trio.open_nursery() as nursery:
+            await nursery.start(trio.serve_listeners, door.receive, listeners)
+            task_status.started()
+
+    async def connect(self, address: str, priority: Priority) -> TlsConnection:
+        port = self._ports.number(priority)
+        where = f"{address}:{port}"
+        try:
+            with trio.fail_after(self._handshake_s_max):
+                connection = await self._connect(address, port)
+        except OSError as error:
+            raise _unreachable(where, error.strerror or str(error)) from error
+        except trio.TooSlowError:
+            raise _unreachable(where, f"no answer within {self._handshake_s_max:g} s") from None
+        except (ConnectionLost, PeerFault) as error:
+            raise _unreachable(where, str(error)) from error
+        expected = f"node:{node_id_of(address)}"
+        if connection.peer != expected:
+            await connection.aclose()
+            raise _unreachable(where, f"{connection.peer} answers there instead of {expected}")
+        return connection
+
+    async def _connect(self, address: str, port: int) -> TlsConnection:
+        socket = trio.socket.socket()
+        try:
+            await socket.connect((address, port))
+        except BaseException:
+            socket.close()
+            raise
+        stream = trio.SocketStream(socket)
+        try:
+            return await shake_hands(stream, self._client_context, server=False)
+        except BaseException:
+            await trio.aclose_forcefully(stream)
+            raise
+
+    async def open_datagrams(self, address: str | None, priority: Priority) -> RealDatagrams:
+        return await open_datagrams(address, priority, self._ports)
+
+
+class _Door:
+    """Lets authenticated peers in and keeps strangers from standing in their way."""
+
+    def __init__(self, context: ssl.SSLContext, serve: Serve, handshake_s_max: float) -> None:
+        self._context = context
+        self._serve = serve
+        self._handshake_s_max = handshake_s_max
+        self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
+        self._open = 0
+
+    async def receive(self, stream: trio.SocketStream) -> None:
+        """One TCP connection from its arrival to its end; the stream is closed in any case."""
+        try:
+            source = str(stream.socket.getpeername()[0])
+        except OSError:
+            return  # It was reset before we looked at it.
+        connection = await self._authenticate(stream, source)
+        if connection is None:
+            return
+        if self._open >= CONNECTIONS_MAX:
+            _quiet.say(time.monotonic(), source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
+            return
+        self._open += 1
+        try:
+            await self._serve(connection)
+        except ConnectionLost as error:
+            _quiet.say(time.monotonic(), source, "lost", f"{connection.peer}: {error}")
+        finally:
+            self._open -= 1
+            await connection.aclose()
+
+    async def _authenticate(self, stream: trio.SocketStream, source: str) -> TlsConnection | None:
+        why = f"made no TLS handshake within {self._handshake_s_max:g} s"
+        with trio.move_on_after(self._handshake_s_max) as scope:
+            self._pending.admit(scope, source)
+            try:
+                return await shake_hands(stream, self._context, server=True)
+            except (ConnectionLost, PeerFault, OSError) as error:
+                why = str(error)
+            finally:
+                self._pending.leave(scope)
+        _quiet.say(time.monotonic(), source, "stranger", f"connection refused: {why}")
+        return None
+
+
+def _unreachable(where: str, why: str) -> Unreachable:
+    remedy = "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
+    return Unreachable(f"no connection to the node: {why}", where=where, remedy=remedy)

@@ -1,0 +1,88 @@
+"""TLS connections over TCP (port `Connection`).
+
+Trio encrypts on its own thread. So that a frame of 8 MiB never holds it for long, data goes in pieces, with a
+chance for other tasks between any two.
+"""
+
+from __future__ import annotations
+
+import socket
+import ssl
+from typing import cast
+
+import trio
+
+from scenefold.base.errors import PeerFault
+from scenefold.crypto import peer_name
+from scenefold.world.ports import ConnectionLost
+
+SEND_PIECE_BYTES = 256 * 1024
+CLOSE_S_MAX = 1.0
+
+TlsStream = trio.SSLStream[trio.SocketStream]
+
+
+class TlsConnection:
+    """A connection whose handshake has ended."""
+
+    def __init__(self, stream: TlsStream, peer: str) -> None:
+        self._stream = stream
+        self.peer = peer
+
+    async def send(self, data: bytes | memoryview) -> None:
+        view = memoryview(data)
+        try:
+            for start in range(0, len(view), SEND_PIECE_BYTES):
+                await self._stream.send_all(view[start : start + SEND_PIECE_BYTES])
+        except (trio.BrokenResourceError, trio.ClosedResourceError) as error:
+            raise ConnectionLost(why_broken(error)) from error
+
+    async def receive(self, count_max: int) -> bytes:
+        try:
+            return bytes(await self._stream.receive_some(count_max))
+        except (trio.BrokenResourceError, trio.ClosedResourceError) as error:
+            raise ConnectionLost(why_broken(error)) from error
+
+    async def aclose(self) -> None:
+        # A peer that reads nothing must not keep us from closing: after a second the socket is closed hard. The
+        # shield lets a cancelled task still tell its peer that this is an orderly end.
+        with trio.move_on_after(CLOSE_S_MAX, shield=True):
+            try:
+                await self._stream.aclose()
+            except trio.BrokenResourceError:
+                return
+        await trio.lowlevel.checkpoint()
+
+
+async def shake_hands(stream: trio.SocketStream, context: ssl.SSLContext, *, server: bool) -> TlsConnection:
+    """The handshake on a fresh TCP stream; the caller bounds its time, and closes the stream if this raises.
+
+    ConnectionLost if the peer cuts it, or shows no certificate of our authority; PeerFault if it names no one.
+    """
+    stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    stream.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    secure: TlsStream = trio.SSLStream(stream, context, server_side=server)
+    try:
+        await secure.do_handshake()
+    except trio.BrokenResourceError as error:
+        raise ConnectionLost(why_broken(error)) from error
+    peer = peer_name(cast(ssl.SSLObject, secure))
+    if not peer:
+        raise PeerFault("the certificate names nobody")
+    return TlsConnection(secure, peer)
+
+
+def why_broken(error: Exception) -> str:
+    """What happened to a connection, in words, from the chain of causes that Trio and ssl leave."""
+    cause: BaseException = error
+    while cause.__cause__ is not None:
+        cause = cause.__cause__
+    if isinstance(cause, ssl.SSLCertVerificationError):
+        return f"its certificate is not valid here: {cause.verify_message}"
+    if isinstance(cause, ssl.SSLEOFError | ssl.SSLZeroReturnError | ssl.SSLSyscallError):
+        return "the connection was cut"
+    if isinstance(cause, ssl.SSLError):
+        return f"TLS failed: {(cause.reason or str(cause)).replace('_', ' ').lower()}"
+    if isinstance(cause, OSError):
+        return f"the connection failed: {cause.strerror or cause}"
+    return "the connection is closed" if isinstance(cause, trio.ClosedResourceError) else "the connection was cut"

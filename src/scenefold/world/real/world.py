@@ -1,0 +1,65 @@
+"""Assembles the real world from its parts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from scenefold.crypto import Identity
+from scenefold.world.ports import Disk, Environment, Network, Ports, World
+from scenefold.world.real.clock import RealClock
+from scenefold.world.real.entropy import RealEntropy
+from scenefold.world.real.workers import RealWorkers
+
+_CORES = os.cpu_count() or 1
+
+DEFAULT_LANES: Mapping[str, int] = {
+    "crypto": min(4, _CORES),
+    "store": 1,  # LMDB has one writer, and a lane of one is its queue.
+    "store-read": 2,
+    "render": _CORES,
+    "import": _CORES,
+}
+"""How many calls of a lane run at once."""
+
+
+def real_world(
+    identity: Identity,
+    authority_cert: bytes,
+    *,
+    ports: Ports | None = None,
+    disk: Disk | None = None,
+    lanes: Mapping[str, int] | None = None,
+) -> World:
+    """The world of one node, or of a client (which needs no disk), under its identity.
+
+    `lanes` overrides entries of DEFAULT_LANES. The disk comes from a floor above: `scenefold.store.LmdbDisk()`.
+    """
+    from scenefold.world.real.network import RealNetwork
+
+    return _world(RealNetwork(identity, authority_cert, ports or Ports()), disk, lanes)
+
+
+def offline_world(*, disk: Disk | None = None, lanes: Mapping[str, int] | None = None) -> World:
+    """A world without a network, for work on one data folder (measurements, checks)."""
+    return _world(_NoNetwork(), disk, lanes)
+
+
+def _world(network: Network, disk: Disk | None, lanes: Mapping[str, int] | None) -> World:
+    workers = RealWorkers({**DEFAULT_LANES, **(lanes or {})})
+    return World(RealClock(), RealEntropy(), workers, network, disk or _NoDisk())
+
+
+class _NoNetwork:
+    async def listen(self, *_: object, **__: object) -> NoReturn:
+        raise AssertionError("this world has no network")
+
+    connect = listen
+    open_datagrams = listen
+
+
+class _NoDisk:
+    def open(self, _folder: Path, _tables: Sequence[str], /) -> Environment:
+        raise AssertionError("this world has no disk")

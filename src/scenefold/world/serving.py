@@ -1,0 +1,170 @@
+"""Many requests on one connection, the answering side.
+
+Each packet that arrives is handled in a task of its own, a bounded number and a bounded volume at a time; beyond that
+nothing more is read, so the peer's sending stops by itself. What goes wrong with one request is answered with a Fault;
+what breaks the framing ends the connection, after a Fault that says so.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+import trio
+
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.limits import REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
+from scenefold.world.outbox import Outbox
+from scenefold.world.ports import Connection, ConnectionLost
+from scenefold.world.quiet import QuietLog
+
+Handler = Callable[[Packet, str], Awaitable[Packet | None]]
+"""`handler(packet, peer name)` returns the answer, or None for none. What it raises becomes a Fault."""
+
+RECEIVE_BYTES = 256 * 1024
+LINGER_S_MAX = 10.0
+"""What a request may still take after its sender has closed the connection in order."""
+MALFORMED_MAX = 8
+"""Malformed packets on one connection before it is closed."""
+DRAIN_S_MAX = 1.0
+FAULT_TEXT_CHARACTERS_MAX = 400
+
+_quiet = QuietLog(logging.getLogger("scenefold.world.serving"))
+
+
+async def serve_connection(connection: Connection, handler: Handler) -> None:
+    """Answer a peer's packets until it closes the connection or breaks the framing. The caller closes it."""
+    await _Serving(connection, handler).run()
+
+
+class _Serving:
+    """One connection being served."""
+
+    def __init__(self, connection: Connection, handler: Handler) -> None:
+        self._connection = connection
+        self._handler = handler
+        self._outbox = Outbox(connection)
+        self._budget = Budget(REQUESTS_HANDLED_MAX, REQUEST_BYTES_HANDLED_MAX)
+        self._malformed = 0
+
+    async def run(self) -> None:
+        async with trio.open_nursery() as everything:
+            everything.start_soon(self._send, everything.cancel_scope)
+            async with trio.open_nursery() as requests:
+                try:
+                    await self._receive(requests)
+                except ConnectionLost as error:
+                    self._complain("lost", str(error))
+                    everything.cancel_scope.cancel()
+                requests.cancel_scope.deadline = trio.current_time() + LINGER_S_MAX
+            await self._outbox.finish()
+
+    async def _send(self, everything: trio.CancelScope) -> None:
+        try:
+            await self._outbox.run()
+        except ConnectionLost as error:
+            self._complain("lost", str(error))
+            everything.cancel()
+
+    async def _receive(self, requests: trio.Nursery) -> None:
+        """Start a task for each packet; returns at the end of the stream or of our patience."""
+        reader = FrameReader()
+        while data := await self._connection.receive(RECEIVE_BYTES):
+            try:
+                frames = reader.feed(data)
+            except MalformedPacket as error:
+                self._complain("framing", str(error))
+                await self._answer(_fault(0, RejectReason.LIMIT_EXCEEDED, error))
+                await self._drain()
+                return
+            for frame in frames:
+                await self._budget.take(len(frame))
+                requests.start_soon(self._handle, frame)
+            if self._malformed > MALFORMED_MAX:
+                self._complain("patience", f"closed after {self._malformed} malformed packets")
+                return
+        if not reader.at_boundary:
+            self._complain("truncated", "the connection ended within a frame")
+
+    async def _drain(self) -> None:
+        """Let the peer read our last words: closing over unread bytes would reset the connection under them."""
+        with trio.move_on_after(DRAIN_S_MAX):
+            while await self._connection.receive(RECEIVE_BYTES):
+                pass
+
+    async def _handle(self, frame: bytes) -> None:
+        try:
+            answer = await self._answer_to(frame)
+            if answer is not None:
+                await self._answer(answer)
+        finally:
+            self._budget.give_back(len(frame))
+
+    async def _answer_to(self, frame: bytes) -> Packet | None:
+        number = 0
+        try:
+            packet = decode_packet(frame)
+            number = packet.request_id
+            answer = await self._handler(packet, self._connection.peer)
+        except MalformedPacket as error:
+            self._malformed += 1
+            self._complain("malformed", str(error))
+            # Id 0 would end the connection at the other side; but whoever waits there has a timeout.
+            number = number or error.request_id or 0
+            return _fault(number, RejectReason.ILL_FORMED, error) if number else None
+        except ScenefoldError as error:
+            if not isinstance(error, Refused):
+                self._complain(type(error).__name__, str(error))
+            return _fault(number, _reason(error), error) if number else None
+        return replace(answer, request_id=number) if answer is not None and number else None
+
+    async def _answer(self, answer: Packet) -> None:
+        try:
+            frame = encode_frame(answer)
+        except LocalFault as error:
+            # A handler's answer that fits no frame is its mistake, but only this request should suffer from it.
+            self._complain("answer", str(error))
+            frame = encode_frame(_fault(answer.request_id, RejectReason.TOO_LARGE_FOR_PACKET, error))
+        try:
+            await self._outbox.put(frame)
+        except ConnectionLost:
+            return  # The sender has said so already, and is ending this connection.
+
+    def _complain(self, kind: str, text: str) -> None:
+        _quiet.say(trio.current_time(), self._connection.peer, kind, text)
+
+
+class Budget:
+    """A number of requests and of bytes that may be under way. One task takes; any gives back."""
+
+    def __init__(self, count_max: int, bytes_max: int) -> None:
+        self._count_left = count_max
+        self._bytes_left = bytes_max
+        self._changed = trio.lowlevel.ParkingLot()
+
+    async def take(self, size_bytes: int) -> None:
+        """Wait until there is room. `size_bytes` must not exceed the whole budget."""
+        while self._count_left < 1 or self._bytes_left < size_bytes:
+            await self._changed.park()
+        self._count_left -= 1
+        self._bytes_left -= size_bytes
+
+    def give_back(self, size_bytes: int) -> None:
+        self._count_left += 1
+        self._bytes_left += size_bytes
+        self._changed.unpark_all()
+
+
+def _reason(error: ScenefoldError) -> RejectReason:
+    if isinstance(error, Refused):
+        return error.reason
+    if isinstance(error, PeerFault):
+        return RejectReason.ILL_FORMED
+    return RejectReason.SIGNATURE_INVALID if isinstance(error, DamagedData) else RejectReason.NOT_READY
+
+
+def _fault(number: int, reason: RejectReason, error: ScenefoldError) -> Fault:
+    return Fault(request_id=number, reason=reason, text=str(error)[:FAULT_TEXT_CHARACTERS_MAX])

@@ -1,0 +1,36 @@
+"""Nurseries that a context manager hides from its user.
+
+Trio gathers what goes wrong in a nursery into a group. A user of `open_store` or `open_links` never saw a nursery, and
+expects their own exception back; so a group of one is opened, and the wreckage of the cancellation itself left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+
+import trio
+
+
+@asynccontextmanager
+async def background_tasks() -> AsyncIterator[trio.Nursery]:
+    """A nursery whose tasks are cancelled when the body ends, however it ends."""
+    try:
+        async with trio.open_nursery() as nursery:
+            try:
+                yield nursery
+            finally:
+                nursery.cancel_scope.cancel()
+    except BaseExceptionGroup as group:
+        causes = [leaf for leaf in _leaves(group) if not isinstance(leaf, trio.Cancelled)]
+        if len(causes) == 1:
+            raise causes[0] from causes[0].__cause__
+        raise
+
+
+def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error
