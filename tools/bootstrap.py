@@ -140,11 +140,19 @@ def noted_extras(stamp: Dict[str, object]) -> List[str]:
     return [str(extra) for extra in extras] if isinstance(extras, list) else []
 
 
-def is_ready(root: str, extras: List[str]) -> bool:
-    """Whether .venv already holds these extras, for this clone at this place, on a Python that still exists."""
+def is_ready(root: str, wanted: str, extras: List[str]) -> bool:
+    """Whether .venv already holds these extras, for this clone at this place, on the wanted Python, which still exists."""
     stamp = read_stamp(root)
     noted = noted_extras(stamp)
-    return set(extras) <= set(noted) and stamp == stamp_for(root, noted) and os.path.exists(venv_python(root))
+    if not set(extras) <= set(noted) or stamp != stamp_for(root, noted) or not os.path.exists(venv_python(root)):
+        return False
+    return not wanted or is_version_of(root, choose_python(wanted))
+
+
+def is_version_of(root: str, wanted: Interpreter) -> bool:
+    """Whether .venv runs on this version of Python."""
+    inside = probe(venv_python(root))
+    return inside is not None and inside.version == wanted.version
 
 
 def venv_python(root: str) -> str:
@@ -263,9 +271,8 @@ def bring_up(root: str, wanted: str, extras: List[str]) -> None:
     if os.path.lexists(folder):
         why = why_unusable(root)
         if not why and wanted:
-            here, there = probe(venv_python(root)), choose_python(wanted)
-            if here is None or here.version != there.version:
-                why = "Python %s is wanted" % there.version_text
+            python = choose_python(wanted)
+            why = "" if is_version_of(root, python) else "Python %s is wanted" % python.version_text
         if why:
             python = choose_python(wanted)
             remove_venv(root, why)
@@ -295,9 +302,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
     root, extras = os.path.abspath(options.root), options.extras.split()
     try:
         # The stamp is judged again under the lock: another make may just have written it.
-        if not is_ready(root, extras):
+        if not is_ready(root, options.python, extras):
             with only_one_at_a_time():
-                if not is_ready(root, extras):
+                if not is_ready(root, options.python, extras):
                     bring_up(root, options.python, extras)
     except Problem as problem:
         print(" ".join(str(problem).split()))

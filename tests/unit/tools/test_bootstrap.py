@@ -86,37 +86,44 @@ def test_says_what_is_missing(fake: Fake) -> None:
 
 
 def test_ready_only_with_a_stamp_for_these_extras(clone: Path) -> None:
-    assert not bootstrap.is_ready(str(clone), [])
+    assert not bootstrap.is_ready(str(clone), "", [])
     stamp(clone, "dev")
-    assert bootstrap.is_ready(str(clone), [])
-    assert bootstrap.is_ready(str(clone), ["dev"])
-    assert not bootstrap.is_ready(str(clone), ["dev", "docs"])
+    assert bootstrap.is_ready(str(clone), "", [])
+    assert bootstrap.is_ready(str(clone), "", ["dev"])
+    assert not bootstrap.is_ready(str(clone), "", ["dev", "docs"])
+
+
+def test_not_ready_for_another_python(clone: Path, fake: Fake) -> None:
+    stamp(clone)
+    here = ".".join(map(str, sys.version_info[:3]))
+    assert bootstrap.is_ready(str(clone), str(fake("same", here)), [])
+    assert not bootstrap.is_ready(str(clone), str(fake("other", "3.99.0")), [])
 
 
 @pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt"])
 def test_not_ready_after_the_requirements_changed(clone: Path, name: str) -> None:
     stamp(clone)
     (clone / name).write_text("# changed\n")
-    assert not bootstrap.is_ready(str(clone), [])
+    assert not bootstrap.is_ready(str(clone), "", [])
 
 
 def test_not_ready_after_the_clone_moved_or_python_went_away(clone: Path) -> None:
     stamp(clone)
     moved = clone.rename(clone.with_name("moved"))
-    assert not bootstrap.is_ready(str(moved), [])
+    assert not bootstrap.is_ready(str(moved), "", [])
     assert bootstrap.why_unusable(str(moved)) == "the folder was moved"
     moved.rename(clone)
     assert bootstrap.why_unusable(str(clone)) == ""
     (clone / ".venv" / "bin" / "python").unlink()
     (clone / ".venv" / "bin" / "python").symlink_to("/nowhere/python")
-    assert not bootstrap.is_ready(str(clone), [])
+    assert not bootstrap.is_ready(str(clone), "", [])
     assert bootstrap.why_unusable(str(clone)) == "its Python no longer runs"
 
 
 def test_a_damaged_stamp_is_no_stamp(clone: Path) -> None:
     for text in ("", "[]", "{", '{"extras": 3}'):
         (clone / ".venv" / "scenefold-stamp.json").write_text(text)
-        assert not bootstrap.is_ready(str(clone), [])
+        assert not bootstrap.is_ready(str(clone), "", [])
 
 
 def test_never_removes_a_folder_that_is_no_environment(clone: Path) -> None:
