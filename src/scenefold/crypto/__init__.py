@@ -1,1 +1,81 @@
+"""Keys, records, certificates, signed datagrams. The only door to `cryptography`; specs/04-records.md has the bytes."""
 
+from scenefold.crypto.authority import Authority, Identity, read_authority_certificate
+from scenefold.crypto.datagrams import (
+    DATAGRAM_OVERHEAD_BYTES,
+    EVERYBODY,
+    ReplayWindow,
+    SignedDatagram,
+    datagram_counter,
+    parse_datagram,
+    sign_datagram,
+    verify_datagram,
+)
+from scenefold.crypto.keys import (
+    DATAGRAM_DOMAIN,
+    HEADER_DOMAIN,
+    PROPOSAL_DOMAIN,
+    RECORD_DOMAIN,
+    SIGNATURE_BYTES,
+    STATUS_DOMAIN,
+    InvalidSignature,
+    PublicKey,
+    SigningKey,
+    key_id_of,
+)
+from scenefold.crypto.record_header import HEADER_BYTES, NONCE_BYTES, IllFormedRecord, RecordHeader, version_key
+from scenefold.crypto.records import (
+    SYMMETRIC_KEY_BYTES,
+    Record,
+    RecordPlace,
+    new_symmetric_key,
+    open_record,
+    seal_record,
+    verify_record,
+    verify_records,
+)
+from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
+from scenefold.crypto.tls import client_context, peer_name, server_context
+
+__all__ = [
+    "DATAGRAM_DOMAIN",
+    "DATAGRAM_OVERHEAD_BYTES",
+    "EVERYBODY",
+    "HEADER_BYTES",
+    "HEADER_DOMAIN",
+    "NONCE_BYTES",
+    "PROPOSAL_DOMAIN",
+    "RECORD_DOMAIN",
+    "SIGNATURE_BYTES",
+    "STATUS_DOMAIN",
+    "SYMMETRIC_KEY_BYTES",
+    "Authority",
+    "Identity",
+    "IllFormedRecord",
+    "InvalidSignature",
+    "PublicKey",
+    "Record",
+    "RecordHeader",
+    "RecordPlace",
+    "ReplayWindow",
+    "SignedDatagram",
+    "SigningKey",
+    "client_context",
+    "datagram_counter",
+    "key_id_of",
+    "make_private_folder",
+    "new_symmetric_key",
+    "open_record",
+    "parse_datagram",
+    "peer_name",
+    "read_authority_certificate",
+    "read_secret",
+    "seal_record",
+    "server_context",
+    "sign_datagram",
+    "verify_datagram",
+    "verify_record",
+    "verify_records",
+    "version_key",
+    "write_secret",
+]

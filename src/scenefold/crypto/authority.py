@@ -1,0 +1,191 @@
+"""The cluster's own certificate authority (specs/04-records.md, Certificates).
+
+`cluster init` makes one; it issues a certificate to each node and user. A peer is whom its certificate names:
+"node:<id>" (with its IP addresses, may serve and connect) or "user:<name>" (may only connect). Nobody else's
+authority counts, ours signs nobody else: there is no intermediate, and it is used for nothing but this cluster.
+"""
+
+from __future__ import annotations
+
+import datetime
+import ipaddress
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, load_pem_private_key
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from scenefold.base.errors import LocalFault
+from scenefold.crypto.secrets_on_disk import make_private_folder, read_certificate, read_secret, write_secret
+
+AUTHORITY_YEARS = 10
+LEAF_DAYS = 365
+SKEW = datetime.timedelta(days=1)
+"""Certificates are valid from a day ago: an old computer's clock may be behind."""
+NAME_PATTERN = re.compile(r"node:[0-9]{1,10}|user:[A-Za-z0-9._@-]{1,50}")
+CERTIFICATE_FILE = "certificate.pem"
+KEY_FILE = "key.pem"
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """A certificate with its private key, both as PEM."""
+
+    name: str
+    certificate: bytes
+    key: bytes = field(repr=False)
+
+    def to_files(self, folder: Path) -> None:
+        """Writes certificate and key, 0600 in a folder of 0700; LocalFault if they exist."""
+        make_private_folder(folder)
+        write_secret(folder / KEY_FILE, self.key)
+        write_secret(folder / CERTIFICATE_FILE, self.certificate)
+
+    @classmethod
+    def from_files(cls, folder: Path) -> Self:
+        """The identity in a folder; LocalFault if it is missing, exposed or damaged."""
+        certificate, key = read_certificate(folder / CERTIFICATE_FILE), read_secret(folder / KEY_FILE)
+        name = _common_name(_load_certificate(certificate, folder / CERTIFICATE_FILE))
+        _matching_key(certificate, key, folder)
+        return cls(name, certificate, key)
+
+
+class Authority:
+    """Issues the certificates of one cluster. Who holds its key decides who is in."""
+
+    __slots__ = ("_certificate", "_key", "certificate")
+
+    def __init__(self, certificate: bytes, key: ec.EllipticCurvePrivateKey) -> None:
+        self.certificate = certificate
+        """PEM: what every member needs to know its peers."""
+        self._certificate = x509.load_pem_x509_certificate(certificate)
+        self._key = key
+
+    @classmethod
+    def create(cls, name: str, *, now: datetime.datetime | None = None) -> Self:
+        """A new authority for the cluster `name`, valid for ten years."""
+        if not 0 < len(name) <= 50:
+            raise LocalFault("a cluster's name has 1 to 50 characters")
+        key = ec.generate_private_key(ec.SECP256R1())
+        subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"scenefold {name}")])
+        certificate = (
+            _draft(subject, subject, key.public_key(), now, datetime.timedelta(days=365 * AUTHORITY_YEARS))
+            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+            .add_extension(_usage(signs_certificates=True), critical=True)
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+            .sign(key, hashes.SHA256())
+        )
+        return cls(certificate.public_bytes(Encoding.PEM), key)
+
+    def issue(self, name: str, addresses: list[str], *, now: datetime.datetime | None = None) -> Identity:
+        """A new key and a certificate for it, valid for a year. A node is reached at `addresses` (IP addresses)."""
+        if not NAME_PATTERN.fullmatch(name):
+            raise LocalFault(f"{name!r} names no member", remedy='use "node:<number>" or "user:<name>" with letters, digits and . _ @ -')
+        key = ec.generate_private_key(ec.SECP256R1())
+        uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+        if name.startswith("node:"):
+            uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
+        subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+        builder = (
+            _draft(subject, self._certificate.subject, key.public_key(), now, datetime.timedelta(days=LEAF_DAYS))
+            .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+            .add_extension(_usage(signs_certificates=False), critical=True)
+            .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+            .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(self._key.public_key()), critical=False)
+        )
+        if addresses:
+            builder = builder.add_extension(x509.SubjectAlternativeName([_address(text) for text in addresses]), critical=False)
+        certificate = builder.sign(self._key, hashes.SHA256())
+        return Identity(name, certificate.public_bytes(Encoding.PEM), _key_pem(key))
+
+    def to_files(self, folder: Path) -> None:
+        """Writes certificate and key, 0600 in a folder of 0700; LocalFault if they exist."""
+        make_private_folder(folder)
+        write_secret(folder / KEY_FILE, _key_pem(self._key))
+        write_secret(folder / CERTIFICATE_FILE, self.certificate)
+
+    @classmethod
+    def from_files(cls, folder: Path) -> Self:
+        """The authority in a folder; LocalFault if it is missing, exposed or damaged."""
+        certificate, key = read_certificate(folder / CERTIFICATE_FILE), read_secret(folder / KEY_FILE)
+        return cls(certificate, _matching_key(certificate, key, folder))
+
+
+def read_authority_certificate(folder: Path) -> bytes:
+    """The authority's certificate alone, for members that do not hold its key; LocalFault if it is none."""
+    certificate = read_certificate(folder / CERTIFICATE_FILE)
+    _load_certificate(certificate, folder / CERTIFICATE_FILE)
+    return certificate
+
+
+def _draft(
+    subject: x509.Name,
+    issuer: x509.Name,
+    public_key: ec.EllipticCurvePublicKey,
+    now: datetime.datetime | None,
+    lifetime: datetime.timedelta,
+) -> x509.CertificateBuilder:
+    moment = datetime.datetime.now(datetime.UTC) if now is None else now
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(public_key)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(moment - SKEW)
+        .not_valid_after(moment + lifetime)
+    )
+
+
+def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _address(text: str) -> x509.IPAddress:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(text))
+    except ValueError:
+        raise LocalFault(f"{text!r} is no IP address", remedy="give it as four numbers, such as 192.168.1.20") from None
+
+
+def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+
+
+def _load_certificate(pem: bytes, path: Path) -> x509.Certificate:
+    try:
+        return x509.load_pem_x509_certificate(pem)
+    except ValueError:
+        raise LocalFault("the file holds no certificate", where=str(path), remedy="restore it from a backup") from None
+
+
+def _matching_key(certificate: bytes, pem: bytes, folder: Path) -> ec.EllipticCurvePrivateKey:
+    public_key = _load_certificate(certificate, folder / CERTIFICATE_FILE).public_key()
+    try:
+        key = load_pem_private_key(pem, password=None)
+    except (ValueError, TypeError):
+        raise LocalFault("the file holds no private key", where=str(folder / KEY_FILE), remedy="restore it from a backup") from None
+    if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != public_key:
+        raise LocalFault("the key does not belong to the certificate", where=str(folder), remedy="restore both from one backup")
+    return key
+
+
+def _common_name(certificate: x509.Certificate) -> str:
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""

@@ -1,0 +1,173 @@
+"""The header of a record: clear, signed, 149 bytes, big endian (specs/04-records.md, Header).
+
+      0  version           u8   1             77  writer            u32  key id
+      1  suite             u8   1             81  session           u64
+      2  placement         u8   0 or 1        89  content position  u64
+      3  scene             u32                97  key epoch         u32
+      7  genesis           32                101  nonce             12
+     39  space             u16               113  -- associated data of the cipher ends here --
+     41  location          20                113  length            u32  of the ciphertext
+     61  epoch             u64               117  digest            32   SHA-256 of the ciphertext
+     69  seq               u64               149
+
+Signing the header signs everything: the digest stands for the ciphertext, scene and location for the place. So a
+valid record can neither be moved nor put back over a newer one; the thesis signs the ciphertext alone, which
+allows both.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Self, TypeAlias
+
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.ids import SPACE_ID_MAX, KeyId, SceneId, SpaceId
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
+from scenefold.base.location import LOCATION_BYTES, Location
+
+VERSION = 1
+SUITE_AES192GCM_ED25519 = 1
+PLACED_BY_CLIENT = 0
+PLACED_BY_NODE = 1
+"""The location field holds 4 zero bytes and a random object id of 16: the node chooses where it lies."""
+
+GENESIS_BYTES = 32
+NONCE_BYTES = 12
+DIGEST_BYTES = 32
+TAG_BYTES = 16
+
+_LAYOUT = struct.Struct(">BBBI32sH20sQQIQQI12sI32s")
+HEADER_BYTES = _LAYOUT.size
+ASSOCIATED_BYTES = HEADER_BYTES - 4 - DIGEST_BYTES
+assert (HEADER_BYTES, ASSOCIATED_BYTES) == (149, 113)
+
+_SIZES = (GENESIS_BYTES, LOCATION_BYTES, NONCE_BYTES, DIGEST_BYTES)
+
+Version: TypeAlias = tuple[int, int, int, int, bytes]
+
+
+class IllFormedRecord(DamagedData):
+    """The bytes are no record of a version and suite that we know (reject reason 5)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordHeader:
+    """What a record says about itself, in the clear."""
+
+    scene: SceneId
+    genesis: bytes
+    space: SpaceId
+    location: Location
+    epoch: int
+    """The log position that the author had seen committed."""
+    seq: int
+    writer: KeyId
+    session: int
+    content_position: int
+    """The log position that the payload's coordinates are of, for fast-forward."""
+    key_epoch: int
+    nonce: bytes
+    length: int
+    digest: bytes
+    placement: int = PLACED_BY_CLIENT
+    suite: int = SUITE_AES192GCM_ED25519
+    version: int = VERSION
+
+    def encode(self) -> bytes:
+        """149 bytes; LocalFault if a field is out of bounds."""
+        problem = self._problem()
+        if not problem:
+            try:
+                return _LAYOUT.pack(
+                    self.version,
+                    self.suite,
+                    self.placement,
+                    self.scene,
+                    self.genesis,
+                    self.space,
+                    self.location,
+                    self.epoch,
+                    self.seq,
+                    self.writer,
+                    self.session,
+                    self.content_position,
+                    self.key_epoch,
+                    self.nonce,
+                    self.length,
+                    self.digest,
+                )
+            except struct.error as error:
+                problem = str(error)
+        raise LocalFault(f"a record header cannot be written: {problem}")
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """The header that `data` is, wholly; IllFormedRecord otherwise."""
+        if len(data) != HEADER_BYTES:
+            raise IllFormedRecord(f"a record header has {HEADER_BYTES} bytes, not {len(data)}")
+        (
+            version,
+            suite,
+            placement,
+            scene,
+            genesis,
+            space,
+            location,
+            epoch,
+            seq,
+            writer,
+            session,
+            content_position,
+            key_epoch,
+            nonce,
+            length,
+            digest,
+        ) = _LAYOUT.unpack(data)
+        header = cls(
+            scene,
+            genesis,
+            space,
+            Location(location),
+            epoch,
+            seq,
+            writer,
+            session,
+            content_position,
+            key_epoch,
+            nonce,
+            length,
+            digest,
+            placement,
+            suite,
+            version,
+        )
+        problem = header._problem()
+        if problem:
+            raise IllFormedRecord(f"ill-formed record header: {problem}")
+        return header
+
+    def _problem(self) -> str:
+        """What is wrong with the fields, beyond their widths; empty if nothing is."""
+        if self.version != VERSION:
+            return f"version {self.version}"
+        if self.suite != SUITE_AES192GCM_ED25519:
+            return f"suite {self.suite}"
+        if self.placement not in (PLACED_BY_CLIENT, PLACED_BY_NODE):
+            return f"placement {self.placement}"
+        if not self.scene:
+            return "scene 0"
+        if not 0 < self.space <= SPACE_ID_MAX:
+            return f"space {self.space}"
+        if not TAG_BYTES <= self.length <= CIPHERTEXT_BYTES_MAX:
+            return f"a ciphertext of {self.length} bytes"
+        # struct would cut or pad these in silence.
+        sizes = len(self.genesis), len(self.location), len(self.nonce), len(self.digest)
+        if sizes != _SIZES:
+            return f"genesis, location, nonce and digest of {sizes} bytes, {_SIZES} were expected"
+        return ""
+
+
+def version_key(header: RecordHeader) -> Version:
+    """Orders the versions of a record: the highest wins, on every copy, whatever the order of arrival."""
+    return header.epoch, header.seq, header.writer, header.session, header.digest

@@ -1,0 +1,178 @@
+"""Records: what a scene's spaces consist of, encrypted and signed by their writer (specs/04-records.md).
+
+    record  =  header (149 bytes) | signature (64 bytes) | ciphertext (as the header says)
+
+AES-192-GCM with the header up to its length and digest as associated data; Ed25519 over the whole header. A node
+verifies without the scene's key, before it stores (thesis Algorithm 6); a reader verifies, then opens. All
+functions are plain and release the GIL where it is long, so they may run in worker threads.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.limits import PAYLOAD_BYTES_MAX
+from scenefold.base.location import Location
+from scenefold.crypto.keys import RECORD_DOMAIN, SIGNATURE_BYTES, InvalidSignature, PublicKey, SigningKey
+from scenefold.crypto.record_header import (
+    ASSOCIATED_BYTES,
+    HEADER_BYTES,
+    NONCE_BYTES,
+    PLACED_BY_CLIENT,
+    TAG_BYTES,
+    IllFormedRecord,
+    RecordHeader,
+)
+
+SYMMETRIC_KEY_BYTES = 24
+
+
+class RecordPlace(NamedTuple):
+    """Where a record is claimed to belong."""
+
+    scene: SceneId
+    space: SpaceId
+    location: Location
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A record as it is stored and sent."""
+
+    header_bytes: bytes
+    signature: bytes
+    ciphertext: bytes
+
+    @property
+    def header(self) -> RecordHeader:
+        """Decoded anew at each call; IllFormedRecord if it is none."""
+        return RecordHeader.decode(self.header_bytes)
+
+    def encode(self) -> bytes:
+        """The record in one piece."""
+        return b"".join((self.header_bytes, self.signature, self.ciphertext))
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """The record that `data` is, wholly; IllFormedRecord otherwise. Verifies nothing."""
+        data = bytes(data)
+        header = RecordHeader.decode(data[:HEADER_BYTES])
+        start = HEADER_BYTES + SIGNATURE_BYTES
+        if len(data) != start + header.length:
+            raise IllFormedRecord(f"a record of {len(data)} bytes, {start + header.length} were expected")
+        return cls(data[:HEADER_BYTES], data[HEADER_BYTES:start], data[start:])
+
+
+def new_symmetric_key() -> bytes:
+    """A key for the records of a scene: 24 bytes, AES-192."""
+    return AESGCM.generate_key(SYMMETRIC_KEY_BYTES * 8)
+
+
+def _cipher(symmetric_key: bytes) -> AESGCM:
+    if len(symmetric_key) != SYMMETRIC_KEY_BYTES:
+        raise LocalFault(f"a scene's key has {SYMMETRIC_KEY_BYTES} bytes, not {len(symmetric_key)}")
+    return AESGCM(symmetric_key)
+
+
+def seal_record(
+    payload: bytes,
+    *,
+    scene: SceneId,
+    genesis: bytes,
+    space: SpaceId,
+    location: Location,
+    epoch: int,
+    seq: int,
+    session: int,
+    nonce: bytes,
+    symmetric_key: bytes,
+    signing_key: SigningKey,
+    content_position: int = 0,
+    key_epoch: int = 0,
+    placement: int = PLACED_BY_CLIENT,
+) -> Record:
+    """Encrypts and signs a payload of at most 60 KiB; LocalFault if something is out of bounds.
+
+    `nonce`: 12 random bytes, fresh for every record under this key; a retry sends the same record again instead.
+    """
+    if len(payload) > PAYLOAD_BYTES_MAX:
+        raise LocalFault(
+            f"a payload of {len(payload)} bytes, at most {PAYLOAD_BYTES_MAX} are allowed", remedy="split it into several records"
+        )
+    if len(nonce) != NONCE_BYTES:
+        raise LocalFault(f"a nonce has {NONCE_BYTES} bytes, not {len(nonce)}")
+    draft = RecordHeader(
+        scene=scene,
+        genesis=genesis,
+        space=space,
+        location=location,
+        epoch=epoch,
+        seq=seq,
+        writer=signing_key.key_id,
+        session=session,
+        content_position=content_position,
+        key_epoch=key_epoch,
+        nonce=nonce,
+        length=len(payload) + TAG_BYTES,
+        digest=bytes(32),
+        placement=placement,
+    ).encode()
+    associated = draft[:ASSOCIATED_BYTES]
+    ciphertext = _cipher(symmetric_key).encrypt(nonce, payload, associated)
+    # Length and digest close the header: they are known only now, and the cipher must not depend on them.
+    header = b"".join((draft[: ASSOCIATED_BYTES + 4], hashlib.sha256(ciphertext).digest()))
+    return Record(header, signing_key.sign(RECORD_DOMAIN, header), ciphertext)
+
+
+def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | None = None) -> RecordHeader:
+    """The header, if the writer signed exactly this record for exactly this place.
+
+    IllFormedRecord (reason 5): header, length or place do not fit. InvalidSignature (reason 4): another key,
+    or the signature or ciphertext was changed.
+    """
+    header = record.header
+    if place is not None and (header.scene, header.space, header.location) != place:
+        raise IllFormedRecord("the record belongs elsewhere", where=f"scene {header.scene:08x}, space {header.space}, {header.location!r}")
+    if header.length != len(record.ciphertext):
+        raise IllFormedRecord(f"a ciphertext of {len(record.ciphertext)} bytes, {header.length} were announced")
+    if header.writer != public_key.key_id:
+        raise InvalidSignature(f"the record was written by key {header.writer:08x}, not {public_key.key_id:08x}")
+    public_key.verify(record.signature, RECORD_DOMAIN, record.header_bytes)
+    if not hmac.compare_digest(hashlib.sha256(record.ciphertext).digest(), header.digest):
+        raise InvalidSignature("the ciphertext is not the one that was signed")
+    return header
+
+
+def verify_records(claims: Iterable[tuple[Record, PublicKey, RecordPlace | None]]) -> list[DamagedData | None]:
+    """`verify_record` for many, in order: None where the record is good, else what is wrong with it."""
+    return [_complaint(*claim) for claim in claims]
+
+
+def _complaint(record: Record, public_key: PublicKey, place: RecordPlace | None) -> DamagedData | None:
+    try:
+        verify_record(record, public_key, place)
+    except DamagedData as complaint:
+        return complaint
+    return None
+
+
+def open_record(record: Record, symmetric_key: bytes) -> bytes:
+    """The payload. DamagedData if this key did not seal this record. Says nothing of the writer: verify first."""
+    header = record.header
+    try:
+        return _cipher(symmetric_key).decrypt(header.nonce, record.ciphertext, record.header_bytes[:ASSOCIATED_BYTES])
+    except InvalidTag:
+        raise DamagedData(
+            "the record cannot be opened with this key",
+            where=f"scene {header.scene:08x}, space {header.space}, {header.location!r}",
+            remedy="check that the scene's key is the right one",
+        ) from None

@@ -1,0 +1,80 @@
+"""TLS 1.3 with both sides authenticated by the cluster's authority (specs/04-records.md, Certificates).
+
+The contexts are those of the standard library; `trio.SSLStream` takes them, with `server_hostname` the address
+that was dialled, which the node's certificate must contain. A user's certificate cannot serve: OpenSSL checks
+the purpose. Sessions are not resumed: connections are few and long, and without tickets a server never writes to a
+client that only writes.
+"""
+
+from __future__ import annotations
+
+import os
+import ssl
+import tempfile
+from pathlib import Path
+from typing import Any, Protocol
+
+from scenefold.base.errors import LocalFault, PeerFault
+from scenefold.crypto.authority import NAME_PATTERN, Identity
+
+
+class HasCertificate(Protocol):
+    """An ssl.SSLSocket, ssl.SSLObject, or trio.SSLStream after its handshake."""
+
+    def getpeercert(self) -> Any: ...
+
+
+def server_context(identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
+    """For the side that accepts connections; it must be a node's identity."""
+    if not identity.name.startswith("node:"):
+        raise LocalFault(f"{identity.name} cannot accept connections", remedy="use a node's identity")
+    context = _context(ssl.PROTOCOL_TLS_SERVER, identity, authority_certificate)
+    context.num_tickets = 0
+    return context
+
+
+def client_context(identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
+    """For the side that connects; it checks that the other's certificate contains the address dialled."""
+    context = _context(ssl.PROTOCOL_TLS_CLIENT, identity, authority_certificate)
+    context.check_hostname = True
+    return context
+
+
+def _context(protocol: ssl._SSLMethod, identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
+    context = ssl.SSLContext(protocol)
+    context.minimum_version = ssl.TLSVersion.TLSv1_3
+    context.verify_mode = ssl.CERT_REQUIRED
+    context.verify_flags |= ssl.VERIFY_X509_STRICT
+    try:
+        context.load_verify_locations(cadata=authority_certificate.decode("ascii"))
+        _load_identity(context, identity)
+    except (ssl.SSLError, ValueError) as error:
+        raise LocalFault(f"the certificate or key is unusable: {error}", where=identity.name, remedy="issue it anew") from None
+    return context
+
+
+def _load_identity(context: ssl.SSLContext, identity: Identity) -> None:
+    # OpenSSL is reached by file name only. An anonymous memory file leaves no key behind in a temporary folder.
+    if hasattr(os, "memfd_create"):
+        handle = os.memfd_create("scenefold-identity")
+        path = f"/proc/self/fd/{handle}"
+    else:
+        handle, path = tempfile.mkstemp()
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(identity.certificate + identity.key)
+            file.flush()
+            context.load_cert_chain(path)
+    finally:
+        if not path.startswith("/proc/"):
+            Path(path).unlink()
+
+
+def peer_name(connection: HasCertificate) -> str:
+    """Whom the other side's certificate names: "node:<id>" or "user:<name>". PeerFault if it names nobody."""
+    certificate = connection.getpeercert() or {}
+    for attributes in certificate.get("subject", ()):
+        for key, value in attributes:
+            if key == "commonName" and NAME_PATTERN.fullmatch(value):
+                return str(value)
+    raise PeerFault("the other side's certificate names no member of a cluster")
