@@ -2,7 +2,6 @@
 
 from scenefold.store.identity import StoreIdentity
 from scenefold.store.judging import Outcome, Put, PutResult
-from scenefold.store.layout import RecordKey
 from scenefold.store.lmdb_disk import LmdbDisk
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.store import RangeAnswer, Store, open_store
@@ -14,7 +13,6 @@ __all__ = [
     "Put",
     "PutResult",
     "RangeAnswer",
-    "RecordKey",
     "Store",
     "StoreIdentity",
     "StoreStatistics",

@@ -9,9 +9,9 @@ from typing import Protocol, TypeVar
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import RecordHeader
+from scenefold.crypto import RecordHeader, RecordPlace
 from scenefold.store.judging import Outcome, Put, PutResult, judge
-from scenefold.store.layout import RECORDS, RecordKey, pack_record, record_key, stored_header
+from scenefold.store.layout import RECORDS, pack_record, record_key, stored_header
 from scenefold.store.statistics import Tally
 from scenefold.world.ports import WriteTransaction
 
@@ -63,7 +63,7 @@ class PutRecords:
 
 
 def _put(transaction: WriteTransaction, tally: Tally, new: RecordHeader, put: Put) -> PutResult:
-    key = record_key(RecordKey(new.scene, new.space, new.location))
+    key = record_key(RecordPlace(new.scene, new.space, new.location))
     value = transaction.get(RECORDS, key)
     present = _present(value) if value is not None else None
     result = judge(new, put.expect, present)

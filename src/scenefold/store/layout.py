@@ -12,12 +12,11 @@ All numbers are big endian, so that the order of bytes is the order of the line,
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.crypto import Record
+from scenefold.crypto import Record, RecordPlace
 
 RECORDS = "records"
 HEADERS = "headers"
@@ -29,14 +28,6 @@ TABLES = (RECORDS, HEADERS, STATISTICS, NOTES, IDENTITY)
 _SCENE = struct.Struct(">I")
 _SPACE = struct.Struct(">IH")
 _SIZES = struct.Struct(">HH")
-
-
-class RecordKey(NamedTuple):
-    """Where a record lies."""
-
-    scene: SceneId
-    space: SpaceId
-    location: Location
 
 
 def scene_key(scene: SceneId) -> bytes:
@@ -56,8 +47,8 @@ def space_of(key: bytes) -> tuple[SceneId, SpaceId]:
     return SceneId(scene), SpaceId(space)
 
 
-def record_key(key: RecordKey) -> bytes:
-    return _SPACE.pack(key.scene, key.space) + key.location
+def record_key(place: RecordPlace) -> bytes:
+    return _SPACE.pack(place.scene, place.space) + place.location
 
 
 def location_of(key: bytes) -> Location:

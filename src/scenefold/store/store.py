@@ -16,7 +16,7 @@ import trio
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import STORE_READ_BATCH_MAX, STORE_RESERVE_BYTES
 from scenefold.base.location import Arc, Location
-from scenefold.crypto import Record
+from scenefold.crypto import Record, RecordPlace
 from scenefold.store.changes import PutRecords, PutValue
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Put, PutResult
@@ -25,7 +25,6 @@ from scenefold.store.layout import (
     NOTES,
     RECORDS,
     TABLES,
-    RecordKey,
     location_of,
     record_key,
     scene_key,
@@ -61,11 +60,11 @@ class Store:
         # A header that does not parse is its caller's trouble, and must not reach a batch that others share.
         return await self._writer.submit(PutRecords([(put.record.header, put) for put in puts]))
 
-    async def get_many(self, keys: Sequence[RecordKey]) -> list[Record | None]:
+    async def get_many(self, places: Sequence[RecordPlace]) -> list[Record | None]:
         """The records at these places, None where there is none. DamagedData if one cannot be read."""
         records: list[Record | None] = []
-        for start in range(0, len(keys), STORE_READ_BATCH_MAX):
-            batch = keys[start : start + STORE_READ_BATCH_MAX]
+        for start in range(0, len(places), STORE_READ_BATCH_MAX):
+            batch = places[start : start + STORE_READ_BATCH_MAX]
             records += await self._workers.run("store-read", _read_records, self._environment, batch)
         return records
 
@@ -119,14 +118,14 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
             await workers.run("store", environment.close)
 
 
-def _read_records(environment: Environment, keys: Sequence[RecordKey]) -> list[Record | None]:
+def _read_records(environment: Environment, places: Sequence[RecordPlace]) -> list[Record | None]:
     with environment.read() as transaction:
-        values = (transaction.get(RECORDS, record_key(key)) for key in keys)
+        values = (transaction.get(RECORDS, record_key(place)) for place in places)
         return [unpack_record(value) if value is not None else None for value in values]
 
 
 def _read_range(environment: Environment, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> RangeAnswer:
-    first, last = (record_key(RecordKey(scene, space, place)) for place in (arc.first, arc.last))
+    first, last = (record_key(RecordPlace(scene, space, place)) for place in (arc.first, arc.last))
     locations: list[Location] = []
     with environment.read() as transaction:
         for key in transaction.keys(RECORDS, first, last):

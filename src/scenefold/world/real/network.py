@@ -30,7 +30,8 @@ class RealNetwork:
     """Sockets under the identity of one node or user."""
 
     def __init__(self, identity: Identity, authority_cert: bytes, ports: Ports, *, handshake_s_max: float = HANDSHAKE_S_MAX) -> None:
-        self._server_context = server_context(identity, authority_cert)
+        self._identity = identity
+        self._authority_cert = authority_cert
         self._client_context = client_context(identity, authority_cert)
         self._ports = ports
         self._handshake_s_max = handshake_s_max
@@ -48,7 +49,9 @@ class RealNetwork:
             listeners = await trio.open_tcp_listeners(port, host=address)
         except OSError as error:
             raise bind_fault(error, "TCP", address, port) from error
-        door = _Door(self._server_context, serve, self._handshake_s_max)
+        # Made here and not at the start: a client's identity cannot serve.
+        context = server_context(self._identity, self._authority_cert)
+        door = _Door(context, serve, self._handshake_s_max)
         async with trio.open_nursery() as nursery:
             await nursery.start(trio.serve_listeners, door.receive, listeners)
             task_status.started()
@@ -80,7 +83,7 @@ class RealNetwork:
             raise
         stream = trio.SocketStream(socket)
         try:
-            return await shake_hands(stream, self._client_context, server=False)
+            return await shake_hands(stream, self._client_context, dialled=address)
         except BaseException:
             await trio.aclose_forcefully(stream)
             raise
@@ -125,7 +128,7 @@ class _Door:
         with trio.move_on_after(self._handshake_s_max) as scope:
             self._pending.admit(scope, source)
             try:
-                return await shake_hands(stream, self._context, server=True)
+                return await shake_hands(stream, self._context)
             except (ConnectionLost, PeerFault, OSError) as error:
                 why = str(error)
             finally:

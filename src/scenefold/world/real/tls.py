@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import socket
 import ssl
-from typing import cast
 
 import trio
 
-from scenefold.base.errors import PeerFault
 from scenefold.crypto import peer_name
 from scenefold.world.ports import ConnectionLost
 
@@ -54,22 +52,22 @@ class TlsConnection:
         await trio.lowlevel.checkpoint()
 
 
-async def shake_hands(stream: trio.SocketStream, context: ssl.SSLContext, *, server: bool) -> TlsConnection:
+async def shake_hands(stream: trio.SocketStream, context: ssl.SSLContext, *, dialled: str | None = None) -> TlsConnection:
     """The handshake on a fresh TCP stream; the caller bounds its time, and closes the stream if this raises.
+
+    `dialled` is the address that we connected to, which the peer's certificate must contain; None on the side that
+    accepts.
 
     ConnectionLost if the peer cuts it, or shows no certificate of our authority; PeerFault if it names no one.
     """
     stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     stream.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    secure: TlsStream = trio.SSLStream(stream, context, server_side=server)
+    secure: TlsStream = trio.SSLStream(stream, context, server_hostname=dialled, server_side=dialled is None)
     try:
         await secure.do_handshake()
     except trio.BrokenResourceError as error:
         raise ConnectionLost(why_broken(error)) from error
-    peer = peer_name(cast(ssl.SSLObject, secure))
-    if not peer:
-        raise PeerFault("the certificate names nobody")
-    return TlsConnection(secure, peer)
+    return TlsConnection(secure, peer_name(secure))
 
 
 def why_broken(error: Exception) -> str:
