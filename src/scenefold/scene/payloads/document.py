@@ -17,8 +17,8 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.limits import COORDINATE_ABS_MAX, PAYLOAD_BYTES_MAX, TABLE_PAGES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.scene.layout import CAMERAS, GROUPS, INSTANCES, LIGHTS, MATERIALS, TEXTURES
-from scenefold.scene.payloads._seam import pack_value
 from scenefold.scene.payloads.values import Fields, shorten, unpack_fields
+from scenefold.wire import pack_value
 
 KIND, VERSION = "scene", 1
 DIGEST_BYTES = 32

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from scenefold.base.errors import DamagedData, PeerFault
 from scenefold.base.limits import PAYLOAD_BYTES_MAX
-from scenefold.scene.payloads._seam import pack_value, unpack_value
+from scenefold.wire import pack_value, unpack_value
 
 Item = TypeVar("Item")
 NAME_LETTERS_MAX = 256

@@ -1,0 +1,51 @@
+"""Importers: from a scene file to the records of a scene (specs/05-scene-content.md).
+
+    source = read_scene(path)
+    plan = plan_import(source)
+    for phase in plan.phases(): put all its items, tell `plan.moved(item, actual)` of those that moved
+
+Both steps compute for long and belong in a worker thread. They need no network, and either succeed or raise
+one LocalFault before the first record exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from scenefold.base.errors import LocalFault
+from scenefold.scene.importers.faults import readable_size
+from scenefold.scene.importers.gltf import read_gltf
+from scenefold.scene.importers.obj import read_obj
+from scenefold.scene.importers.plan import ImportItem, ImportPlan, Progress
+from scenefold.scene.importers.source import SourceScene
+from scenefold.scene.importers.through_trimesh import read_ply, read_stl
+
+__all__ = ["READERS", "ImportItem", "ImportPlan", "Progress", "SourceScene", "plan_import", "read_scene"]
+
+READERS: dict[str, Callable[[Path], SourceScene]] = {
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+}
+
+
+def read_scene(path: str | Path) -> SourceScene:
+    """The scene of a file; LocalFault if it is none, or if anything in it cannot be used."""
+    file = Path(path)
+    readable_size(file)
+    reader = READERS.get(file.suffix.lower())
+    if reader is None:
+        kinds = ", ".join(READERS)
+        raise LocalFault(f"files of kind {file.suffix!r} cannot be imported", where=str(file), remedy=f"give one of {kinds}")
+    try:
+        return reader(file)
+    except MemoryError as error:
+        raise LocalFault("the file is too large for this machine's memory", where=str(file), remedy="split it") from error
+
+
+def plan_import(source: SourceScene, progress: Progress | None = None) -> ImportPlan:
+    """The plan that turns a scene into records; LocalFault for an empty or impossible scene."""
+    return ImportPlan(source, progress)

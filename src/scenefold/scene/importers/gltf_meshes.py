@@ -1,0 +1,104 @@
+"""Primitives of glTF meshes as triangles of one material; every index and every position is checked here."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefold.base.limits import COORDINATE_ABS_MAX
+from scenefold.scene.importers.gltf_accessors import Accessors
+from scenefold.scene.importers.gltf_file import GltfFile
+from scenefold.scene.importers.gltf_json import JsonMap
+from scenefold.scene.importers.gltf_materials import GltfMaterials
+from scenefold.scene.importers.repair import compact, mend_normals, mend_uvs
+from scenefold.scene.importers.source import MeshPart, NotCarried
+
+_TRIANGLES_SPARE = 100_000
+_POINTS, _LINES, _TRIANGLES, _STRIP, _FAN = 0, (1, 2, 3), 4, 5, 6
+
+
+class GltfMeshes:
+    """Reads the meshes that nodes place."""
+
+    def __init__(self, file: GltfFile, accessors: Accessors, materials: GltfMaterials, left: NotCarried) -> None:
+        self._entries = file.json.maps("meshes")
+        self._accessors = accessors
+        self._materials = materials
+        self._left = left
+        self._file = file
+        self._triangles_read = 0
+
+    def read(self, number: int) -> list[MeshPart]:
+        entry = self._entries[number]
+        parts = [self._part(primitive) for primitive in entry.maps("primitives")]
+        return [part for part in parts if part is not None]
+
+    def _part(self, primitive: JsonMap) -> MeshPart | None:
+        if primitive.extension("KHR_draco_mesh_compression") and not primitive.inner("attributes").has("POSITION"):
+            raise primitive.fault("is compressed with Draco, which scenefold does not read")
+        attributes = primitive.inner("attributes")
+        mode = primitive.integer("mode", 0, 6, default=_TRIANGLES)
+        if mode == _POINTS or mode in _LINES:
+            self._left.note("points" if mode == _POINTS else "lines")
+            return None
+        where = attributes.index("POSITION", len(self._accessors), "accessor")
+        if where < 0:
+            self._left.note("primitives without positions")
+            return None
+        self._note_rest(primitive, attributes)
+        positions = self._accessors.floats(where, "VEC3")
+        triangles = self._triangles(primitive, mode, len(positions))
+        self._triangles_read += len(triangles)
+        if self._triangles_read > self._file.bytes_read + _TRIANGLES_SPARE:
+            # Primitives that share data thousands of times would fill any memory.
+            raise primitive.fault("brings the file to more triangles than it has bytes")
+        material = primitive.index("material", len(self._materials.materials) - 1, "material")
+        material = self._materials.default if material < 0 else material
+        normals = self._attribute(attributes, "NORMAL", "VEC3", len(positions))
+        uvs = self._uvs(attributes, material, len(positions))
+        part = compact(MeshPart(positions, normals, uvs, triangles, material))
+        # NaN fails this comparison too.
+        if not (np.abs(part.positions) <= COORDINATE_ABS_MAX).all():
+            raise primitive.fault("has a position that is not finite, or beyond 1e9")
+        return mend_uvs(mend_normals(part, self._left), self._left)
+
+    def _triangles(self, primitive: JsonMap, mode: int, vertices: int) -> NDArray[np.uint32]:
+        where = primitive.index("indices", len(self._accessors), "accessor")
+        corners = self._accessors.indices(where) if where >= 0 else np.arange(vertices, dtype=np.uint32)
+        if len(corners) and int(corners.max()) >= vertices:
+            raise primitive.fault(f"has the index {int(corners.max())}, but {vertices} vertices")
+        if mode == _TRIANGLES:
+            self._left.note("incomplete triangles", int(len(corners) % 3 > 0))
+            return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        if len(corners) < 3:
+            return np.empty((0, 3), np.uint32)
+        if mode == _FAN:
+            first = np.broadcast_to(corners[0], len(corners) - 2)
+            return np.stack([corners[1:-1], corners[2:], first], axis=1)
+        strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+        strip[1::2] = strip[1::2][:, [0, 2, 1]]
+        return strip
+
+    def _attribute(self, attributes: JsonMap, name: str, kind: str, vertices: int) -> NDArray[np.float32] | None:
+        where = attributes.index(name, len(self._accessors), "accessor")
+        if where < 0:
+            return None
+        values = self._accessors.floats(where, kind)
+        if len(values) != vertices:
+            raise attributes.fault(f"has {len(values)} elements, but there are {vertices} positions", name)
+        return values
+
+    def _uvs(self, attributes: JsonMap, material: int, vertices: int) -> NDArray[np.float32] | None:
+        # Coordinates that no texture reads would only make atoms larger.
+        if not self._materials.materials[material].textured:
+            return None
+        use = self._materials.uses[material]
+        uvs = self._attribute(attributes, f"TEXCOORD_{use.uv_set}", "VEC2", vertices)
+        if uvs is None:
+            self._left.note("textures on meshes without texture coordinates")
+            return None
+        return use.apply(uvs)
+
+    def _note_rest(self, primitive: JsonMap, attributes: JsonMap) -> None:
+        self._left.note("vertex colours", int(attributes.has("COLOR_0")))
+        self._left.note("morph targets", int(bool(primitive.maps("targets"))))

@@ -1,0 +1,195 @@
+"""The node graph of a glTF: world matrices of meshes, cameras and lights, walked without recursion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from scenefold.base.limits import COORDINATE_ABS_MAX, INSTANCES_MAX
+from scenefold.scene.importers.gltf_accessors import Accessors
+from scenefold.scene.importers.gltf_file import GltfFile
+from scenefold.scene.importers.gltf_json import JsonMap
+from scenefold.scene.importers.matrices import Matrix, from_parts, product, rigid
+from scenefold.scene.importers.source import NotCarried
+from scenefold.scene.payloads.cameras import Camera
+from scenefold.scene.payloads.punctual import LightKind, PunctualLight
+
+_LIGHTS: dict[str, LightKind] = {"point": "point", "spot": "spot", "directional": "directional"}
+_NONE = (0.0,) * 16
+
+
+@dataclass(slots=True)
+class Placements:
+    """What the walk found."""
+
+    meshes: list[int] = field(default_factory=list)
+    matrices: list[Matrix] = field(default_factory=list)
+    cameras: list[Camera] = field(default_factory=list)
+    punctual: list[PunctualLight] = field(default_factory=list)
+
+
+class NodeWalk:
+    """One walk over the default scene."""
+
+    def __init__(self, file: GltfFile, accessors: Accessors, left: NotCarried) -> None:
+        self._json = file.json
+        self._accessors = accessors
+        self._left = left
+        self._nodes = file.json.maps("nodes")
+        self._meshes = len(file.json.maps("meshes"))
+        self._cameras = file.json.maps("cameras")
+        lights = file.json.extension("KHR_lights_punctual")
+        self._lights = lights.maps("lights") if lights else []
+        self._names: set[str] = set()
+        self._found = Placements()
+
+    def walk(self) -> Placements:
+        seen = [False] * len(self._nodes)
+        waiting = [(number, np.eye(4)) for number in reversed(self._roots())]
+        while waiting:
+            number, above = waiting.pop()
+            node = self._nodes[number]
+            if seen[number]:
+                raise node.fault("is reached twice: nodes must form a tree")
+            seen[number] = True
+            world = product(above, self._local(node))
+            if not (np.abs(world) <= COORDINATE_ABS_MAX).all():
+                raise node.fault("has a transform that is not finite or beyond measure")
+            self._visit(number, node, world)
+            children = node.indices("children", len(self._nodes), "node")
+            waiting += [(child, world) for child in reversed(children)]
+        return self._found
+
+    def _roots(self) -> list[int]:
+        scenes = self._json.maps("scenes")
+        chosen = self._json.index("scene", len(scenes), "scene")
+        if scenes:
+            return scenes[max(chosen, 0)].indices("nodes", len(self._nodes), "node")
+        # Without scenes, the file is a library of nodes: show all that are nobody's child.
+        children = {child for node in self._nodes for child in node.indices("children", len(self._nodes), "node")}
+        return [number for number in range(len(self._nodes)) if number not in children]
+
+    def _local(self, node: JsonMap) -> Matrix:
+        if node.has("matrix"):
+            # Stored column by column.
+            matrix = np.array(node.numbers("matrix", _NONE)).reshape(4, 4).T.copy()
+            if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+                raise node.fault("is no affine transform", "matrix")
+            return matrix
+        rotation = node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
+        if not 1e-6 < sum(value * value for value in rotation) < 1e6:
+            raise node.fault("is no rotation", "rotation")
+        return from_parts(node.numbers("translation", (0.0, 0.0, 0.0)), rotation, node.numbers("scale", (1.0, 1.0, 1.0)))
+
+    def _visit(self, number: int, node: JsonMap, world: Matrix) -> None:
+        mesh = node.index("mesh", self._meshes, "mesh")
+        if mesh >= 0:
+            copies = self._copies(node, world)
+            self._found.meshes += [mesh] * len(copies)
+            self._found.matrices += copies
+            if len(self._found.meshes) > INSTANCES_MAX:
+                raise self._json.fault(f"places more than {INSTANCES_MAX} meshes", "nodes")
+            self._left.note("skins, shown in the pose that they were modelled in", int(node.has("skin")))
+        camera = node.index("camera", len(self._cameras), "camera")
+        if camera >= 0:
+            name = node.text("name", "") or self._cameras[camera].text("name", "") or f"camera {number}"
+            self._found.cameras.append(self._camera(self._cameras[camera], self._unused(name), world))
+        light = node.extension("KHR_lights_punctual")
+        if light is not None:
+            which = light.index("light", len(self._lights), "light")
+            if which < 0:
+                raise light.fault("is missing", "light")
+            self._found.punctual.append(self._light(self._lights[which], node, world))
+
+    def _copies(self, node: JsonMap, world: Matrix) -> list[Matrix]:
+        instancing = node.extension("EXT_mesh_gpu_instancing")
+        if instancing is None:
+            return [world]
+        attributes = instancing.inner("attributes")
+        kinds = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
+        columns = {}
+        for key, kind in kinds.items():
+            accessor = attributes.index(key, len(self._accessors), "accessor")
+            if accessor >= 0:
+                if self._accessors.count(accessor) > INSTANCES_MAX:
+                    raise instancing.fault(f"has more than {INSTANCES_MAX} instances")
+                columns[key] = self._accessors.floats(accessor, kind).astype(np.float64)
+        counts = {len(column) for column in columns.values()}
+        if len(counts) != 1:
+            raise instancing.fault("has attributes of different counts, or none")
+        count = counts.pop()
+        places = columns.get("TRANSLATION", np.zeros((count, 3)))
+        turns = columns.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
+        scales = columns.get("SCALE", np.ones((count, 3)))
+        turned = (turns**2).sum(axis=1)
+        if not (all(np.isfinite(part).all() for part in (places, turns, scales)) and (turned > 1e-6).all()):
+            raise instancing.fault("has an instance whose transform is none")
+        rows = zip(places.tolist(), turns.tolist(), scales.tolist(), strict=True)
+        copies = [product(world, from_parts(tuple(place), tuple(turn), tuple(scale))) for place, turn, scale in rows]
+        if not all((np.abs(copy) <= COORDINATE_ABS_MAX).all() for copy in copies):
+            raise instancing.fault("has a transform that is beyond measure")
+        return copies
+
+    def _unused(self, name: str) -> str:
+        """The name, or with a number behind it where it is taken already."""
+        unused, count = name, 1
+        while unused in self._names:
+            count += 1
+            unused = f"{name} {count}"
+        self._names.add(unused)
+        return unused
+
+    def _camera(self, entry: JsonMap, name: str, world: Matrix) -> Camera:
+        matrix = rigid(world)
+        if matrix is None:
+            raise entry.fault(f"(camera {name!r}) is mirrored or flat in the world: it would look inside out")
+        kind = entry.text("type")
+        if kind == "perspective":
+            view = entry.inner(kind)
+            yfov = view.number("yfov")
+            near, far = view.number("znear"), view.number("zfar", 1e300)
+            aspect = view.number("aspectRatio", 0.0)
+            if not 0 < yfov < math.pi:
+                raise view.fault(f"is {yfov}, not between 0 and pi", "yfov")
+            if not 0 <= near < far or not 0 <= aspect <= 1e6:
+                raise view.fault(f"has near {near}, far {far}, aspect {aspect}: they contradict each other")
+            return Camera(name, matrix, yfov=yfov, aspect=aspect, near=near)
+        if kind != "orthographic":
+            raise entry.fault(f"is the unknown {kind!r}", "type")
+        view = entry.inner(kind)
+        xmag, ymag = abs(view.number("xmag")), abs(view.number("ymag"))
+        near, far = view.number("znear"), view.number("zfar")
+        if not (xmag > 0 and ymag > 0 and xmag / ymag <= 1e6 and ymag < COORDINATE_ABS_MAX and 0 <= near < far):
+            raise view.fault(f"has xmag {xmag}, ymag {ymag}, near {near}, far {far}: a view without size")
+        return Camera(name, matrix, "orthographic", ymag=ymag, aspect=xmag / ymag, near=near)
+
+    def _light(self, entry: JsonMap, node: JsonMap, world: Matrix) -> PunctualLight:
+        kind = entry.text("type")
+        if kind not in _LIGHTS:
+            raise entry.fault(f"is the unknown {kind!r}", "type")
+        intensity = entry.number("intensity", 1.0)
+        tint = entry.numbers("color", (1.0, 1.0, 1.0))
+        if intensity < 0 or min(tint) < 0 or intensity * max(tint) > 1e30:
+            raise entry.fault("has a colour that is negative or beyond measure")
+        axis = -world[:3, 2]
+        length = math.sqrt(float((axis**2).sum()))
+        if length == 0 and kind != "point":
+            raise node.fault("gives its light no direction")
+        way = (axis / length).tolist() if length else [0.0, 0.0, -1.0]
+        spot = entry.inner("spot")
+        inner, outer = spot.number("innerConeAngle", 0.0), spot.number("outerConeAngle", math.pi / 4)
+        if not 0 <= inner < outer <= math.pi / 2:
+            raise spot.fault(f"has cones of {inner} and {outer} radians")
+        place = world[:3, 3].tolist()
+        return PunctualLight(
+            name=node.text("name", "") or entry.text("name", ""),
+            kind=_LIGHTS[kind],
+            position=(place[0], place[1], place[2]),
+            direction=(way[0], way[1], way[2]),
+            color=(tint[0] * intensity, tint[1] * intensity, tint[2] * intensity),
+            inner_cone=inner,
+            outer_cone=outer,
+            range=max(entry.number("range", 0.0), 0.0),
+        )

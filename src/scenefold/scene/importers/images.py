@@ -1,0 +1,99 @@
+"""Images of a scene file: checked once before anything is written, decoded again when their tiles are.
+
+The only place of the importers that knows Pillow.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.limits import TEXTURE_PIXELS_MAX, TEXTURE_SIDE_MAX
+from scenefold.scene.importers.faults import bad_file
+from scenefold.scene.importers.source import NotCarried, Pixels, SourceTexture
+
+_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
+_SRGB_KNEE = 0.04045
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedImage:
+    """An image as it stands in the file."""
+
+    scene_file: Path
+    what: str
+    """Words for an error, such as "the image 'wood.png'"."""
+    name: str
+    content: bytes
+
+    def pixels(self) -> Pixels:
+        """u8[height, width, 4]; LocalFault if it is no image, damaged, or too large."""
+        try:
+            return self._decoded()
+        except LocalFault:
+            raise
+        except Exception as error:  # Pillow's decoders raise many kinds of errors on damaged files
+            raise bad_file(self.scene_file, f"{self.what} cannot be read, {error}", "export it as PNG or JPEG") from error
+
+    def _decoded(self) -> Pixels:
+        with warnings.catch_warnings():
+            # Pillow warns of sizes beyond our own limit, which we turn into an error anyway.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(self.content), formats=_FORMATS)
+        width, height = image.size
+        if max(width, height) > TEXTURE_SIDE_MAX or width * height > TEXTURE_PIXELS_MAX:
+            bound = f"{TEXTURE_SIDE_MAX} a side and {TEXTURE_PIXELS_MAX} pixels"
+            raise bad_file(self.scene_file, f"{self.what} has {width} x {height} pixels, over {bound}", "make it smaller")
+        if image.mode.startswith(("I", "F")):
+            # 16 bits a channel: Pillow's own conversion would cut off instead of scaling.
+            grey = np.clip(np.asarray(image).astype(np.float64) / 257.0 + 0.5, 0, 255).astype(np.uint8)
+            return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+        return np.asarray(image.convert("RGBA"))
+
+
+def _linear_table() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    codes = np.arange(256) / 255.0
+    return np.where(codes <= _SRGB_KNEE, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+
+
+def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
+    """The mean of an sRGB image in linear light."""
+    table = _linear_table()
+    means = []
+    for channel in range(3):
+        counts = np.bincount(pixels[..., channel].ravel(), minlength=256)
+        means.append(float((counts * table).sum() / counts.sum()))
+    return means[0], means[1], means[2]
+
+
+class TextureList:
+    """The textures that materials use, each image and meaning once; every image is checked when first used."""
+
+    def __init__(self) -> None:
+        self.textures: list[SourceTexture] = []
+        self._numbers: dict[tuple[object, bool], int] = {}
+
+    def add(self, key: object, image: EncodedImage, *, srgb: bool) -> int:
+        """The number of the texture of this image; `key` tells images apart."""
+        number = self._numbers.get((key, srgb))
+        if number is not None:
+            return number
+        pixels = image.pixels()
+        height, width = pixels.shape[:2]
+        has_alpha = bool((pixels[..., 3] < 255).any())
+        decode = partial(EncodedImage.pixels, image)
+        self.textures.append(SourceTexture(image.name, width, height, srgb, has_alpha, decode))
+        self._numbers[key, srgb] = len(self.textures) - 1
+        return len(self.textures) - 1
+
+
+def note_mean(left: NotCarried, count: int = 1) -> None:
+    """Says that an emissive texture became its mean."""
+    left.note("emissive textures, replaced by their mean colour", count)

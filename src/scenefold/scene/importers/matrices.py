@@ -1,0 +1,67 @@
+"""Small matrix sums in f64, written out: the same bits on every machine, which a BLAS does not promise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+
+
+def product(left: Matrix, right: Matrix) -> Matrix:
+    """The product of two f64[4, 4]."""
+    total: Matrix = left[:, 0, None] * right[0]
+    for k in (1, 2, 3):
+        total = total + left[:, k, None] * right[k]
+    return total
+
+
+def from_parts(translation: tuple[float, ...], quaternion: tuple[float, ...], scale: tuple[float, ...]) -> Matrix:
+    """Translation · rotation · scale; the quaternion (x, y, z, w) must not be 0, and is normalised."""
+    x, y, z, w = np.array(quaternion) / np.sqrt(sum(value * value for value in quaternion))
+    matrix = np.eye(4)
+    matrix[:3, 0] = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]) * scale[0]
+    matrix[:3, 1] = np.array([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]) * scale[1]
+    matrix[:3, 2] = np.array([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)]) * scale[2]
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def cofactors(matrix: Matrix) -> Matrix:
+    """The cofactors of the linear part [3, 3]: what carries normals, up to the determinant's sign and size."""
+    a, b, c = matrix[0, :3], matrix[1, :3], matrix[2, :3]
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+
+
+def determinant(matrix: Matrix) -> float:
+    """Of the linear part."""
+    return float((matrix[0, :3] * cofactors(matrix)[0]).sum())
+
+
+def move_points(matrix: Matrix, points: NDArray[np.floating]) -> Matrix:
+    """f64[n, 3] of points [n, 3]."""
+    return move_vectors(matrix[:3, :3], points) + matrix[:3, 3]
+
+
+def move_vectors(linear: Matrix, vectors: NDArray[np.floating]) -> Matrix:
+    """f64[n, 3] of vectors [n, 3] under a [3, 3]."""
+    x, y, z = (vectors[:, axis].astype(np.float64)[:, None] for axis in range(3))
+    moved: Matrix = x * linear[:, 0] + y * linear[:, 1] + z * linear[:, 2]
+    return moved
+
+
+def rigid(matrix: Matrix) -> Matrix | None:
+    """The rotation and translation nearest to what a camera's matrix means: -Z stays, Y is made square to it.
+
+    None if the matrix mirrors or is singular.
+    """
+    backwards, up = matrix[:3, 2], matrix[:3, 1]
+    size = np.sqrt((matrix[:3, :3] ** 2).sum())
+    if not np.isfinite(size) or determinant(matrix) <= 1e-12 * size**3:
+        return None
+    z = backwards / np.sqrt((backwards**2).sum())
+    y = up - z * (z * up).sum()
+    y = y / np.sqrt((y**2).sum())
+    result = np.eye(4)
+    result[:3, 0], result[:3, 1], result[:3, 2], result[:3, 3] = np.cross(y, z), y, z, matrix[:3, 3]
+    return result

@@ -1,0 +1,93 @@
+"""Which meshes are baked into the world, and which stand in it as instances of a prototype.
+
+A mesh that one node uses is baked: its triangles get world coordinates and belong to prototype 0. One that
+several nodes use becomes a prototype of its own, unless all copies together are fewer triangles than the
+bookkeeping of instances is worth. A copy without volume (a scale of 0) cannot be an instance, because no ray
+can be carried into its space: it is baked too, or dropped where nothing of it is left to see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.limits import COORDINATE_ABS_MAX, INSTANCES_MAX
+from scenefold.scene.importers.matrices import Matrix, cofactors, determinant
+from scenefold.scene.importers.source import MeshPart, SourceScene
+from scenefold.scene.payloads.instances import INSTANCE_ROW
+
+BAKED_COPIES_TRIANGLES_MAX = 2_000
+"""Copies of a mesh with no more triangles than this, all together, are baked."""
+_FLAT_TRIANGLES_MAX = 1_000_000
+_FLAT = 1e-9
+
+
+@dataclass(slots=True)
+class Prototypes:
+    """Prototype p >= 1 is mesh `meshes[p - 1]`; prototype 0 is everything in `baked`."""
+
+    baked: list[tuple[int, Matrix]] = field(default_factory=list)
+    """(mesh, mesh -> world)"""
+    meshes: list[int] = field(default_factory=list)
+    instances: list[tuple[int, Matrix]] = field(default_factory=list)
+    """(prototype, prototype -> world), without instance 0"""
+
+    def parts(self, source: SourceScene, prototype: int) -> Iterator[tuple[MeshPart, Matrix | None]]:
+        """The parts of a prototype, with the transform to bake in."""
+        if prototype:
+            yield from ((part, None) for part in source.meshes[self.meshes[prototype - 1]])
+        else:
+            yield from ((part, matrix) for mesh, matrix in self.baked for part in source.meshes[mesh])
+
+    def instance_rows(self) -> NDArray[np.void]:
+        """INSTANCE_ROW of all instances; number 0 is the baked world."""
+        rows = np.zeros(len(self.instances) + 1, INSTANCE_ROW)
+        rows["matrix"][0] = np.eye(4)[:3]
+        if self.instances:
+            rows["prototype"][1:] = [prototype for prototype, _ in self.instances]
+            rows["matrix"][1:] = np.array([matrix[:3] for _, matrix in self.instances])
+        return rows
+
+
+def decide(source: SourceScene) -> Prototypes:
+    """The decision for a whole scene, in file order."""
+    sizes = [sum(len(part.triangles) for part in parts) for parts in source.meshes]
+    uses = np.bincount(source.placed_meshes, minlength=len(sizes)).tolist()
+    shared = [use > 1 and use * size > BAKED_COPIES_TRIANGLES_MAX for use, size in zip(uses, sizes, strict=True)]
+    result, number, flat = Prototypes(), {}, 0
+    for mesh, matrix in zip(source.placed_meshes.tolist(), source.placed_matrices, strict=True):
+        if sizes[mesh] == 0:
+            continue
+        if shared[mesh] and not _is_flat(matrix):
+            if mesh not in number:
+                result.meshes.append(mesh)
+                number[mesh] = len(result.meshes)
+            result.instances.append((number[mesh], matrix))
+        elif not shared[mesh] or cofactors(matrix).any():
+            result.baked.append((mesh, matrix))
+            flat += sizes[mesh] if shared[mesh] else 0
+    if flat > _FLAT_TRIANGLES_MAX:
+        raise LocalFault(f"{source.name} places {flat} triangles without volume", remedy="remove scales of 0")
+    if len(result.instances) >= INSTANCES_MAX:
+        raise LocalFault(f"{source.name} has over {INSTANCES_MAX} instances", remedy="split the scene")
+    _check_reach(source, result)
+    return result
+
+
+def _is_flat(matrix: Matrix) -> bool:
+    size = float(np.sqrt((matrix[:3, :3] ** 2).sum()))
+    return abs(determinant(matrix)) <= _FLAT * size**3
+
+
+def _check_reach(source: SourceScene, prototypes: Prototypes) -> None:
+    """Nothing may lie beyond the coordinates that f32 sums can bear."""
+    reach = [max((float(np.abs(part.positions).max(initial=0)) for part in parts), default=0) for parts in source.meshes]
+    placed = [*prototypes.baked, *((prototypes.meshes[p - 1], matrix) for p, matrix in prototypes.instances)]
+    for mesh, matrix in placed:
+        farthest = np.abs(matrix[:3, :3]).sum(axis=1).max() * reach[mesh] + np.abs(matrix[:3, 3]).max()
+        if not farthest <= COORDINATE_ABS_MAX:
+            raise LocalFault(f"{source.name} has geometry at coordinates beyond 1e9", remedy="scale or move the scene")

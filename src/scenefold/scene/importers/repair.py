@@ -1,0 +1,77 @@
+"""Small repairs that a mesh gets when it is read: unused vertices, normals and coordinates that are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefold.scene.importers.matrices import move_vectors
+from scenefold.scene.importers.source import MeshPart, NotCarried
+
+
+def compact(part: MeshPart) -> MeshPart:
+    """Without the vertices that no triangle uses: files share one large array among many primitives."""
+    used = np.zeros(len(part.positions), bool)
+    used[part.triangles.ravel()] = True
+    if used.all():
+        return part
+    new_number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
+    return replace(
+        part,
+        positions=part.positions[used],
+        normals=None if part.normals is None else part.normals[used],
+        uvs=None if part.uvs is None else part.uvs[used],
+        triangles=new_number[part.triangles],
+    )
+
+
+def mend_normals(part: MeshPart, left: NotCarried) -> MeshPart:
+    """A normal that is 0 or not finite becomes that of the faces around it."""
+    if part.normals is None:
+        return part
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = np.abs(part.normals).sum(axis=1)
+        bad = ~((sizes > 1e-12) & (sizes < 1e12))
+    if not bad.any():
+        return part
+    left.note("normals that were none, made anew", int(bad.sum()))
+    normals = np.array(part.normals)
+    normals[bad] = _vertex_normals(part)[bad]
+    return replace(part, normals=normals)
+
+
+def face_crosses(positions: NDArray[np.floating], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """f64[nt, 3]: the cross product of two edges, twice the area long, outwards."""
+    corners = positions.astype(np.float64)[triangles]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.cross(first, second)
+
+
+def _vertex_normals(part: MeshPart) -> NDArray[np.float32]:
+    crosses = face_crosses(part.positions, part.triangles)
+    sums = np.zeros((len(part.positions), 3))
+    for axis in range(3):
+        weights = np.repeat(crosses[:, axis], 3)
+        sums[:, axis] = np.bincount(part.triangles.ravel(), weights, len(part.positions))
+    lengths = np.sqrt((sums**2).sum(axis=1))
+    # Where faces cancel out, any unit vector is as good.
+    sums[lengths < 1e-30] = (0.0, 0.0, 1.0)
+    lengths[lengths < 1e-30] = 1.0
+    normals: NDArray[np.float32] = (sums / lengths[:, None]).astype(np.float32)
+    return normals
+
+
+def mend_uvs(part: MeshPart, left: NotCarried) -> MeshPart:
+    """Texture coordinates that are not finite become 0."""
+    if part.uvs is None or np.isfinite(part.uvs).all():
+        return part
+    left.note("meshes with texture coordinates that were not finite")
+    return replace(part, uvs=np.where(np.isfinite(part.uvs), part.uvs, np.float32(0)))
+
+
+def move_normals(cofactor: NDArray[np.float64], mirrored: bool, normals: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Normals (of any length) under a transform with these cofactors; outside stays outside."""
+    # The inverse transpose is the cofactors over the determinant; lengths do not matter, its sign does.
+    return move_vectors(-cofactor if mirrored else cofactor, normals)
