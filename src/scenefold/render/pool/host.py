@@ -1,0 +1,52 @@
+"""What the render service needs of the node that it runs on; `node/` provides it."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Protocol, TypeVar
+
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.render.pool.share import SceneReader
+from scenefold.wire import Packet
+from scenefold.world import World
+
+P = TypeVar("P", bound=Packet)
+
+
+class Host(Protocol):
+    """A node, as the render service sees it."""
+
+    @property
+    def world(self) -> World: ...
+
+    @property
+    def node_id(self) -> NodeId: ...
+
+    @property
+    def render_threads(self) -> int:
+        """How many tracers a job may use here."""
+        ...
+
+    def nodes(self) -> list[NodeId]:
+        """All nodes of the cluster, in the order of the line."""
+        ...
+
+    def handle(self, packet: type[P], handler: Callable[[P, str], Awaitable[Packet | None]], *, nodes_only: bool) -> None:
+        """Let `handler(packet, peer name)` answer packets of this class."""
+        ...
+
+    async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
+        """Send a request to a node and return its answer. Unreachable; Refused for a Fault."""
+        ...
+
+    async def send(self, node: NodeId, packet: Packet) -> None:
+        """Send a packet that has no answer. Unreachable."""
+        ...
+
+    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> SceneReader:
+        """A reader of a scene's records with the key that came with a job."""
+        ...
+
+    def record_count(self) -> int:
+        """Records that this node stores, of all scenes."""
+        ...

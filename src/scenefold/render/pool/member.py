@@ -1,0 +1,319 @@
+"""A node's part in a job: it traces what lies in its cell, passes rays on, and closes its own passes.
+
+    rays in (SendRays) --> WorkQueue --> tracer in a worker thread --> PeerOutbox --> rays out
+                                              |
+                                         PassSums by pass, collected by the pass's owner --> Film
+
+Everything here runs on the Trio thread but for the workers' calls; between two awaits the counts of a pass, its
+queue and its sums agree with one another, and the ledger relies on that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import trio
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.rays import RAY_BYTES, RAY_WORDS
+from scenefold.render.arrays import U32
+from scenefold.render.contract import Tracer
+from scenefold.render.film import Film
+from scenefold.render.job import Job
+from scenefold.render.ledger import Counts, PassState
+from scenefold.render.pass_sums import PassSums as Sums
+from scenefold.render.pool.outbox import PeerOutbox
+from scenefold.render.pool.own_passes import OwnPasses, pass_owner
+from scenefold.render.pool.share import LANE
+from scenefold.render.pool.work import WorkQueue
+from scenefold.wire import CollectPass, JobEvent, Packet, PassCounts, PassSums, SendRays, pack_value, unpack_value
+from scenefold.world import World
+
+COLLECT_S_MAX = 120.0
+QUEUE_RAYS_ENOUGH = 32_768
+"""With this many rays waiting, no further pass is opened."""
+
+
+@dataclass(slots=True)
+class MemberStatistics:
+    """What a node did for a job so far."""
+
+    casts: int = 0
+    shadow_casts: int = 0
+    rays_sent: int = 0
+    rays_received: int = 0
+    busy_seconds: float = 0.0
+    counters: list[int] = field(default_factory=lambda: [0, 0, 0])
+
+
+class Member:
+    """One node's running part in one job."""
+
+    def __init__(
+        self,
+        job: Job,
+        me: int,
+        stride: int,
+        tracers: list[Tracer],
+        world: World,
+        ask: Callable[[int, Packet, float], Awaitable[Packet]],
+        send: Callable[[int, Packet], Awaitable[None]],
+    ) -> None:
+        """`ask` and `send` reach the job's node of an index: with an answer, and without."""
+        self._job, self._me, self._stride, self._tracers, self._world = job, me, stride, tracers, world
+        self._ask, self._send = ask, send
+        self._plan = job.plan
+        self._own = OwnPasses(self._plan, job.nodes, me)
+        self._queue = WorkQueue()
+        self._counts: dict[int, Counts] = {}
+        self._reported: dict[int, Counts] = {}
+        self._sums: dict[int, dict[int, Sums]] = {}
+        self._outboxes = {index: PeerOutbox() for index in range(len(job.nodes)) if index != me}
+        self._changed = trio.Event()
+        self._opening = False
+        self._closing = trio.Lock()
+        self._link_sequence = 0
+        self._nursery: trio.Nursery | None = None
+        self.film = Film(job.width, job.height)
+        self.statistics = MemberStatistics()
+
+    # What other nodes tell us --------------------------------------------------------------------------------
+
+    def on_rays(self, packet: SendRays) -> None:
+        """Rays that flew into this node's cell. PeerFault if the packet is ill-formed."""
+        number = packet.pass_index
+        if len(packet.rays) != packet.count * RAY_BYTES or number >= self._plan.count:
+            raise PeerFault("a packet of rays is ill-formed", where=f"pass {number}, {len(packet.rays)} bytes")
+        rays = np.frombuffer(packet.rays, np.uint32).reshape(-1, RAY_WORDS)
+        paths = rays[:, 7] >> np.uint32(16)
+        if len(rays) and int(paths.max()) >= self._plan.size(number):
+            raise PeerFault("a ray belongs to a path that its pass does not have", where=f"pass {number}")
+        self._count(number, Counts(received=len(rays)))
+        self.statistics.rays_received += len(rays)
+        self._queue.put(number, rays)
+        self._wake()
+
+    def on_counts(self, node: int, packet: PassCounts) -> None:
+        """Another node's counts of one of our passes."""
+        self._report(node, packet.pass_index, Counts(packet.created, packet.retired, packet.sent, packet.received))
+
+    async def on_collect(self, packet: CollectPass) -> PassSums:
+        """The owner of a pass takes its second reading."""
+        number = packet.pass_index
+        counts = self._counts.get(number, Counts())
+        payload = await self._world.workers.run(LANE, self._packed_sums, number)
+        return PassSums(
+            job=packet.job,
+            pass_index=number,
+            attempt=packet.attempt,
+            created=counts.created,
+            retired=counts.retired,
+            sent=counts.sent,
+            received=counts.received,
+            part_index=0,
+            part_count=1,
+            payload=payload,
+        )
+
+    def on_event(self, packet: JobEvent) -> None:
+        """A pass was closed by its owner: what we kept for it may go."""
+        document = unpack_value(packet.document, what="a job's event")
+        if isinstance(document, dict) and isinstance(document.get("closed"), int):
+            self._forget(document["closed"])
+
+    # Tasks ---------------------------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Trace until cancelled. Whatever fails here fails the job on this node."""
+        async with trio.open_nursery() as nursery:
+            self._nursery = nursery
+            for index, outbox in self._outboxes.items():
+                nursery.start_soon(self._deliver, index, outbox)
+            for index, tracer in enumerate(self._tracers):
+                nursery.start_soon(self._trace, index, tracer)
+
+    @property
+    def closed(self) -> int:
+        """How many of its own passes this node has closed."""
+        return self._own.closed
+
+    @property
+    def owned(self) -> int:
+        """How many passes this node owns."""
+        return self._own.total
+
+    async def _deliver(self, index: int, outbox: PeerOutbox) -> None:
+        async def send_rays(number: int, rays: U32) -> None:
+            self._link_sequence += 1
+            await self._send(
+                index,
+                SendRays(
+                    job=self._job.id,
+                    frame=self._job.frame,
+                    pass_index=number,
+                    attempt=0,
+                    partition_epoch=self._job.partition.epoch,
+                    link_sequence=self._link_sequence,
+                    render_location=(),
+                    count=len(rays),
+                    rays=rays.tobytes(),
+                ),
+            )
+
+        async def send(packet: Packet) -> None:
+            await self._send(index, packet)
+
+        await outbox.run(send_rays, send)
+
+    async def _trace(self, thread: int, tracer: Tracer) -> None:
+        workers, clock = self._world.workers, self._world.clock
+        while True:
+            if self._own.may_open() and len(self._queue) < QUEUE_RAYS_ENOUGH and not self._opening:
+                await self._open_pass(tracer)
+                continue
+            work = self._queue.take()
+            if work is None:
+                changed = self._changed
+                await changed.wait()
+                continue
+            sums = self._sums_of(work.number, thread)
+            begun = clock.now()
+            outcome = await workers.run(LANE, tracer.advance, work.rays, self._plan.first_path(work.number), sums)
+            self.statistics.busy_seconds += clock.now() - begun
+            self.statistics.casts += outcome.casts
+            self.statistics.shadow_casts += outcome.shadow_casts
+            sent = self._dispatch(work.number, outcome.leaving)
+            self._count(work.number, Counts(created=outcome.created, retired=outcome.retired, sent=sent))
+            if self._queue.done(work.number):
+                self._tell(work.number)
+
+    async def _open_pass(self, tracer: Tracer) -> None:
+        self._opening = True
+        try:
+            number = self._own.open_next()
+            size = self._plan.size(number)
+            rays = await self._world.workers.run(LANE, tracer.generate, self._plan.first_path(number), size)
+        finally:
+            self._opening = False
+        mine = rays.pop(self._me, None)
+        if mine is not None:
+            self._queue.put(number, mine)
+        sent = self._dispatch(number, rays)
+        self._count(number, Counts(created=size, sent=sent))
+        self._wake()
+        if not self._queue.is_busy(number):
+            self._tell(number)
+
+    # Counting ------------------------------------------------------------------------------------------------
+
+    def _dispatch(self, number: int, leaving: dict[int, U32]) -> int:
+        sent = 0
+        for index, rays in leaving.items():
+            self._outboxes[index].put_rays(number, rays)
+            sent += len(rays)
+        self.statistics.rays_sent += sent
+        return sent
+
+    def _count(self, number: int, more: Counts) -> None:
+        self._counts[number] = self._counts.get(number, Counts()) + more
+
+    def _tell(self, number: int) -> None:
+        """Nothing of a pass waits here any more: let its owner know the counts."""
+        counts = self._counts[number]
+        if self._reported.get(number) == counts:
+            return
+        self._reported[number] = counts
+        owner = pass_owner(self._plan, number, len(self._job.nodes))
+        if owner == self._me:
+            self._report(self._me, number, counts)
+            return
+        self._outboxes[owner].put_message(
+            PassCounts(
+                job=self._job.id,
+                pass_index=number,
+                attempt=0,
+                created=counts.created,
+                retired=counts.retired,
+                sent=counts.sent,
+                received=counts.received,
+            )
+        )
+
+    def _report(self, node: int, number: int, counts: Counts) -> None:
+        ledger = self._own.ledgers.get(number)
+        if ledger is not None and ledger.report(node, counts) and self._nursery is not None:
+            ledger.begin_collection()
+            self._nursery.start_soon(self._collect, number)
+
+    def _wake(self) -> None:
+        self._changed.set()
+        self._changed = trio.Event()
+
+    # Closing -------------------------------------------------------------------------------------------------
+
+    async def _collect(self, number: int) -> None:
+        """The second reading of a pass, again and again while the newest counts balance."""
+        ledger = self._own.ledgers[number]
+        replies: dict[int, PassSums] = {}
+
+        async def read(index: int) -> None:
+            request = CollectPass(job=self._job.id, pass_index=number, attempt=0)
+            reply = await self._ask(index, request, COLLECT_S_MAX)
+            if not isinstance(reply, PassSums) or reply.pass_index != number:
+                raise PeerFault(f"{type(reply).__name__} is no answer to CollectPass", where=f"node {index} of the job")
+            replies[index] = reply
+
+        while True:
+            replies.clear()
+            async with trio.open_nursery() as nursery:
+                for index in self._outboxes:
+                    nursery.start_soon(read, index)
+            state = ledger.collected(self._me, self._counts.get(number, Counts()))
+            for index, reply in replies.items():
+                state = ledger.collected(index, Counts(reply.created, reply.retired, reply.sent, reply.received))
+            if state is PassState.CLOSED:
+                break
+            if not ledger.looks_settled:
+                return
+            ledger.begin_collection()
+        async with self._closing:
+            await self._world.workers.run(LANE, self._close, number, [reply.payload for reply in replies.values()])
+        self._forget(number)
+        self._own.close(number)
+        for outbox in self._outboxes.values():
+            outbox.put_message(JobEvent(job=self._job.id, document=pack_value({"closed": number})))
+        self._wake()
+
+    def _close(self, number: int, payloads: list[bytes]) -> None:
+        """Add everybody's sums of a pass, and the pass to the film. In a worker; passes close one at a time."""
+        total = self._total(number)
+        for payload in payloads:
+            total.add_bytes(payload)
+        self.statistics.counters = [
+            known + int(more) for known, more in zip(self.statistics.counters, total.counters, strict=True)
+        ]
+        self.film.add(total, self._plan.first_path(number), self._stride)
+
+    def _packed_sums(self, number: int) -> bytes:
+        return self._total(number).to_bytes()
+
+    def _total(self, number: int) -> Sums:
+        by_thread = list(self._sums.get(number, {}).values())
+        if len(by_thread) == 1:
+            return by_thread[0]
+        total = Sums.zeros(self._plan.size(number))
+        for sums in by_thread:
+            total.add(sums)
+        return total
+
+    def _sums_of(self, number: int, thread: int) -> Sums:
+        by_thread = self._sums.setdefault(number, {})
+        if thread not in by_thread:
+            by_thread[thread] = Sums.zeros(self._plan.size(number))
+        return by_thread[thread]
+
+    def _forget(self, number: int) -> None:
+        for kept in (self._sums, self._counts, self._reported):
+            kept.pop(number, None)

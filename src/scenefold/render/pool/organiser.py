@@ -1,0 +1,309 @@
+"""The owner of a job's location: it makes the job, gets everybody ready, watches, and gathers the image.
+
+No master: which node organises a job follows from the job's id, and all that it decides alone is the partition,
+as one value. Passes belong to all nodes. If a node is lost, the job fails with a word that says which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trio
+
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.ids import NodeId, SceneId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.partition import make_partition
+from scenefold.render.arrays import F32
+from scenefold.render.content import pair_boxes
+from scenefold.render.contract import Renderer
+from scenefold.render.job import Job, RenderOptions
+from scenefold.render.numbers import camera_numbers, diagonal_of, job_box
+from scenefold.render.passes import place_of
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.own_passes import owner_index
+from scenefold.render.pool.part import Part
+from scenefold.render.pool.share import LANE, read_tables
+from scenefold.scene.tables import SceneTables
+from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
+
+PREPARE_S_MAX = 900.0
+ASK_S_MAX = 30.0
+POLL_S = 0.2
+KEEP_S = 600.0
+"""A finished image is kept this long for whoever asked for it."""
+LAYERS = (("beauty", 3), ("albedo", 3), ("normal", 3), ("depth", 1))
+"""The image as it is sent: these layers one after the other, float32, rows from the top."""
+
+
+@dataclass(frozen=True, slots=True)
+class RenderRequest:
+    """What a client asks of the organiser."""
+
+    job: int
+    scene: SceneId
+    genesis: bytes
+    symmetric_key: bytes
+    key_epoch: int
+    options: RenderOptions
+
+    def to_bytes(self) -> bytes:
+        """The packed document."""
+        options = self.options
+        return pack_value(
+            {
+                "request": True,
+                "scene": int(self.scene),
+                "genesis": self.genesis,
+                "symmetric_key": self.symmetric_key,
+                "key_epoch": self.key_epoch,
+                "width": options.width,
+                "height": options.height,
+                "samples": options.samples,
+                "seed": options.seed,
+                "depth": options.depth,
+                "sky": [float(channel) for channel in options.sky],
+                "camera": options.camera,
+                "algorithm": options.algorithm,
+            }
+        )
+
+    @classmethod
+    def from_map(cls, job: int, document: dict[str, Any]) -> RenderRequest:
+        """The request of a document; PeerFault if it is none."""
+        try:
+            red, green, blue = (float(channel) for channel in document["sky"])
+            camera = document["camera"]
+            options = RenderOptions(
+                width=int(document["width"]),
+                height=int(document["height"]),
+                samples=int(document["samples"]),
+                seed=int(document["seed"]),
+                depth=int(document["depth"]),
+                sky=(red, green, blue),
+                camera=None if camera is None else str(camera),
+                algorithm=str(document["algorithm"]),
+            )
+            request = cls(
+                job,
+                SceneId(int(document["scene"])),
+                bytes(document["genesis"]),
+                bytes(document["symmetric_key"]),
+                int(document["key_epoch"]),
+                options,
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise PeerFault("a request to render is ill-formed", where=f"{type(error).__name__}: {error}") from error
+        options.check()
+        return request
+
+
+def organiser_of(job: int, nodes: list[NodeId]) -> NodeId:
+    """Which node organises a job: the owner of the job's place on the line."""
+    return nodes[owner_index(place_of(b"job", job), len(nodes))]
+
+
+class Organiser:
+    """One job, from the request to the image."""
+
+    def __init__(self, host: Host, renderer: Renderer, request: RenderRequest, own_part: Callable[[int], Part]) -> None:
+        """`own_part(job)`: this node's own part in a job."""
+        self._host, self._renderer, self._request, self._own_part = host, renderer, request, own_part
+        self._job: Job | None = None
+        self._phase = "preparing"
+        self._failure = ""
+        self._states: dict[int, dict[str, Value]] = {}
+        self._seconds: dict[str, float] = {}
+        self._scope = trio.CancelScope()
+        self.image: bytes = b""
+
+    async def run(self) -> None:
+        """Render, keep the image for a while, then free the job everywhere."""
+        with self._scope:
+            try:
+                await self._render()
+                self._phase = "done"
+            except* ScenefoldError as group:
+                self._phase, self._failure = "failed", str(_leaf(group))
+            await self._free()
+            await self._host.world.clock.sleep(KEEP_S)
+        with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
+            await self._free()
+
+    def cancel(self) -> None:
+        """Nobody wants the image any more."""
+        self._scope.cancel()
+
+    def state(self) -> dict[str, Value]:
+        """How the job stands, for the client."""
+        plan = None if self._job is None else self._job.plan
+        return {
+            "phase": self._phase,
+            "failure": self._failure,
+            "passes": 0 if plan is None else plan.count,
+            "paths": 0 if plan is None else plan.paths,
+            "closed": sum(_whole(state.get("closed")) for state in self._states.values()),
+            "numeric_class": "" if self._job is None else self._job.numeric_class,
+            "image_bytes": len(self.image),
+            "seconds": {name: float(value) for name, value in self._seconds.items()},
+            "nodes": [
+                {"address": address_of(node), **self._states.get(index, {})}
+                for index, node in enumerate(() if self._job is None else self._job.nodes)
+            ],
+        }
+
+    async def _render(self) -> None:
+        with _Timed(self, "plan"):
+            job, tables = await self._plan()
+        self._job = job
+        with _Timed(self, "prepare"):
+            await self._of_all(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
+        self._phase = "rendering"
+        with _Timed(self, "render"):
+            await self._of_all(JobEvent(job=job.id, document=pack_value({"go": True})), ASK_S_MAX)
+            while not await self._all_closed(job):
+                await self._host.world.clock.sleep(POLL_S)
+        self._phase = "merging"
+        with _Timed(self, "merge"):
+            await self._gather(job, tables)
+
+    async def _plan(self) -> tuple[Job, SceneTables]:
+        host, request = self._host, self._request
+        reader = host.reader(request.scene, request.genesis, request.symmetric_key, request.key_epoch)
+        tables = await read_tables(reader, host.world.workers)
+        job = await host.world.workers.run(LANE, self._make_job, tables)
+        return job, tables
+
+    def _make_job(self, tables: SceneTables) -> Job:
+        request, options = self._request, self._request.options
+        camera = tables.camera(options.camera)
+        if camera is None:
+            names = ", ".join(repr(known.name) for known in tables.cameras)
+            raise LocalFault(f"the scene has no camera {options.camera!r}", remedy=f"choose one of: {names}")
+        nodes = tuple(self._host.nodes())
+        _, groups, low, high = pair_boxes(tables)
+        rotation = np.asarray(camera.matrix, np.float64)
+        partition = make_partition(
+            "voronoi" if options.algorithm == "voronoi" else "bounded-radial",
+            len(nodes),
+            np.stack(job_box(tables)),
+            rotation[:3, 3],
+            -rotation[:3, 2],
+            rotation[:3, 1],
+            (low + high) * 0.5,
+            tables.groups.triangles[groups].astype(np.float64),
+        )
+        return Job(
+            id=request.job,
+            scene=request.scene,
+            genesis=request.genesis,
+            symmetric_key=request.symmetric_key,
+            key_epoch=request.key_epoch,
+            content=tables.document.content,
+            numeric_class=self._renderer.numeric_class(),
+            width=options.width,
+            height=options.height,
+            samples=options.samples,
+            seed=options.seed,
+            frame=0,
+            depth=options.depth,
+            sky=options.sky,
+            camera=camera_numbers(camera, options.width, options.height),
+            nodes=nodes,
+            partition=partition,
+        )
+
+    async def _all_closed(self, job: Job) -> bool:
+        async def look(index: int, node: NodeId) -> None:
+            reply = await self._host.ask(node, JobState(job=job.id), ASK_S_MAX)
+            if not isinstance(reply, JobStateReply):
+                raise PeerFault(f"{type(reply).__name__} is no answer to JobState", where=address_of(node))
+            state = unpack_value(reply.document, what="a job's state")
+            if not isinstance(state, dict):
+                raise PeerFault("a job's state is ill-formed", where=address_of(node))
+            if state.get("failure"):
+                raise Refused(RejectReason.NOT_READY, f"{state['failure']}", where=address_of(node))
+            self._states[index] = state
+
+        async with trio.open_nursery() as nursery:
+            for index, node in enumerate(job.nodes):
+                nursery.start_soon(look, index, node)
+        return sum(_whole(state.get("closed")) for state in self._states.values()) == job.plan.count
+
+    async def _gather(self, job: Job, tables: SceneTables) -> None:
+        part = self._own_part(job.id)
+        async with trio.open_nursery() as nursery:
+            for neighbour in (part.me - 1, part.me + 1):
+                if 0 <= neighbour < len(job.nodes):
+                    nursery.start_soon(part.collect_film, neighbour)
+        low, high = job_box(tables)
+        layers = await self._host.world.workers.run(LANE, part.member().film.layers, diagonal_of(low, high))
+        self.image = b"".join(_bytes_of(layers[name]) for name, _ in LAYERS)
+
+    async def _of_all(self, packet: Packet, timeout_s: float) -> None:
+        """Ask all nodes of the job; the first refusal is ours."""
+        assert self._job is not None
+
+        async def ask(node: NodeId) -> None:
+            answer = await self._host.ask(node, packet, timeout_s)
+            if not isinstance(answer, JobAnswer):
+                raise PeerFault(f"{type(answer).__name__} is no answer to {type(packet).__name__}", where=address_of(node))
+            if answer.reason:
+                raise Refused(RejectReason(answer.reason), answer.text, where=address_of(node))
+
+        async with trio.open_nursery() as nursery:
+            for node in self._job.nodes:
+                nursery.start_soon(ask, node)
+
+    async def _free(self) -> None:
+        """Let all nodes go; one that does not answer will notice by itself that the job is over."""
+        if self._job is None:
+            return
+        job = self._job
+
+        async def free(node: NodeId) -> None:
+            try:
+                await self._host.ask(node, CancelJob(job=job.id), ASK_S_MAX)
+            except ScenefoldError as error:
+                self._failure = self._failure or ("" if self._phase == "done" else str(error))
+
+        async with trio.open_nursery() as nursery:
+            for node in job.nodes:
+                nursery.start_soon(free, node)
+
+    def note_seconds(self, name: str, seconds: float) -> None:
+        """How long a phase took."""
+        self._seconds[name] = seconds
+
+    def now(self) -> float:
+        """The node's clock."""
+        return self._host.world.clock.now()
+
+
+class _Timed:
+    """Measures a phase."""
+
+    def __init__(self, organiser: Organiser, name: str) -> None:
+        self._organiser, self._name, self._begun = organiser, name, 0.0
+
+    def __enter__(self) -> None:
+        self._begun = self._organiser.now()
+
+    def __exit__(self, *_: object) -> None:
+        self._organiser.note_seconds(self._name, self._organiser.now() - self._begun)
+
+
+def _bytes_of(layer: F32) -> bytes:
+    return np.ascontiguousarray(layer, "<f4").tobytes()
+
+
+def _whole(value: Value | None) -> int:
+    return value if isinstance(value, int) else 0
+
+
+def _leaf(group: BaseExceptionGroup[ScenefoldError]) -> ScenefoldError:
+    inner = group.exceptions[0]
+    return _leaf(inner) if isinstance(inner, BaseExceptionGroup) else inner

@@ -1,0 +1,56 @@
+"""The passes that a node owns: opening them, watching their ledgers, closing them into the node's film."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenefold.base.ids import NodeId
+from scenefold.base.location import Location, arcs_between, even_right_bounds
+from scenefold.render.ledger import PassLedger
+from scenefold.render.passes import PassPlan
+
+PASSES_IN_FLIGHT = 2
+"""Of each node's own passes: one closes while the next keeps everybody busy."""
+PASSES_IN_FLIGHT_OF_MANY = 1
+"""The same from NODES_MANY nodes on: every node keeps sums of every open pass, 4 MB a pass and thread."""
+NODES_MANY = 16
+
+
+def pass_owner(plan: PassPlan, number: int, nodes: int) -> int:
+    """The index of the node whose even arc of the line holds the pass's location."""
+    return owner_index(plan.location(number), nodes)
+
+
+def owner_index(location: Location, nodes: int) -> int:
+    """Which of `nodes` even arcs holds a location."""
+    return next(index for index, arc in enumerate(arcs_between(even_right_bounds(nodes))) if location in arc)
+
+
+class OwnPasses:
+    """One node's passes of a job, in order. Pure."""
+
+    def __init__(self, plan: PassPlan, nodes: Sequence[NodeId], me: int) -> None:
+        arcs = arcs_between(even_right_bounds(len(nodes)))
+        mine = arcs[me]
+        self._waiting = [number for number in range(plan.count) if plan.location(number) in mine]
+        self._waiting.reverse()
+        self._nodes = len(nodes)
+        self._open_max = PASSES_IN_FLIGHT if len(nodes) < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
+        self.total = len(self._waiting)
+        self.closed = 0
+        self.ledgers: dict[int, PassLedger] = {}
+
+    def may_open(self) -> bool:
+        """Whether a pass waits and few enough are open."""
+        return bool(self._waiting) and len(self.ledgers) < self._open_max
+
+    def open_next(self) -> int:
+        """Open the next pass; its number."""
+        number = self._waiting.pop()
+        self.ledgers[number] = PassLedger(self._nodes)
+        return number
+
+    def close(self, number: int) -> None:
+        """A pass's sums are in the film."""
+        del self.ledgers[number]
+        self.closed += 1

@@ -1,0 +1,183 @@
+"""A node's part in a job from the offer to the end: prepare, run, hand the film on, let go."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import trio
+
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.reasons import RejectReason
+from scenefold.render.contract import OpenScene, Renderer
+from scenefold.render.job import Job
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.member import Member
+from scenefold.render.pool.share import LANE, LoadedShare, load_share
+from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
+
+MERGE_S_MAX = 600.0
+PART_S_MAX = 120.0
+
+
+class Phase(Enum):
+    """Where a node's part stands."""
+
+    PREPARING = "preparing"
+    READY = "ready"
+    RUNNING = "running"
+    FAILED = "failed"
+
+
+class Part:
+    """One node's part in one job."""
+
+    def __init__(self, host: Host, renderer: Renderer, job: Job) -> None:
+        if host.node_id not in job.nodes:
+            raise PeerFault("this node is not among the job's")
+        self.job = job
+        self.me = job.nodes.index(host.node_id)
+        self.phase = Phase.PREPARING
+        self.failure = ""
+        self._host, self._renderer = host, renderer
+        self._loaded: LoadedShare | None = None
+        self._scene: OpenScene | None = None
+        self._member: Member | None = None
+        self._scope = trio.CancelScope()
+        self._go = trio.Event()
+        self._prepared = trio.Event()
+        self._ended = trio.Event()
+        self._prepare_seconds = 0.0
+
+    async def run(self) -> None:
+        """Prepare, wait for the word, trace until `end`. Failures are kept in `failure`, for whoever asks."""
+        with self._scope:
+            try:
+                await self._prepare()
+                await self._go.wait()
+                self.phase = Phase.RUNNING
+                assert self._member is not None
+                await self._member.run()
+            except* ScenefoldError as group:
+                self._fail(str(_first(group)))
+        self._prepared.set()
+        self._member = None
+        if self._scene is not None:
+            with trio.CancelScope(shield=True):
+                await self._host.world.workers.run(LANE, self._scene.close)
+            self._scene = None
+        self._ended.set()
+
+    async def prepared(self) -> None:
+        """Wait until the node holds its share; Refused if it cannot."""
+        await self._prepared.wait()
+        if self.phase is Phase.FAILED:
+            raise Refused(RejectReason.NOT_READY, self.failure)
+
+    def go(self) -> None:
+        """All nodes are ready: trace."""
+        self._go.set()
+
+    async def end(self) -> None:
+        """Stop, and free everything."""
+        self._scope.cancel()
+        await self._ended.wait()
+
+    def member(self) -> Member:
+        """The running part; Refused if it is not ready, or failed."""
+        if self._member is None:
+            raise Refused(RejectReason.NOT_READY, self.failure or "this node's part of the job is not ready")
+        return self._member
+
+    def state(self) -> dict[str, Value]:
+        """How it stands, for the organiser."""
+        document: dict[str, Value] = {"phase": self.phase.value, "failure": self.failure, "records": self._host.record_count()}
+        if self._loaded is not None:
+            share = self._loaded.share
+            document |= {
+                "groups": len(share.groups),
+                "triangles": share.instanced_triangles,
+                "bytes_read": self._loaded.bytes_read,
+                "prepare_seconds": self._prepare_seconds,
+            }
+        if self._member is not None:
+            statistics = self._member.statistics
+            document |= {
+                "closed": self._member.closed,
+                "owned": self._member.owned,
+                "casts": statistics.casts,
+                "shadow_casts": statistics.shadow_casts,
+                "rays_sent": statistics.rays_sent,
+                "rays_received": statistics.rays_received,
+                "busy_seconds": statistics.busy_seconds,
+                "not_finite": statistics.counters[1],
+                "clamped": statistics.counters[2],
+            }
+        return document
+
+    async def hand_film_on(self, towards: int) -> None:
+        """Merge the film of the nodes behind this one, then send the sum to its neighbour in the line.
+
+        Films are merged on their way along the line (thesis B.4.2), so that no node receives more than two.
+        """
+        member = self.member()
+        behind = 2 * self.me - towards
+        if 0 <= behind < len(self.job.nodes):
+            await self.collect_film(behind)
+        parts = list(member.film.parts())
+        for index, payload in enumerate(parts):
+            packet = FilmPart(job=self.job.id, part_index=index, part_count=len(parts), payload=payload)
+            await self._ask(towards, packet, PART_S_MAX)
+
+    async def collect_film(self, neighbour: int) -> None:
+        """Ask a neighbour for its film and everything behind it; returns when it is merged into ours."""
+        await self._ask(neighbour, MergeFilm(job=self.job.id), MERGE_S_MAX)
+
+    async def merge(self, packet: FilmPart) -> None:
+        """A part of a neighbour's film."""
+        await self._host.world.workers.run(LANE, self.member().film.merge_part, packet.part_index, packet.payload)
+
+    async def _prepare(self) -> None:
+        host, job = self._host, self.job
+        begun = host.world.clock.now()
+        mine = self._renderer.numeric_class()
+        if mine != job.numeric_class:
+            raise LocalFault(
+                f"this node renders in the numeric class {mine}, the job in {job.numeric_class}",
+                remedy="install the same versions on all nodes",
+            )
+        reader = host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
+        loaded = await load_share(reader, host.world.workers, job, self.me)
+        scene = await host.world.workers.run(
+            LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me
+        )
+        self._loaded, self._scene = loaded, scene
+        self._member = Member(
+            job,
+            self.me,
+            loaded.numbers.stride,
+            scene.tracers(host.render_threads),
+            host.world,
+            self._ask,
+            self._send,
+        )
+        self._prepare_seconds = host.world.clock.now() - begun
+        self.phase = Phase.READY
+        self._prepared.set()
+
+    async def _ask(self, index: int, packet: Packet, timeout_s: float) -> Packet:
+        answer = await self._host.ask(self.job.nodes[index], packet, timeout_s)
+        if isinstance(answer, JobAnswer) and answer.reason:
+            raise Refused(RejectReason(answer.reason), answer.text)
+        return answer
+
+    async def _send(self, index: int, packet: Packet) -> None:
+        await self._host.send(self.job.nodes[index], packet)
+
+    def _fail(self, text: str) -> None:
+        self.phase, self.failure = Phase.FAILED, text
+
+
+def _first(group: BaseExceptionGroup[ScenefoldError]) -> ScenefoldError:
+    """The first error in a tree of groups."""
+    inner = group.exceptions[0]
+    return _first(inner) if isinstance(inner, BaseExceptionGroup) else inner

@@ -1,0 +1,192 @@
+"""The render service of a node: answers packets 48 to 60 and 23, and owns the tasks of all jobs here."""
+
+from __future__ import annotations
+
+import trio
+
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.render.contract import Renderer, load_renderer
+from scenefold.render.job import Job
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.organiser import Organiser, RenderRequest
+from scenefold.render.pool.part import Part, Phase
+from scenefold.wire import (
+    CancelJob,
+    CollectPass,
+    FetchImage,
+    FilmPart,
+    ImagePart,
+    JobAnswer,
+    JobEvent,
+    JobState,
+    JobStateReply,
+    MergeFilm,
+    PassCounts,
+    PassSums,
+    SendRays,
+    StartJob,
+    pack_value,
+    unpack_value,
+)
+
+JOBS_MAX = 8
+"""Jobs that a node takes part in at a time."""
+IMAGE_PART_BYTES = 4 * 1024 * 1024
+OK = 0
+
+
+class RenderService:
+    """All jobs on one node."""
+
+    def __init__(self, host: Host, renderer: str = "embree") -> None:
+        self._host = host
+        self._renderer_name = renderer
+        self._renderer: Renderer | None = None
+        self._parts: dict[int, Part] = {}
+        self._organisers: dict[int, Organiser] = {}
+        self._nursery: trio.Nursery | None = None
+
+    async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        """Serve until cancelled."""
+        host = self._host
+        host.handle(StartJob, self._on_start, nodes_only=False)
+        host.handle(JobState, self._on_state, nodes_only=False)
+        host.handle(FetchImage, self._on_fetch, nodes_only=False)
+        host.handle(CancelJob, self._on_cancel, nodes_only=False)
+        host.handle(JobEvent, self._on_event, nodes_only=True)
+        host.handle(SendRays, self._on_rays, nodes_only=True)
+        host.handle(PassCounts, self._on_counts, nodes_only=True)
+        host.handle(CollectPass, self._on_collect, nodes_only=True)
+        host.handle(MergeFilm, self._on_merge, nodes_only=True)
+        host.handle(FilmPart, self._on_film, nodes_only=True)
+        async with trio.open_nursery() as nursery:
+            self._nursery = nursery
+            task_status.started()
+            await trio.sleep_forever()
+
+    # Users ---------------------------------------------------------------------------------------------------
+
+    async def _on_start(self, packet: StartJob, peer: str) -> JobAnswer:
+        try:
+            if peer.startswith("user:"):
+                self._organise(packet)
+            else:
+                await self._take_part(packet)
+        except ScenefoldError as error:
+            reason = error.reason if isinstance(error, Refused) else RejectReason.NOT_READY
+            return JobAnswer(job=packet.job, reason=int(reason), text=str(error)[:400])
+        return JobAnswer(job=packet.job, reason=OK, text="")
+
+    def _organise(self, packet: StartJob) -> None:
+        document = unpack_value(packet.document, what="a request to render")
+        if not isinstance(document, dict) or document.get("request") is not True:
+            raise PeerFault("a request to render is ill-formed")
+        if packet.job in self._organisers:
+            return
+        if len(self._organisers) >= JOBS_MAX:
+            raise Refused(RejectReason.BUSY, "this node organises as many jobs as it may", remedy="try again later")
+        request = RenderRequest.from_map(packet.job, document)
+        organiser = Organiser(self._host, self._load(), request, self._part)
+        self._organisers[packet.job] = organiser
+        self._start(self._keep_organiser, packet.job, organiser)
+
+    async def _keep_organiser(self, job: int, organiser: Organiser) -> None:
+        try:
+            await organiser.run()
+        finally:
+            del self._organisers[job]
+
+    async def _on_state(self, packet: JobState, peer: str) -> JobStateReply:
+        state = self._organiser(packet.job).state() if peer.startswith("user:") else self._part(packet.job).state()
+        return JobStateReply(job=packet.job, document=pack_value(state))
+
+    async def _on_fetch(self, packet: FetchImage, peer: str) -> ImagePart:
+        image = self._organiser(packet.job).image
+        if not image:
+            raise Refused(RejectReason.NOT_READY, "the image is not finished")
+        payload = image[packet.offset : packet.offset + IMAGE_PART_BYTES]
+        return ImagePart(job=packet.job, total_bytes=len(image), offset=packet.offset, payload=payload)
+
+    async def _on_cancel(self, packet: CancelJob, peer: str) -> JobAnswer:
+        if peer.startswith("user:"):
+            self._organiser(packet.job).cancel()
+        else:
+            part = self._parts.pop(packet.job, None)
+            if part is not None:
+                await part.end()
+        return JobAnswer(job=packet.job, reason=OK, text="")
+
+    # Nodes ---------------------------------------------------------------------------------------------------
+
+    async def _take_part(self, packet: StartJob) -> None:
+        job = Job.from_bytes(packet.document)
+        if job.id != packet.job:
+            raise PeerFault("a job's document is another job's")
+        part = self._parts.get(job.id)
+        if part is None:
+            if len(self._parts) >= JOBS_MAX:
+                raise Refused(RejectReason.BUSY, "this node takes part in as many jobs as it may", remedy="try again later")
+            part = self._parts[job.id] = Part(self._host, self._load(), job)
+            self._start(part.run)
+        await part.prepared()
+
+    async def _on_event(self, packet: JobEvent, peer: str) -> JobAnswer:
+        part = self._part(packet.job)
+        document = unpack_value(packet.document, what="a job's event")
+        if isinstance(document, dict) and document.get("go") is True:
+            part.go()
+        else:
+            part.member().on_event(packet)
+        return JobAnswer(job=packet.job, reason=OK, text="")
+
+    async def _on_rays(self, packet: SendRays, peer: str) -> None:
+        self._part(packet.job).member().on_rays(packet)
+
+    async def _on_counts(self, packet: PassCounts, peer: str) -> None:
+        part = self._part(packet.job)
+        part.member().on_counts(self._index(part, peer), packet)
+
+    async def _on_collect(self, packet: CollectPass, peer: str) -> PassSums:
+        return await self._part(packet.job).member().on_collect(packet)
+
+    async def _on_merge(self, packet: MergeFilm, peer: str) -> JobAnswer:
+        part = self._part(packet.job)
+        await part.hand_film_on(self._index(part, peer))
+        return JobAnswer(job=packet.job, reason=OK, text="")
+
+    async def _on_film(self, packet: FilmPart, peer: str) -> JobAnswer:
+        await self._part(packet.job).merge(packet)
+        return JobAnswer(job=packet.job, reason=OK, text="")
+
+    # Looking up ----------------------------------------------------------------------------------------------
+
+    def _load(self) -> Renderer:
+        if self._renderer is None:
+            self._renderer = load_renderer(self._renderer_name)
+        return self._renderer
+
+    def _part(self, job: int) -> Part:
+        part = self._parts.get(job)
+        if part is None:
+            raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
+        if part.phase is Phase.FAILED and not part.failure:
+            raise LocalFault("this node's part of the job failed")
+        return part
+
+    def _organiser(self, job: int) -> Organiser:
+        organiser = self._organisers.get(job)
+        if organiser is None:
+            raise Refused(RejectReason.NOT_READY, "this node organises no such job", remedy="start the render again")
+        return organiser
+
+    def _index(self, part: Part, peer: str) -> int:
+        number = NodeId(int(peer.partition(":")[2]))
+        if number not in part.job.nodes:
+            raise PeerFault(f"{peer} is not among the job's nodes")
+        return part.job.nodes.index(number)
+
+    def _start(self, function, *args) -> None:  # type: ignore[no-untyped-def]
+        assert self._nursery is not None, "the service is not running"
+        self._nursery.start_soon(function, *args)

@@ -1,0 +1,115 @@
+"""Fetching a node's share of a scene: tables, then the groups of its cell, then the textures that these wear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import Location
+from scenefold.render.arrays import JobNumbers
+from scenefold.render.content import Share, scene_arrays, share_of, worn_textures
+from scenefold.render.contract import HeldGroup, HeldScene
+from scenefold.render.job import Job
+from scenefold.render.numbers import job_numbers
+from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, TEXTURES
+from scenefold.scene.payloads.document import decode_document
+from scenefold.scene.payloads.geometry import GeometryAtom
+from scenefold.scene.payloads.tiles import TextureTile, decode_tile
+from scenefold.scene.tables import SceneTables
+from scenefold.world import Workers
+
+LANE = "render"
+
+
+class SceneReader(Protocol):
+    """Reads and opens a scene's records, wherever they lie."""
+
+    async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
+        """The payloads at these locations, in order; None where nothing lies."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedShare:
+    """What a node needs to open a renderer."""
+
+    tables: SceneTables
+    numbers: JobNumbers
+    share: Share
+    held: HeldScene
+    bytes_read: int
+
+
+async def read_tables(reader: SceneReader, workers: Workers) -> SceneTables:
+    """A scene's tables; LocalFault if nothing was imported into it yet."""
+    (payload,) = await reader.get_many(META, [DOCUMENT_LOCATION])
+    if payload is None:
+        raise LocalFault("the scene is empty", remedy="import a file into it first: scenectl scene import")
+    document = decode_document(payload)
+    by_space: dict[SpaceId, list[Location]] = {}
+    for space, location in document.locations():
+        by_space.setdefault(space, []).append(location)
+    found: dict[tuple[SpaceId, Location], bytes | None] = {}
+    for space, locations in by_space.items():
+        payloads = await reader.get_many(space, locations)
+        found.update(((space, location), page) for location, page in zip(locations, payloads, strict=True))
+    pages = [found[key] for key in document.locations()]
+    return await workers.run(LANE, SceneTables.from_payloads, document, pages)
+
+
+async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int) -> LoadedShare:
+    """Everything that node `me` of a job must hold; DamagedData if the scene is not the job's."""
+    tables = await read_tables(reader, workers)
+    if tables.document.content != job.content:
+        raise DamagedData("the scene changed since the job was made", remedy="start the render again")
+    share = await workers.run(LANE, share_of, tables, job.partition, me)
+    locations = [location for group in share.groups for location in tables.groups.locations(group)]
+    payloads = await reader.get_many(GEOMETRY, locations)
+    atoms = await workers.run(LANE, _decode_groups, tables, share, payloads)
+    bytes_read = sum(len(payload) for payload in payloads if payload is not None)
+    textures = worn_textures(tables, atoms)
+    spots = [location for texture in textures for location in tables.textures[texture].tiles]
+    tile_payloads = await reader.get_many(TEXTURES, spots)
+    tiles = await workers.run(LANE, _decode_tiles, tables, textures, tile_payloads)
+    bytes_read += sum(len(payload) for payload in tile_payloads if payload is not None)
+    arrays = await workers.run(LANE, scene_arrays, tables, atoms, tiles)
+    numbers = await workers.run(LANE, job_numbers, job, tables)
+    groups = tuple(
+        HeldGroup(group, int(tables.groups.prototypes[group]), int(tables.groups.triangles[group])) for group in share.groups
+    )
+    instances = tuple((instance, int(tables.instances.prototypes[instance])) for instance in share.instances)
+    return LoadedShare(tables, numbers, share, HeldScene(arrays, groups, instances), bytes_read)
+
+
+def _decode_groups(
+    tables: SceneTables, share: Share, payloads: Sequence[bytes | None]
+) -> dict[int, list[GeometryAtom]]:
+    atoms, at = {}, 0
+    for group in share.groups:
+        count = int(tables.groups.first_atom[group + 1] - tables.groups.first_atom[group])
+        atoms[group] = tables.group_atoms(group, payloads[at : at + count])
+        at += count
+    return atoms
+
+
+def _decode_tiles(
+    tables: SceneTables, textures: Sequence[int], payloads: Sequence[bytes | None]
+) -> dict[int, list[TextureTile]]:
+    tiles: dict[int, list[TextureTile]] = {}
+    following = iter(payloads)
+    for number in textures:
+        texture = tables.textures[number]
+        tiles[number] = []
+        for index in range(len(texture.tiles)):
+            payload = next(following)
+            if payload is None:
+                raise DamagedData(f"tile {index} of texture {number} is missing")
+            tile = decode_tile(payload)
+            left, upper, right, lower = texture.tile_box(index)
+            if (tile.texture, tile.tile) != (number, index) or tile.pixels.shape != (lower - upper, right - left, 4):
+                raise DamagedData(f"tile {index} of texture {number} is not the one that the table speaks of")
+            tiles[number].append(tile)
+    return tiles

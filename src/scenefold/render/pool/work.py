@@ -1,0 +1,69 @@
+"""Rays that wait on a node, by pass. The oldest pass goes first, so that passes close in order. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenefold.base.rays import RAY_WORDS
+from scenefold.render.arrays import U32
+
+TAKE_RAYS_MAX = 65_536
+"""Rays handed to a tracer at a time: enough to outweigh the hand-over, few enough to answer within a moment."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """Rays of one pass, taken to be traced."""
+
+    number: int
+    """The pass."""
+    rays: U32
+
+
+class WorkQueue:
+    """Not bounded by itself: a job has at most `passes in flight x paths x 2` rays anywhere (specs/08-passes.md)."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, deque[U32]] = {}
+        self._rays = 0
+        self._under_way: dict[int, int] = {}
+
+    def __len__(self) -> int:
+        """Rays waiting."""
+        return self._rays
+
+    def put(self, number: int, rays: U32) -> None:
+        """Add rays of a pass."""
+        if len(rays):
+            self._waiting.setdefault(number, deque()).append(rays)
+            self._rays += len(rays)
+
+    def take(self) -> Work | None:
+        """Rays of the oldest waiting pass, or None. The pass is busy until `done`."""
+        if not self._waiting:
+            return None
+        number = min(self._waiting)
+        batches, taken, count = self._waiting[number], [], 0
+        while batches and (not taken or count + len(batches[0]) <= TAKE_RAYS_MAX):
+            taken.append(batches.popleft())
+            count += len(taken[-1])
+        if not batches:
+            del self._waiting[number]
+        self._rays -= count
+        self._under_way[number] = self._under_way.get(number, 0) + 1
+        rays = taken[0] if len(taken) == 1 else np.concatenate(taken)
+        return Work(number, rays.reshape(-1, RAY_WORDS))
+
+    def done(self, number: int) -> bool:
+        """What was taken of a pass is traced; True if nothing of that pass waits or is under way here."""
+        self._under_way[number] -= 1
+        if not self._under_way[number]:
+            del self._under_way[number]
+        return not self.is_busy(number)
+
+    def is_busy(self, number: int) -> bool:
+        """Whether rays of a pass wait or are being traced here."""
+        return number in self._waiting or number in self._under_way
