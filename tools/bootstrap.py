@@ -190,11 +190,16 @@ def clean_environment() -> Dict[str, str]:
 def make_venv(root: str, python: Interpreter) -> None:
     say("making .venv with %s (Python %s)" % (python.command, python.version_text))
     folder = os.path.join(root, ".venv")
-    done = subprocess.run([python.command, "-m", "venv", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=clean_environment())
+    try:
+        done = subprocess.run(
+            [python.command, "-m", "venv", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=clean_environment()
+        )
+    except KeyboardInterrupt:
+        shutil.rmtree(folder, ignore_errors=True)  # a half-made one would puzzle the next run
+        raise
     if done.returncode:
-        output = done.stdout.decode("utf-8", "replace")
-        # A half-made one would look like the real thing to the next run.
         shutil.rmtree(folder, ignore_errors=True)
+        output = done.stdout.decode("utf-8", "replace")
         if "ensurepip" in output:
             raise Problem(no_venv_module(python))
         raise Problem("cannot make .venv with %s: %s" % (python.command, last_line(output)))
@@ -313,8 +318,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print("cannot make .venv: %s: %s" % (error.strerror, error.filename))
         return 1
     except KeyboardInterrupt:
-        print("interrupted: run the same command to go on")
-        return 1
+        # make is gone by now, and nobody reads standard output any more.
+        say("interrupted: run the same command to go on")
+        return 130
     print("ready")
     return 0
 
