@@ -42,8 +42,8 @@ def curve(
             cells = dice.integers(0, 2 ** min(space.bits, 63), size=(points, dimensions), dtype=np.uint64)
             locations = space.encode(cells[:10])
             space.decode(locations)  # compiles, outside of the measurement
-            encode_s, locations = _timed(lambda space=space, cells=cells: space.encode(cells))
-            decode_s, _ = _timed(lambda space=space, locations=locations: space.decode(locations))
+            encode_s, locations = _timed(space.encode, cells)
+            decode_s, _ = _timed(space.decode, locations)
             results.append(
                 {
                     "curve": kind,
@@ -155,7 +155,7 @@ async def _measure_store(profile: str | None, nodes: int, records: int, record_b
     }
 
 
-def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
+def _timed(call: Callable[[Any], Any], argument: Any) -> tuple[float, Any]:
     begun = time.perf_counter()
-    result = call()
+    result = call(argument)
     return time.perf_counter() - begun, result

@@ -43,7 +43,7 @@ def init(
     """
     from scenefold.client import create_cluster
 
-    profile = create_cluster(folder, nodes.all, name or folder.resolve().name)
+    profile = create_cluster(folder, name or folder.resolve().name, nodes.all)
     document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all)}
     first = nodes.all[0]
     text = (

@@ -20,18 +20,18 @@ DEGRADED = 5
 INTERRUPTED = 130
 """What shells give a program that ended by SIGINT (128 + 2)."""
 
-_POLICY_REASONS = frozenset(
-    {
-        RejectReason.POSITION_TAKEN,
-        RejectReason.POSITION_BEHIND,
-        RejectReason.PEER_MISSED,
-        RejectReason.MODE_FORBIDS,
-        RejectReason.NOT_AUTHORISED,
-        RejectReason.NO_MAJORITY,
-        RejectReason.KEY_REVOKED,
-    }
-)
-"""Reasons by which consensus or the mode forbids; the others (a full disk, say) are failures."""
+_REFUSALS = {
+    RejectReason.POSITION_TAKEN: REFUSED,
+    RejectReason.POSITION_BEHIND: REFUSED,
+    RejectReason.PEER_MISSED: REFUSED,
+    RejectReason.MODE_FORBIDS: REFUSED,
+    RejectReason.NOT_AUTHORISED: REFUSED,
+    RejectReason.NO_MAJORITY: REFUSED,
+    RejectReason.KEY_REVOKED: REFUSED,
+    RejectReason.NOT_READY: UNREACHABLE,
+    RejectReason.BUSY: UNREACHABLE,
+}
+"""Reasons by which consensus or the mode forbids, or behind which a node is away; the others are failures."""
 
 
 class Interrupted(Exception):
@@ -69,7 +69,7 @@ def ending_of(error: BaseException) -> Ending:
         case Unreachable():
             return _ending("unreachable", UNREACHABLE, error)
         case Refused():
-            return _ending("refused", REFUSED if error.reason in _POLICY_REASONS else FAILED, error)
+            return _ending("refused", _REFUSALS.get(error.reason, FAILED), error)
         case PeerFault():
             return _ending("peer", FAILED, error)
         case LocalFault():

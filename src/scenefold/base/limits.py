@@ -35,13 +35,14 @@ RANGE_LOCATIONS_MAX = 65_536
 """Locations of one range answer: 1.4 MiB, decoded in some 20 ms."""
 LOG_BYTES_MAX = 4 * 1024 * 1024
 """A scene log in one packet, so that it fits a frame beside its header."""
-SPACES_PER_SCENE_MAX = 1_024
+SPACES_PER_SCENE_MAX = 256
 """Spaces that a public scene header lists, shadows included."""
-WRITERS_PER_SCENE_MAX = 1_024
-"""Writer keys that a public scene header lists, retired ones included."""
+WRITERS_PER_SCENE_MAX = 128
+"""Writer keys that a public scene header lists, retired ones included. With the two bounds beside it, a hostile
+list of scenes decodes in a second at most."""
 PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: at most every node."""
-SCENES_LISTED_MAX = 1_024
+SCENES_LISTED_MAX = 512
 """Scene headers in one answer; a cluster of a small studio holds some dozens."""
 BLACKLIST_MAX = 32
 """Nodes on a blacklist: they must fit a status datagram beside everything else."""
@@ -121,6 +122,8 @@ assert STORE_BATCH_BYTES_MAX >= FRAME_BYTES_MAX
 # Client (client/).
 CLIENT_REQUEST_S = 30.0
 """Seconds that a node may take to answer: a durable write behind a full queue on an old disk."""
+CLIENT_STATUS_S = 5.0
+"""Seconds after which a node counts as missing when its status is asked for."""
 CLIENT_TRIES_MAX = 4
 """Tries of one call; with the pauses between them a restarting node is waited for about two seconds."""
 CLIENT_PAUSE_S = 0.15
@@ -135,6 +138,8 @@ CLIENT_FRAME_RECORDS = 1_024
 """Records of one bulk write, so that verifying them takes a node less than a tenth of a second."""
 CLIENT_GET_KEYS = 64
 """Keys of one bulk read: full records make 3.7 MiB of reply."""
+CLIENT_IMPORT_BATCHES = 3
+"""Batches of an import that are being stored at a time, each of CLIENT_FRAME_BYTES; one more waits."""
 CLIENT_BATCH_BYTES = 1024 * 1024
 """Payload that one visit of a worker thread seals or opens."""
 

@@ -1,1 +1,69 @@
+"""The Python client: `connect`, `Cluster`, `Scene`, `Space`. Speaks only the wire; knows nothing of a node's inside.
 
+Names load on first use, so that a command that only prints its help does not pay for Trio and cryptography.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from scenefold.client.cluster import Cluster, ClusterStatus, NodeState
+    from scenefold.client.connect import connect, create_cluster, profile_folder
+    from scenefold.client.fresh import FreshItem, Stored, put_fresh
+    from scenefold.client.importing import ImportReport, scene_name_of
+    from scenefold.client.progress import ProgressCallback, ProgressState
+    from scenefold.client.reading import open_scene_with_keys
+    from scenefold.client.scene import Scene, SceneInfo
+    from scenefold.client.scenes import SceneListing, Scenes
+    from scenefold.client.space import ABSENT, Space
+    from scenefold.world.keyring import Keyring, SceneKeys
+
+_HOMES = {
+    "scenefold.client.cluster": "Cluster ClusterStatus NodeState",
+    "scenefold.client.connect": "connect create_cluster profile_folder",
+    "scenefold.client.fresh": "FreshItem Stored put_fresh",
+    "scenefold.client.importing": "ImportReport scene_name_of",
+    "scenefold.client.progress": "ProgressCallback ProgressState",
+    "scenefold.client.reading": "open_scene_with_keys",
+    "scenefold.client.scene": "Scene SceneInfo",
+    "scenefold.client.scenes": "SceneListing Scenes",
+    "scenefold.client.space": "ABSENT Space",
+    "scenefold.world.keyring": "Keyring SceneKeys",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(home), name)
+    return value
+
+
+__all__ = [
+    "ABSENT",
+    "Cluster",
+    "ClusterStatus",
+    "FreshItem",
+    "ImportReport",
+    "Keyring",
+    "NodeState",
+    "ProgressCallback",
+    "ProgressState",
+    "Scene",
+    "SceneInfo",
+    "SceneKeys",
+    "SceneListing",
+    "Scenes",
+    "Space",
+    "Stored",
+    "connect",
+    "create_cluster",
+    "open_scene_with_keys",
+    "profile_folder",
+    "put_fresh",
+    "scene_name_of",
+]

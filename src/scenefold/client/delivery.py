@@ -67,7 +67,7 @@ async def deliver(calls: Calls, items: Sequence[PutItem]) -> list[Delivered]:
 async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[tuple[SpaceId, Location]]) -> list[RecordBytes | None]:
     """The records at the keys, unverified, in order; None where the owner says that nothing is there."""
     missing = object()
-    found: list[RecordBytes | None | object] = [missing] * len(keys)
+    found: list[RecordBytes | object | None] = [missing] * len(keys)
     locations = [location for _, location in keys]
 
     async def ask(node: NodeId, frame: list[int]) -> None:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from scenefold.base.errors import DamagedData, PeerFault
+from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.crypto import PublicKey, Record, SigningKey, open_record, seal_record, verify_record
+from scenefold.crypto import PublicKey, Record, RecordPlace, SigningKey, open_record, seal_record, verify_record
 from scenefold.wire import PutItem, RecordBytes
 
 
@@ -97,16 +97,13 @@ def _open(identity: SceneIdentity, space: SpaceId, location: Location, found: Re
     where = f"scene {identity.scene:08x}, space {space}, {location.hex()}"
     record = Record(found.header, found.signature, found.ciphertext)
     try:
-        header = record.header
-        claimed = header.scene, header.genesis, header.space, header.location
-        if claimed != (identity.scene, identity.genesis, space, location):
-            raise DamagedData("a node answered with the record of another place", where=where)
-        writer = identity.writers.get(header.writer)
+        claimed = record.header
+        if claimed.genesis != identity.genesis:
+            raise DamagedData("a node answered with the record of another scene")
+        writer = identity.writers.get(claimed.writer)
         if writer is None:
-            raise DamagedData(f"a record by key {header.writer:08x}, which is no writer of the scene", where=where)
-        verify_record(record, writer)
+            raise DamagedData(f"a record by key {claimed.writer:08x}, which is no writer of the scene")
+        header = verify_record(record, writer, RecordPlace(identity.scene, space, location))
         return Opened(open_record(record, identity.symmetric_key), header.seq, header.digest)
-    except (DamagedData, PeerFault) as error:
-        if error.where:
-            raise
+    except DamagedData as error:
         raise DamagedData(error.what, where=where, remedy=error.remedy) from error

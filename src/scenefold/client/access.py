@@ -1,0 +1,179 @@
+"""What it takes to read and write one scene: its identity, the writer's key, a session, and the way to the nodes.
+
+Space and importer build on the three calls here, which speak payloads on one side and wire on the other:
+`put_drafts`, `get_opened`, `locations`. Sealing and opening happen in worker threads, a batch at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import trio
+
+from scenefold.base.errors import LocalFault, PeerFault, Refused
+from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
+from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.calls import Calls
+from scenefold.client.delivery import deliver, fetch
+from scenefold.client.sealing import Draft, Opened, SceneIdentity, open_all, seal_all
+from scenefold.client.split import frames
+from scenefold.client.versions import Sequencer
+from scenefold.crypto import SigningKey
+from scenefold.wire import PutItem, QueryRange, RejectRange, ReturnRange
+
+Result = TypeVar("Result")
+
+NONCE_BYTES = 12
+
+
+class Wish(NamedTuple):
+    """A payload and where it shall lie. `expect`: None, ABSENT, or the digest of what it replaces."""
+
+    space: SpaceId
+    location: Location
+    payload: bytes
+    expect: bytes | None = None
+
+
+class Placed(NamedTuple):
+    """What became of a wish: `reason` 0 is durable; `digest` is that of our record, `node` the one that answered."""
+
+    reason: int
+    digest: bytes
+    node: NodeId
+
+
+@dataclass(eq=False)
+class SceneAccess:
+    """One scene as one client sees it. `writer` None: it can only be read."""
+
+    calls: Calls
+    name: str
+    identity: SceneIdentity
+    writer: SigningKey | None
+    session: int = 0
+    sequencer: Sequencer = field(default_factory=Sequencer)
+
+    async def put(self, wishes: Sequence[Wish]) -> list[Placed]:
+        """Seal, send, and wait until every record is durable or refused for its version.
+
+        Unconditional wishes are given a higher version and sent again if a newer one was there. Refused for any
+        other reason than a stale version; Unreachable if an owner stays away.
+        """
+        placed: list[Placed | None] = [None] * len(wishes)
+        pending = list(range(len(wishes)))
+        for _ in range(CLIENT_TRIES_MAX):
+            items = await self._seal([wishes[index] for index in pending])
+            outcomes = await deliver(self.calls, items)
+            for index, item, outcome in zip(pending, items, outcomes, strict=True):
+                if outcome.reason not in (0, RejectReason.STALE_VERSION):
+                    raise self._refused(outcome.reason, item)
+                placed[index] = Placed(outcome.reason, digest_of(item), outcome.node)
+            stale = [index for index in pending if _is_stale(placed[index]) and wishes[index].expect is None]
+            if not stale:
+                break
+            pending = stale
+            for found in await self.get([(wishes[index].space, wishes[index].location) for index in stale]):
+                if found is not None:
+                    self.sequencer.saw(found.seq)
+        return [outcome for outcome in placed if outcome is not None]
+
+    async def get(self, keys: Sequence[tuple[SpaceId, Location]]) -> list[Opened | None]:
+        """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify."""
+        records = await fetch(self.calls, self.identity.scene, self.identity.position, keys)
+        sizes = [0 if record is None else len(record.ciphertext) for record in records]
+        opened: list[Opened | None] = []
+        for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):
+            part = [keys[index] for index in batch], [records[index] for index in batch]
+            opened += await self.in_crypto_lane(open_all, self.identity, *part)
+        return opened
+
+    async def locations(self, space: SpaceId, first: Location, last: Location) -> AsyncIterator[Location]:
+        """Locations of a space that hold records, from `first` to `last`, in order; asked for as they are used."""
+        at: Location | None = first
+        end = last
+        while at is not None and at <= last:
+            reply = await self._query(space, at, min(end, last))
+            if isinstance(reply, RejectRange):
+                end = self._shorter(reply, at, min(end, last))
+                continue
+            for location in reply.locations:
+                yield location
+            at, end = reply.last.next(), last
+
+    async def in_crypto_lane(self, function: Callable[..., Result], *arguments: object) -> Result:
+        return await self.calls.world.workers.run("crypto", function, *arguments)
+
+    async def _query(self, space: SpaceId, first: Location, last: Location) -> ReturnRange | RejectRange:
+        async def ask() -> ReturnRange | RejectRange:
+            owner, arc = next(pair for pair in self.calls.table.arcs() if first in pair[1])
+            piece = arc.intersection(Arc(first, last))
+            assert piece is not None
+            packet = QueryRange(self.identity.scene, space, piece.first, piece.last)
+            reply = await self.calls.ask(owner.address, packet, (ReturnRange, RejectRange))
+            if isinstance(reply, RejectRange):
+                if reply.reason in (RejectReason.OUTSIDE_BOUNDS, RejectReason.NOT_MY_LOCATION):
+                    # Our table is old: patiently() refreshes it before it asks again.
+                    raise Refused(RejectReason.NOT_READY, "the range belongs to another node by now", where=owner.address)
+                return reply
+            assert isinstance(reply, ReturnRange)
+            if reply.first != piece.first:
+                raise PeerFault("a range answer begins elsewhere than its question", where=owner.address)
+            return reply
+
+        return await self.calls.patiently(ask)
+
+    def _shorter(self, reply: RejectRange, first: Location, last: Location) -> Location:
+        where = f"scene {self.name}, space {reply.space}"
+        if reply.reason != RejectReason.TOO_LARGE_FOR_PACKET or first == last:
+            raise Refused(reply.reason, "the node refused the range query", where=where)
+        return Location.from_number((first.number + last.number) // 2)
+
+    async def _seal(self, wishes: Sequence[Wish]) -> list[PutItem]:
+        if self.writer is None:
+            remedy = "open it with a profile that holds a writer's key"
+            raise LocalFault("this scene is open for reading only", where=f"scene {self.name}", remedy=remedy)
+        wall, token = self.calls.world.clock.wall(), self.calls.world.entropy.token
+        drafts = [
+            Draft(wish.space, wish.location, wish.payload, wish.expect, self.sequencer.next(wall), token(NONCE_BYTES)) for wish in wishes
+        ]
+        items: list[PutItem] = []
+        sizes = [len(draft.payload) for draft in drafts]
+        for index, size in enumerate(sizes):
+            if size > PAYLOAD_BYTES_MAX:
+                where = f"scene {self.name}, space {drafts[index].space}, {drafts[index].location.hex()}"
+                raise LocalFault(f"{size} bytes do not fit a record of {PAYLOAD_BYTES_MAX}", where=where, remedy="split it")
+        batches = list(frames(range(len(drafts)), sizes, CLIENT_BATCH_BYTES))
+        sealed: list[list[PutItem]] = [[] for _ in batches]
+
+        async def seal(number: int, batch: list[int]) -> None:
+            part = [drafts[index] for index in batch]
+            sealed[number] = await self.in_crypto_lane(seal_all, self.identity, self.writer, self.session, part)
+
+        async with trio.open_nursery(strict_exception_groups=False) as nursery:
+            for number, batch in enumerate(batches):
+                nursery.start_soon(seal, number, batch)
+        for part in sealed:
+            items += part
+        return items
+
+    def _refused(self, reason: int, item: PutItem) -> Refused:
+        where = f"scene {self.name}, space {item.space}, {item.location.hex()}"
+        remedy = "free space on the nodes or add a node" if reason == RejectReason.STORAGE_FULL else ""
+        words = RejectReason(reason).name.lower().replace("_", " ")
+        return Refused(RejectReason(reason), f"the record was refused: {words}", where=where, remedy=remedy)
+
+
+def digest_of(item: PutItem) -> bytes:
+    """The digest that `expect` speaks of."""
+    import hashlib
+
+    return hashlib.sha256(item.ciphertext).digest()
+
+
+def _is_stale(placed: Placed | None) -> bool:
+    return placed is not None and placed.reason == RejectReason.STALE_VERSION

@@ -1,0 +1,81 @@
+"""How a scene begins: its keys, and the public header that the cluster's nodes will know it by (consensus.md, §3).
+
+Deterministic but for the keys, so that a creation that was interrupted after the keys were saved can announce
+the very same scene again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId
+from scenefold.base.location import FIRST
+from scenefold.crypto import HEADER_DOMAIN, PublicKey, SigningKey
+from scenefold.scene.layout import SPACES
+from scenefold.wire import KeyEntry, SceneLogPublic, SceneMode, SpaceEntry, WriterEntry
+from scenefold.world.keyring import SceneKeys
+
+ED25519 = 1
+FIRST_POSITION = 1
+_POSITION_MAX = 2**64 - 1
+
+
+def born(name: str, symmetric_key: bytes, header_key: SigningKey, writer: PublicKey, origin: NodeId) -> SceneKeys:
+    """The keyring entry of a new scene."""
+    genesis = _first_header(header_key, writer, origin).genesis
+    return SceneKeys(name=name, genesis=genesis, symmetric_key=symmetric_key, header_seed=header_key.seed)
+
+
+def first_header(keys: SceneKeys, writer: PublicKey, origin: NodeId) -> SceneLogPublic | None:
+    """The signed first header of a scene; None if these are not the writer and origin that it was born with."""
+    header_key = SigningKey.from_seed(keys.header_seed)
+    header = _first_header(header_key, writer, origin)
+    if header.genesis != keys.genesis:
+        return None
+    return replace(header, signature=header_key.sign(HEADER_DOMAIN, header.signable()))
+
+
+def writers_of(header: SceneLogPublic) -> dict[KeyId, PublicKey]:
+    """The keys of all writers that a header names in full."""
+    named = {entry.key for entry in header.writers}
+    keys = [PublicKey(entry.raw) for entry in header.keys if entry.suite == ED25519]
+    return {key.key_id: key for key in keys if key.key_id in named}
+
+
+def verify_header(header: SceneLogPublic, scene: SceneId, genesis: bytes, header_key: PublicKey | None = None) -> None:
+    """DamagedData unless the header is of this scene and signed by its header key.
+
+    A first header proves itself: its hash is the genesis. For a later one the key must be known.
+    """
+    where = f"scene {scene:08x}"
+    if (header.scene, header.genesis) != (scene, genesis):
+        raise DamagedData("a node answered with the header of another scene", where=where)
+    if header_key is None:
+        if header.with_genesis().genesis != genesis:
+            raise DamagedData("the scene's header does not prove itself", where=where)
+        header_key = next((key for key in map(_key, header.keys) if key.key_id == header.public_key), None)
+    if header_key is None:
+        raise DamagedData("the scene's header does not hold its key", where=where)
+    header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
+
+
+def _key(entry: KeyEntry) -> PublicKey:
+    return PublicKey(entry.raw)
+
+
+def _first_header(header_key: SigningKey, writer: PublicKey, origin: NodeId) -> SceneLogPublic:
+    keys = {key.key_id: key for key in (header_key.public, writer)}
+    return SceneLogPublic(
+        scene=SceneId(1),
+        genesis=bytes(32),
+        origin=origin,
+        position=FIRST_POSITION,
+        write_floor=0,
+        mode=SceneMode.EDIT,
+        spaces=tuple(SpaceEntry(space.id, SpaceId(0), FIRST, 1, 1, space.node_managed) for space in SPACES),
+        writers=(WriterEntry(writer.key_id, 0, _POSITION_MAX),),
+        public_key=header_key.key_id,
+        private_key=KeyId(0),
+        keys=tuple(KeyEntry(ED25519, key.raw) for key in keys.values()),
+    ).with_genesis()

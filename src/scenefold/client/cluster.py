@@ -1,0 +1,125 @@
+"""A cluster as its user sees it: who is there, and which scenes it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import trio
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.limits import CLIENT_STATUS_S
+from scenefold.base.location import LINE_LENGTH
+from scenefold.client.calls import Calls
+from scenefold.client.scenes import Scenes
+from scenefold.client.table import Owner
+from scenefold.crypto import SigningKey
+from scenefold.wire import RequestTable, RespondTable, Status
+from scenefold.world import Links, Priority, World
+from scenefold.world.profile import ClusterProfile
+
+Result = TypeVar("Result")
+
+_FRACTION_ONE = 2**32
+_BLOCK_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """One member. `status` is what it says of itself; None if it does not answer."""
+
+    address: str
+    right_bound: bytes
+    share: float
+    """Part of the line that it owns."""
+    status: Status | None
+
+    @property
+    def alive(self) -> bool:
+        return self.status is not None
+
+    @property
+    def disk_fraction(self) -> float:
+        return 0.0 if self.status is None else self.status.offline_fraction / _FRACTION_ONE
+
+    @property
+    def disk_bytes_used(self) -> int:
+        return 0 if self.status is None else round(self.disk_fraction * self.status.offline_blocks * _BLOCK_BYTES)
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {
+            "address": self.address,
+            "alive": self.alive,
+            "right_bound": self.right_bound.hex(),
+            "share": self.share,
+            "disk_bytes_used": self.disk_bytes_used if self.alive else None,
+            "disk_fraction": round(self.disk_fraction, 4) if self.alive else None,
+            "memory_fraction": None if self.status is None else round(self.status.online_fraction / _FRACTION_ONE, 4),
+            "boot": None if self.status is None else self.status.boot,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterStatus:
+    """All members in the order of the line."""
+
+    name: str
+    nodes: tuple[NodeState, ...]
+
+    @property
+    def degraded(self) -> bool:
+        """True if a member does not answer."""
+        return not all(node.alive for node in self.nodes)
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {"name": self.name, "degraded": self.degraded, "nodes": [node.document() for node in self.nodes]}
+
+
+class Cluster:
+    """Made by `connect`. `calls` and `links` are there for rooms above, such as the renderer's client."""
+
+    def __init__(self, profile: ClusterProfile, world: World, links: Links, writer: SigningKey) -> None:
+        members = profile.members
+        self.profile = profile
+        self.name = profile.name
+        self.links = links
+        self.calls = Calls(world, links, [m.address for m in members], [m.node_id for m in members])
+        self.scenes = Scenes(self.calls, profile.keyring, writer, members[0].node_id)
+
+    async def nodes(self) -> list[Owner]:
+        """All members with their right bounds, in the order of the line, as one of them knows them."""
+        await self.calls.refresh()
+        return list(self.calls.table.owners)
+
+    async def status(self) -> ClusterStatus:
+        """Ask every member itself, at once. Unreachable if none answers."""
+        answers: dict[str, Status] = {}
+        members = self.profile.members
+
+        async def ask(address: str, node_id: int) -> None:
+            try:
+                reply = await self.calls.ask(address, RequestTable(), RespondTable, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S)
+            except (Unreachable, Refused):
+                return
+            own = next((status for status in reply.statuses if status.node == node_id), None)
+            if own is not None:
+                answers[address] = own
+
+        async with trio.open_nursery(strict_exception_groups=False) as nursery:
+            for member in members:
+                nursery.start_soon(ask, member.address, member.node_id)
+        if not answers:
+            where = ", ".join(member.address for member in members[:4]) + (" and others" if len(members) > 4 else "")
+            raise Unreachable("no node of the cluster answers", where=where, remedy="start the nodes with `scenectl node run`")
+        nodes = []
+        for owner, arc in self.calls.table.arcs():
+            share = arc.length / LINE_LENGTH
+            nodes.append(NodeState(owner.address, owner.right_bound, share, answers.get(owner.address)))
+        return ClusterStatus(self.name, tuple(nodes))
+
+    async def in_worker(self, lane: str, function: Callable[..., Result], *arguments: object) -> Result:
+        """Run what computes or blocks in a thread of this client's lane."""
+        return await self.calls.world.workers.run(lane, function, *arguments)

@@ -1,0 +1,47 @@
+"""From a profile to a connected cluster."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from scenefold.base.errors import LocalFault
+from scenefold.client.cluster import Cluster
+from scenefold.world import open_links, real_world
+from scenefold.world.profile import ClusterProfile
+
+DEFAULT_PROFILE = "default"
+
+
+@asynccontextmanager
+async def connect(profile: str | Path | None = None) -> AsyncIterator[Cluster]:
+    """A cluster, by the folder or the name of its profile (see `profile_folder`).
+
+    Nothing is sent before the first call; a call finds the nodes by the members that the profile lists.
+    LocalFault if there is no such profile.
+    """
+    known = ClusterProfile.load(profile_folder(profile))
+    world = real_world(known.user_identity(), known.authority_certificate(), ports=known.ports)
+    async with open_links(world) as links:
+        yield Cluster(known, world, links, known.user_signing_key())
+
+
+def profile_folder(profile: str | Path | None) -> Path:
+    """The folder of a profile: the one named if it exists, else that of this name among the user's profiles."""
+    import platformdirs
+
+    wanted = Path(DEFAULT_PROFILE if profile is None else profile)
+    named = Path(platformdirs.user_config_path("scenefold", appauthor=False)) / wanted
+    if profile is not None and (wanted.is_dir() or wanted.is_absolute()):
+        return wanted
+    if named.is_dir():
+        return named
+    where = str(named) if profile is None else f"{wanted} and {named}"
+    remedy = "make one with `scenectl cluster init`, and name it with --profile or SCENEFOLD_PROFILE"
+    raise LocalFault("there is no cluster profile", where=where, remedy=remedy)
+
+
+def create_cluster(folder: Path, name: str, node_addresses: Sequence[str]) -> ClusterProfile:
+    """Make authority, keys and member list of a new cluster in a folder, whole or not at all."""
+    return ClusterProfile.create(folder, name, node_addresses)

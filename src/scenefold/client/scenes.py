@@ -1,0 +1,155 @@
+"""The scenes of a cluster: made, opened, listed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.client.access import SceneAccess
+from scenefold.client.births import FIRST_POSITION, born, first_header, verify_header, writers_of
+from scenefold.client.calls import Calls
+from scenefold.client.scene import Scene
+from scenefold.client.sealing import SceneIdentity
+from scenefold.crypto import SigningKey
+from scenefold.wire import (
+    AcceptSceneProposal,
+    Ballot,
+    ListScenes,
+    Phase,
+    ProposalId,
+    ProposeSceneLog,
+    RejectSceneProposal,
+    RequestSceneLog,
+    RespondSceneLog,
+    SceneLogPublic,
+    ScenesListed,
+    Want,
+)
+from scenefold.world.keyring import SYMMETRIC_KEY_BYTES, Keyring, SceneKeys, checked_name
+
+_SESSION_BYTES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class SceneListing:
+    """A scene that the cluster holds; `name` is None if this profile has no keys of it."""
+
+    id: SceneId
+    genesis: bytes
+    name: str | None
+
+    @property
+    def has_key(self) -> bool:
+        return self.name is not None
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {"name": self.name, "scene": f"{self.id:08x}", "genesis": self.genesis.hex(), "has_key": self.has_key}
+
+
+class Scenes:
+    """`cluster.scenes`."""
+
+    def __init__(self, calls: Calls, keyring: Keyring, writer: SigningKey, origin: NodeId) -> None:
+        """`origin`: the node that new scenes name as theirs; always the same, so that a header can be made again."""
+        self._calls = calls
+        self._origin = origin
+        self._keyring = keyring
+        self._writer = writer
+
+    async def create(self, name: str) -> Scene:
+        """Make an empty scene. Its keys are on disk, durably, before any node hears of it.
+
+        If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already.
+        """
+        checked_name(name, "scene")
+        if name in self._keyring.names():
+            keys = self._keyring.load(name)
+            header = await self._header(keys)
+            if header is not None:
+                what, where = f"a scene {name!r} exists already", f"id {keys.scene_id:08x}"
+                raise LocalFault(what, where=where, remedy="choose another name, or open it")
+            return await self._announce(keys)
+        token = self._calls.world.entropy.token
+        header_key = SigningKey.from_seed(token(32))
+        keys = born(name, token(SYMMETRIC_KEY_BYTES), header_key, self._writer.public, self._origin)
+        await self._calls.world.workers.run("import", self._keyring.save, keys)
+        return await self._announce(keys, is_new=True)
+
+    async def open(self, name: str) -> Scene:
+        """The scene of this name in the profile's keyring; LocalFault if the profile or the cluster has none."""
+        keys = self._keyring.load(name)
+        header = await self._header(keys)
+        if header is None:
+            remedy = f"`scenectl scene create {name}` announces it again"
+            raise LocalFault("the cluster does not know this scene", where=f"scene {name}", remedy=remedy)
+        return self._scene(keys, header)
+
+    async def open_or_create(self, name: str) -> Scene:
+        """Open the scene, or make it if there is none."""
+        checked_name(name, "scene")
+        if name in self._keyring.names():
+            keys = self._keyring.load(name)
+            header = await self._header(keys)
+            return await self._announce(keys) if header is None else self._scene(keys, header)
+        return await self.create(name)
+
+    async def list(self) -> list[SceneListing]:
+        """All scenes of the cluster, those with keys here first, by name."""
+        reply = await self._calls.ask_any(ListScenes(), ScenesListed)
+        names = {keys.genesis: keys.name for keys in map(self._keyring.load, self._keyring.names())}
+        found = [SceneListing(header.scene, header.genesis, names.get(header.genesis)) for header in reply.scenes]
+        return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
+
+    async def _header(self, keys: SceneKeys) -> SceneLogPublic | None:
+        """The newest header that a node knows, verified; None if the cluster does not know the scene."""
+        nonce = int.from_bytes(self._calls.world.entropy.token(8), "big")
+        packet = RequestSceneLog(keys.scene_id, keys.genesis, 0, nonce, Want.HEADER)
+        reply = await self._calls.ask_any(packet, RespondSceneLog)
+        if reply.answer is None:
+            return None
+        header = reply.answer.public
+        verify_header(header, keys.scene_id, keys.genesis, SigningKey.from_seed(keys.header_seed).public)
+        return header
+
+    async def _announce(self, keys: SceneKeys, *, is_new: bool = False) -> Scene:
+        """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""
+        header = first_header(keys, self._writer.public, self._origin)
+        if header is None:
+            what = "the scene was made by another user or for other nodes"
+            raise LocalFault(what, where=f"scene {keys.name}", remedy="use the profile that made it")
+        packet = ProposeSceneLog(
+            genesis=keys.genesis,
+            proposal=ProposalId(FIRST_POSITION, Ballot(1, header.origin), Phase.ACCEPT),
+            route=(header.origin,),
+            nodes=(),
+            highest=None,
+            takeover=False,
+            public=header,
+            private=b"",
+            mac_epoch=0,
+            mac=b"",
+        )
+        reply = await self._calls.ask_any(packet, (AcceptSceneProposal, RejectSceneProposal))
+        if isinstance(reply, RejectSceneProposal):
+            if is_new:
+                # The cluster has no such scene, so its keys open nothing. When it was unreachable we could not know.
+                self._keyring.remove(keys.name)
+            words = reply.reason.name.lower().replace("_", " ")
+            raise Refused(reply.reason, f"the cluster refused the scene: {words}", where=f"scene {keys.name}")
+        return self._scene(keys, header)
+
+    def _scene(self, keys: SceneKeys, header: SceneLogPublic) -> Scene:
+        identity = SceneIdentity(
+            scene=keys.scene_id,
+            genesis=keys.genesis,
+            position=header.position,
+            writers=writers_of(header),
+            symmetric_key=keys.symmetric_key,
+            key_epoch=keys.key_epoch,
+        )
+        writer = self._writer if self._writer.key_id in identity.writers else None
+        session = int.from_bytes(self._calls.world.entropy.token(_SESSION_BYTES), "big")
+        return Scene(SceneAccess(self._calls, keys.name, identity, writer, session))
