@@ -100,9 +100,10 @@ def _location_rows(locations: npt.NDArray[np.bytes_] | Sequence[bytes]) -> npt.N
         raise CurveFault("locations come as an array or a sequence", remedy="put a single one into a list")
     if not isinstance(locations, np.ndarray):
         for location in locations:
-            if not isinstance(location, bytes):
-                raise CurveFault(f"a location is {LOCATION_BYTES} bytes, not {type(location).__name__}")
-        locations = np.array(list(locations), dtype=np.bytes_)
+            if not isinstance(location, bytes) or len(location) > LOCATION_BYTES:
+                raise CurveFault(f"a location is {LOCATION_BYTES} bytes, not {location!r}")
+        # Of subclasses of bytes numpy (2.4) finds no width by itself: `np.array([location])` fails.
+        locations = np.array(list(locations), dtype=f"S{LOCATION_BYTES}")
     if locations.ndim != 1 or (locations.size and locations.dtype.kind != "S"):
         raise CurveFault(f"locations are a row of bytes (S{LOCATION_BYTES}), not {locations.dtype} of shape {locations.shape}")
     if locations.size == 0:
