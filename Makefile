@@ -14,7 +14,7 @@ ready = $(if $(findstring n,$(filter-out --%,$(firstword -$(MAKEFLAGS)))),,$(cal
     if "$$python" -c '' 2>/dev/null; then exec "$$python" tools/bootstrap.py --python "$(PYTHON)" --extras "$(1)"; fi; \
   done; \
   echo "cannot run $(or $(PYTHON),python3): install Python 3.11 or newer, or name one with: make PYTHON=/path/to/python3")))
-check = $(if $(filter ready,$(1)),,$(error $(or $(1),cannot make .venv: tools/bootstrap.py said nothing)))
+check = $(if $(filter ready,$(firstword $(1))),,$(error $(or $(1),cannot make .venv: tools/bootstrap.py said nothing)))
 
 help: ## this list
 	@echo 'make demo    five nodes on this machine render the sample scene into demo-output/'
