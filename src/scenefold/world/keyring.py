@@ -17,10 +17,10 @@ from typing import Any
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import SceneId
-from scenefold.world.private_files import damaged, make_private_folder, read_toml, write_toml
+from scenefold.crypto import SYMMETRIC_KEY_BYTES, make_private_folder
+from scenefold.world.toml_files import damaged, read_secret_toml, write_toml
 
 GENESIS_BYTES = 32
-SYMMETRIC_KEY_BYTES = 24
 SEED_BYTES = 32
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
@@ -75,18 +75,14 @@ class Keyring:
         path = self._path(name)
         if not path.exists():
             known = ", ".join(self.names()) or "none"
-            raise LocalFault(
-                f"there is no scene {name!r} in this profile", where=f"known: {known}", remedy="`scenectl scene list`"
-            )
-        return _decoded(path, read_toml(path))
+            raise LocalFault(f"there is no scene {name!r} in this profile", where=f"known: {known}", remedy="`scenectl scene list`")
+        return _decoded(path, read_secret_toml(path))
 
     def save(self, keys: SceneKeys) -> None:
         """Write the entry; saving the same scene again replaces it, another scene of that name is refused."""
         path = self._path(keys.name)
         if path.exists() and self.load(keys.name).genesis != keys.genesis:
-            raise LocalFault(
-                f"a scene {keys.name!r} exists already", where=str(path), remedy="choose another name"
-            )
+            raise LocalFault(f"a scene {keys.name!r} exists already", where=str(path), remedy="choose another name")
         make_private_folder(self._folder)
         write_toml(
             path,

@@ -17,7 +17,6 @@ The members of the cluster are known from the start, and change only by a new cl
 from __future__ import annotations
 
 import ipaddress
-import os
 import secrets
 import shutil
 from collections.abc import Sequence
@@ -25,39 +24,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import NodeId, address_of, node_id_of
-from scenefold.base.limits import NODES_MAX, PORT_HIGH_PRIORITY, PORT_LOW_PRIORITY
-from scenefold.crypto import Authority, Identity, PublicKey, SigningKey
-from scenefold.world.keyring import SEED_BYTES, Keyring, checked_name
-from scenefold.world.private_files import (
-    damaged,
+from scenefold.base.limits import NODES_MAX
+from scenefold.crypto import (
+    Authority,
+    Identity,
+    PublicKey,
+    SigningKey,
     make_private_folder,
-    read_private,
-    read_toml,
-    sync_folder,
-    write_private,
-    write_toml,
+    read_authority_certificate,
+    read_secret,
+    write_secret,
 )
+from scenefold.world.keyring import Keyring, checked_name
+from scenefold.world.ports import Ports
+from scenefold.world.toml_files import damaged, read_settings_toml, write_toml
 
 DEFAULT_USER = "owner"
 DATAGRAM_KEY_BYTES = 32
 _FORMAT = 1
 _SETTINGS = "cluster.toml"
-
-
-@dataclass(frozen=True, slots=True)
-class Ports:
-    """The two port numbers that every node of a cluster listens on, UDP and TCP each."""
-
-    low: int = PORT_LOW_PRIORITY
-    high: int = PORT_HIGH_PRIORITY
-
-    def __post_init__(self) -> None:
-        if not (0 < self.low < 65536 and 0 < self.high < 65536) or self.low == self.high:
-            raise LocalFault(
-                f"{self.low} and {self.high} are no two ports", remedy="choose two different numbers from 1 to 65535"
-            )
+_SEED = "signing.seed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,26 +69,22 @@ class ClusterProfile:
     members: tuple[Member, ...]
 
     @classmethod
-    def create(
-        cls, folder: Path, name: str, node_addresses: Sequence[str], *, ports: Ports | None = None
-    ) -> ClusterProfile:
+    def create(cls, folder: Path, name: str, node_addresses: Sequence[str], *, ports: Ports | None = None) -> ClusterProfile:
         """Make a new cluster with these nodes and the user "owner" in `folder`, whole or not at all.
 
         `folder` must not exist, or be empty. Takes some ten milliseconds a node.
         """
         checked_name(name, "cluster")
         addresses = _checked_addresses(node_addresses)
+        ports = _checked_ports(ports or Ports())
         _refuse_taken(folder)
         make_private_folder(folder.parent)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
         try:
-            _write_all(draft, name, addresses, ports or Ports())
-            os.replace(draft, folder)  # fails if somebody filled `folder` meanwhile
-            sync_folder(folder.parent)
+            _write_all(draft, name, addresses, ports)
+            draft.rename(folder)  # fails if somebody filled `folder` meanwhile
         except OSError as problem:
-            raise LocalFault(
-                f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder"
-            ) from problem
+            raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder") from problem
         finally:
             shutil.rmtree(draft, ignore_errors=True)
         return cls.load(folder)
@@ -110,10 +94,8 @@ class ClusterProfile:
         """Read cluster.toml; LocalFault if there is no profile or it is damaged. Keys are read when asked for."""
         path = folder / _SETTINGS
         if not path.exists():
-            raise LocalFault(
-                "there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`"
-            )
-        document = read_toml(path)
+            raise LocalFault("there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`")
+        document = read_settings_toml(path)
         if document.get("format") != _FORMAT:
             raise LocalFault(
                 f"the profile has format {document.get('format')!r}, this program knows {_FORMAT}",
@@ -122,7 +104,7 @@ class ClusterProfile:
             )
         try:
             return _decoded(folder, document)
-        except (KeyError, TypeError, ValueError, LocalFault) as problem:
+        except (KeyError, TypeError, ValueError, LocalFault, DamagedData) as problem:
             raise damaged(path, f"{type(problem).__name__} {problem}") from problem
 
     @property
@@ -143,18 +125,23 @@ class ClusterProfile:
 
     def authority_certificate(self) -> bytes:
         """The certificate (PEM) that every certificate of the cluster verifies under."""
-        return read_private(self.folder / "authority" / "certificate.pem")
+        return read_authority_certificate(self.folder / "authority")
 
     def datagram_key(self) -> bytes:
-        return read_private(self.folder / "datagram.key", bytes_exact=DATAGRAM_KEY_BYTES)
+        """The group key of datagrams: 32 bytes."""
+        path = self.folder / "datagram.key"
+        key = read_secret(path)
+        if len(key) != DATAGRAM_KEY_BYTES:
+            raise damaged(path, f"{len(key)} bytes instead of {DATAGRAM_KEY_BYTES}")
+        return key
 
     def node_identity(self, address: str) -> Identity:
         return Identity.from_files(self._node_folder(address))
 
     def node_signing_key(self, address: str) -> SigningKey:
         """The key that the node signs its status with; LocalFault if it is not the registered one."""
-        path = self._node_folder(address) / "signing.seed"
-        key = SigningKey.from_seed(read_private(path, bytes_exact=SEED_BYTES))
+        path = self._node_folder(address) / _SEED
+        key = SigningKey.from_file(path)
         if key.public != self.member(address).public_key:
             raise damaged(path, f"it is not the key that is registered for {address}")
         return key
@@ -163,7 +150,7 @@ class ClusterProfile:
         return Identity.from_files(self._user_folder(user))
 
     def user_signing_key(self, user: str = DEFAULT_USER) -> SigningKey:
-        return SigningKey.from_seed(read_private(self._user_folder(user) / "signing.seed", bytes_exact=SEED_BYTES))
+        return SigningKey.from_file(self._user_folder(user) / _SEED)
 
     def _node_folder(self, address: str) -> Path:
         return self.folder / "nodes" / self.member(address).address
@@ -185,20 +172,24 @@ def _checked_addresses(node_addresses: Sequence[str]) -> list[str]:
     return [address_of(node_id) for node_id in ids]
 
 
+def _checked_ports(ports: Ports) -> Ports:
+    if not (0 < ports.low < 65536 and 0 < ports.high < 65536) or ports.low == ports.high:
+        raise LocalFault(f"{ports.low} and {ports.high} are no two ports", remedy="choose two different numbers from 1 to 65535")
+    return ports
+
+
 def _refuse_taken(folder: Path) -> None:
     if (folder / _SETTINGS).exists():
-        raise LocalFault(
-            "a cluster profile exists already", where=str(folder), remedy="choose another name, or remove the folder"
-        )
+        raise LocalFault("a cluster profile exists already", where=str(folder), remedy="choose another name, or remove the folder")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalFault("the place is taken by something else", where=str(folder), remedy="choose another folder")
 
 
 def _write_all(folder: Path, name: str, addresses: Sequence[str], ports: Ports) -> None:
-    authority = Authority.create()
+    authority = Authority.create(name)
     make_private_folder(folder)
     authority.to_files(folder / "authority")
-    write_private(folder / "datagram.key", secrets.token_bytes(DATAGRAM_KEY_BYTES))
+    write_secret(folder / "datagram.key", secrets.token_bytes(DATAGRAM_KEY_BYTES))
     members = []
     for address in addresses:
         identity = authority.issue(f"node:{node_id_of(address)}", [address])
@@ -221,10 +212,8 @@ def _write_all(folder: Path, name: str, addresses: Sequence[str], ports: Ports) 
 
 def _write_party(folder: Path, identity: Identity) -> SigningKey:
     key = SigningKey.generate()
-    make_private_folder(folder.parent)
-    make_private_folder(folder)
     identity.to_files(folder)
-    write_private(folder / "signing.seed", key.seed)
+    key.to_file(folder / _SEED)
     return key
 
 
@@ -247,7 +236,7 @@ def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
         folder=folder,
         name=checked_name(document["name"], "cluster"),
         cluster_id=cluster_id,
-        ports=Ports(int(document["ports"]["low"]), int(document["ports"]["high"])),
+        ports=_checked_ports(Ports(int(document["ports"]["low"]), int(document["ports"]["high"]))),
         seeds=tuple(str(ipaddress.IPv4Address(seed)) for seed in document["seeds"]),
         members=members,
     )
