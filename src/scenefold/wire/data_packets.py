@@ -30,7 +30,7 @@ from scenefold.wire.common import (
     SpaceId,
     row,
 )
-from scenefold.wire.kinds import Bin, Many, Maybe, Struct
+from scenefold.wire.kinds import Bin, Many, Maybe, Places, Struct
 from scenefold.wire.scene_log_packets import SCENE_LOG_PUBLIC, SceneLogPublic
 
 NO_NODE = NodeId(0)
@@ -240,7 +240,7 @@ ROWS = (
     row(ReturnData, Carrier.TCP_LOW, *_KEY, *_RECORD, *_FRESHNESS),
     row(EmptyData, Carrier.TCP_LOW, *_KEY, *_FRESHNESS),
     row(QueryRange, Carrier.BOTH_LOW, *_RANGE),
-    row(ReturnRange, Carrier.BOTH_LOW, *_RANGE, ("locations", Many(LOCATION, RANGE_LOCATIONS_MAX))),
+    row(ReturnRange, Carrier.BOTH_LOW, *_RANGE, ("locations", Places(RANGE_LOCATIONS_MAX))),
     row(RejectRange, Carrier.BOTH_LOW, *_KEY, ("reason", REASON)),
     row(PutMany, Carrier.TCP_LOW, ("items", Many(PUT_ITEM, BULK_ITEMS_MAX))),
     row(PutManyReply, Carrier.TCP_LOW, ("outcomes", Many(PUT_OUTCOME, BULK_ITEMS_MAX))),

@@ -87,7 +87,7 @@ def _canonical(value: Value, budget: _Budget, depth: int) -> Value:
     if isinstance(value, dict):
         budget.spend(2 * len(value), depth + 1)
         keys = sorted(value, key=_utf8)
-        return {str(key): _canonical_at(value[key], budget, depth + 1, f".{key}") for key in keys}
+        return {str(key): _canonical_at(value[key], budget, depth + 1, _label(key)) for key in keys}
     if isinstance(value, (bytearray, memoryview)):
         return bytes(value)
     raise Misfit(f"a {type(value).__name__} has no encoding")
@@ -98,6 +98,12 @@ def _canonical_at(value: Value, budget: _Budget, depth: int, path: str) -> Value
         return _canonical(value, budget, depth)
     except Misfit as misfit:
         raise misfit.inside(path) from None
+
+
+def _label(key: str) -> str:
+    """A key in a path that people will read: a stranger may have chosen it."""
+    short = key if len(key) <= 40 else f"{key[:40]}…"
+    return f".{short if short.isprintable() else ascii(short)}"
 
 
 def _utf8(text: object) -> bytes:
@@ -174,10 +180,10 @@ def _read_map(data: bytes, at: int, budget: _Budget, depth: int) -> tuple[Value,
         key, at = read_text(data, at, len(data))
         raw = key.encode()
         if index and raw <= before:
-            raise Misfit("keys must ascend", f".{key[:80]}")
+            raise Misfit("keys must ascend", _label(key))
         before = raw
         try:
             pairs[key], at = _read_value(data, at, budget, depth)
         except Misfit as misfit:
-            raise misfit.inside(f".{key[:80]}") from None
+            raise misfit.inside(_label(key)) from None
     return pairs, at

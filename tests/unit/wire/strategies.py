@@ -1,0 +1,56 @@
+"""Hypothesis strategies made from the table of packets: every value that a kind allows, edges included."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import strategies as st
+
+from scenefold.base.location import Location
+from scenefold.wire.common import MINI_STATUS, Packet
+from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Many, Maybe, Nothing, Place, Struct, Text, Uint
+from scenefold.wire.table import ROWS
+
+
+def values(kind: Kind[Any]) -> st.SearchStrategy[Any]:
+    """Values of this kind; long ones rarely, or every example would take seconds."""
+    match kind:
+        case Uint():
+            edges = [edge for edge in (0, 31, 32, 127, 128, 255, 256, 65535, 65536, 2**32 - 1, 2**32) if kind.least <= edge <= kind.most]
+            return st.one_of(st.integers(kind.least, kind.most), st.sampled_from([*edges, kind.least, kind.most]))
+        case Choice():
+            return st.sampled_from(list(kind.members))
+        case Flag():
+            return st.booleans()
+        case Float():
+            return st.floats(allow_nan=False, allow_infinity=False)
+        case Bin() if kind.lengths:
+            return st.one_of(*(st.binary(min_size=size, max_size=size) for size in kind.lengths if size <= 64))
+        case Bin():
+            sizes = st.sampled_from([0, 1, 255, 256, 65535, 65536]).filter(lambda size: size <= kind.size_max)
+            return st.one_of(st.binary(max_size=40), sizes.map(lambda size: b"\x93" * size))
+        case Text():
+            return st.text(max_size=20).filter(lambda text: len(text.encode("utf-8", "replace")) <= kind.size_max)
+        case Place():
+            return st.binary(min_size=20, max_size=20).map(Location)
+        case Nothing():
+            return st.none()
+        case Maybe():
+            return st.one_of(st.none(), values(kind.inner))
+        case Many() if kind.counts:
+            return st.one_of(*(st.tuples(*[values(kind.inner)] * count) for count in kind.counts))
+        case Many():
+            return st.lists(values(kind.inner), max_size=3).map(tuple)
+        case Struct():
+            return st.builds(kind.build, *(values(inner) for _, inner in kind.fields))
+    raise AssertionError(kind)
+
+
+def packets_of(number: int) -> st.SearchStrategy[Packet]:
+    row = ROWS[number]
+    mini_status = st.none() if number == 1 else st.one_of(st.none(), values(MINI_STATUS))
+    fields = {name: values(kind) for name, kind in row.fields}
+    return st.builds(row.packet, **fields, request_id=st.integers(0, 2**32 - 1), mini_status=mini_status)
+
+
+PACKETS = st.sampled_from(sorted(ROWS)).flatmap(packets_of)
