@@ -131,9 +131,10 @@ class JsonMap:
         """A list of numbers of things of which there are `count`."""
         values = self._list(key)
         for value in values:
-            if type(value) is not int or not 0 <= value < count:
+            whole = type(value) is int or (type(value) is float and value.is_integer())
+            if not whole or not 0 <= value < count:
                 raise self.fault(f"names {what} {value!r}, but there are {count}", key)
-        return values
+        return [int(value) for value in values]
 
     def texts(self, key: str) -> list[str]:
         values = self._list(key)

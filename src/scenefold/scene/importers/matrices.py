@@ -29,13 +29,28 @@ def from_parts(translation: tuple[float, ...], quaternion: tuple[float, ...], sc
 
 def cofactors(matrix: Matrix) -> Matrix:
     """The cofactors of the linear part [3, 3]: what carries normals, up to the determinant's sign and size."""
-    a, b, c = matrix[0, :3], matrix[1, :3], matrix[2, :3]
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+    (a, b, c), (d, e, f), (g, h, i) = matrix[:3, :3].tolist()
+    return np.array(
+        [
+            [e * i - f * h, f * g - d * i, d * h - e * g],
+            [h * c - i * b, i * a - g * c, g * b - h * a],
+            [b * f - c * e, c * d - a * f, a * e - b * d],
+        ]
+    )
 
 
 def determinant(matrix: Matrix) -> float:
     """Of the linear part."""
     return float((matrix[0, :3] * cofactors(matrix)[0]).sum())
+
+
+def determinants(matrices: Matrix) -> Matrix:
+    """f64[n] of the linear parts of f64[n, 4, 4]."""
+    a, b, c = (matrices[:, 0, axis] for axis in range(3))
+    d, e, f = (matrices[:, 1, axis] for axis in range(3))
+    g, h, i = (matrices[:, 2, axis] for axis in range(3))
+    result: Matrix = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
+    return result
 
 
 def move_points(matrix: Matrix, points: NDArray[np.floating]) -> Matrix:

@@ -10,6 +10,7 @@ from scenefold.base.limits import MATERIALS_MAX
 from scenefold.scene.importers.faults import bad_file, beside, readable_size
 from scenefold.scene.importers.images import TextureList
 from scenefold.scene.importers.mtl import read_mtl
+from scenefold.scene.importers.polygons import FACE_OF_MANY, split_polygons
 from scenefold.scene.importers.source import MeshPart, NotCarried, SourceScene
 from scenefold.scene.importers.through_trimesh import GREY, load_obj_text, mesh_part, single_mesh
 from scenefold.scene.payloads.materials import Material
@@ -43,6 +44,8 @@ def read_obj(path: Path) -> SourceScene:
         raise bad_file(path, "a face names vertex 0: an OBJ counts from 1")
     if _FACE_FROM_END.search(text):
         text = _count_from_start(path, text)
+    if FACE_OF_MANY.search(text):
+        text = split_polygons(text)
     loaded = load_obj_text(path, text, used)
     materials = [GREY, *(known.get(name, GREY) for name in used)]
     number = {name: at for at, name in enumerate(used, start=1)}

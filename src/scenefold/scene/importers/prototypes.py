@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import COORDINATE_ABS_MAX, INSTANCES_MAX
-from scenefold.scene.importers.matrices import Matrix, cofactors, determinant
+from scenefold.scene.importers.matrices import Matrix, cofactors, determinants
 from scenefold.scene.importers.source import MeshPart, SourceScene
 from scenefold.scene.payloads.instances import INSTANCE_ROW
 
@@ -59,10 +59,12 @@ def decide(source: SourceScene) -> Prototypes:
     uses = np.bincount(source.placed_meshes, minlength=len(sizes)).tolist()
     shared = [use > 1 and use * size > BAKED_COPIES_TRIANGLES_MAX for use, size in zip(uses, sizes, strict=True)]
     result, number, flat = Prototypes(), {}, 0
-    for mesh, matrix in zip(source.placed_meshes.tolist(), source.placed_matrices, strict=True):
+    flatness = _are_flat(source.placed_matrices).tolist()
+    _check_reach(source)
+    for mesh, matrix, is_flat in zip(source.placed_meshes.tolist(), source.placed_matrices, flatness, strict=True):
         if sizes[mesh] == 0:
             continue
-        if shared[mesh] and not _is_flat(matrix):
+        if shared[mesh] and not is_flat:
             if mesh not in number:
                 result.meshes.append(mesh)
                 number[mesh] = len(result.meshes)
@@ -74,20 +76,20 @@ def decide(source: SourceScene) -> Prototypes:
         raise LocalFault(f"{source.name} places {flat} triangles without volume", remedy="remove scales of 0")
     if len(result.instances) >= INSTANCES_MAX:
         raise LocalFault(f"{source.name} has over {INSTANCES_MAX} instances", remedy="split the scene")
-    _check_reach(source, result)
     return result
 
 
-def _is_flat(matrix: Matrix) -> bool:
-    size = float(np.sqrt((matrix[:3, :3] ** 2).sum()))
-    return abs(determinant(matrix)) <= _FLAT * size**3
+def _are_flat(matrices: Matrix) -> NDArray[np.bool_]:
+    sizes = np.sqrt((matrices[:, :3, :3] ** 2).sum(axis=(1, 2)))
+    flat: NDArray[np.bool_] = np.abs(determinants(matrices)) <= _FLAT * sizes**3
+    return flat
 
 
-def _check_reach(source: SourceScene, prototypes: Prototypes) -> None:
+def _check_reach(source: SourceScene) -> None:
     """Nothing may lie beyond the coordinates that f32 sums can bear."""
-    reach = [max((float(np.abs(part.positions).max(initial=0)) for part in parts), default=0) for parts in source.meshes]
-    placed = [*prototypes.baked, *((prototypes.meshes[p - 1], matrix) for p, matrix in prototypes.instances)]
-    for mesh, matrix in placed:
-        farthest = np.abs(matrix[:3, :3]).sum(axis=1).max() * reach[mesh] + np.abs(matrix[:3, 3]).max()
-        if not farthest <= COORDINATE_ABS_MAX:
-            raise LocalFault(f"{source.name} has geometry at coordinates beyond 1e9", remedy="scale or move the scene")
+    reaches = [max((float(np.abs(part.positions).max(initial=0)) for part in parts), default=0) for parts in source.meshes]
+    sizes = np.abs(source.placed_matrices)
+    reach = np.array([*reaches, 0.0])[source.placed_meshes]
+    farthest = sizes[:, :3, :3].sum(axis=2).max(axis=1) * reach + sizes[:, :3, 3].max(axis=1)
+    if not (farthest <= COORDINATE_ABS_MAX).all():
+        raise LocalFault(f"{source.name} has geometry at coordinates beyond 1e9", remedy="scale or move the scene")

@@ -29,11 +29,11 @@ def check_ply(path: Path, size: int) -> None:
                 text = words[1:2] == ["ascii"]
             elif words[:1] == ["element"]:
                 if len(words) != 3 or not words[2].isascii() or not words[2].isdigit() or len(words[2]) > 15:
-                    raise bad_file(path, f"the PLY header has an odd line, {' '.join(words)!r}")
+                    raise bad_file(path, f"the PLY header has an odd line, {' '.join(words)[:40]!r}")
                 elements.append([int(words[2]), 0])
             elif words[:1] == ["property"]:
                 if not elements or len(words) < 3 or words[1] not in {*_SIZES, "list"}:
-                    raise bad_file(path, f"the PLY header has an odd line, {' '.join(words)!r}")
+                    raise bad_file(path, f"the PLY header has an odd line, {' '.join(words)[:40]!r}")
                 # A list has at least its length.
                 elements[-1][1] += _SIZES[words[1]] if words[1] != "list" else _SIZES.get(words[2], 1)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,10 @@ def load_obj_text(path: Path, text: str, material_names: list[str]) -> dict[str,
 def guarded(path: Path, load: Callable[[], Any]) -> Mapping[str, Any]:
     """What `load` returns, or one LocalFault: trimesh's readers raise whatever their parsing runs into."""
     try:
-        loaded = load()
+        with warnings.catch_warnings():
+            # numpy only warns where numbers in a text end early; half a mesh is worse than none.
+            warnings.simplefilter("error", DeprecationWarning)
+            loaded = load()
     except Exception as error:
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise bad_file(path, f"the file cannot be read as {path.suffix[1:].upper()}, {reason}") from error
