@@ -4,6 +4,8 @@ One folder is one LMDB environment with a named table for each of ours. Every co
 (a process may run under a limit of address space) and doubles when it is full: all transactions end, the environment
 is closed and opened again with a larger map, and the change runs anew. Opening again, rather than resizing in place,
 leaves a way back if the larger map cannot be had.
+
+Before a commit the file is lengthened by what the commit may write at most (`preallocation.py`).
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import lmdb
 from scenefold.base.errors import LocalFault
 from scenefold.store.folder import FolderLock
 from scenefold.store.gate import Gate
+from scenefold.store.preallocation import NO_ROOM, GrowingFile
 from scenefold.world.ports import DiskFailed, DiskFull, DiskSpace, ReadTransaction, WriteTransaction
 
 T = TypeVar("T")
@@ -28,7 +31,8 @@ DATA_NAME = "data.mdb"
 MAP_BYTES_FIRST = 64 * 1024 * 1024
 MAP_BYTES_MAX = 1 << 46
 READERS_MAX = 126
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+TREE_PAGES_MAX = 8
+"""Pages from a root to a leaf, with splits; and what a commit needs for its list of free pages."""
 
 
 class LmdbDisk:
@@ -77,11 +81,14 @@ class LmdbEnvironment:
             env.close()
             raise
         self._env = env
+        # The machine that made the folder may have had pages of another size.
+        self._page_bytes = int(env.stat()["psize"])
+        self._file = GrowingFile(self._folder / DATA_NAME)
 
     @contextmanager
     def read(self) -> Iterator[ReadTransaction]:
         with self._gate.shared(), self._env.begin(buffers=True) as transaction:
-            yield _Transaction(transaction, self._tables)
+            yield _Transaction(transaction, self._tables, self._page_bytes)
 
     def update(self, change: Callable[[WriteTransaction], T]) -> T:
         while True:
@@ -91,15 +98,29 @@ class LmdbEnvironment:
                 return self._commit(change)
             except lmdb.MapFullError:
                 self._grow()
-            except lmdb.Error as error:
-                raise self._why(error) from error
 
     def _commit(self, change: Callable[[WriteTransaction], T]) -> T:
-        with self._gate.shared(), self._env.begin(write=True, buffers=True) as transaction:
-            return change(_Transaction(transaction, self._tables))
+        with self._gate.shared():
+            enough = True
+            try:
+                with self._env.begin(write=True, buffers=True) as transaction:
+                    ours = _Transaction(transaction, self._tables, self._page_bytes)
+                    result = change(ours)
+                    enough = self._file.reach(self._end_bytes() + ours.dirty_bytes_max)
+                return result
+            except lmdb.MapFullError:
+                raise
+            except lmdb.Error as error:
+                raise self._why(error, enough) from error
 
-    def _why(self, error: lmdb.Error) -> Exception:
-        if is_full(error):
+    def _end_bytes(self) -> int:
+        return (int(self._env.info()["last_pgno"]) + 1) * self._page_bytes
+
+    def _why(self, error: lmdb.Error, enough: bool) -> Exception:
+        # LMDB reports a write that was cut short as an input/output error; where the file could not be lengthened
+        # before, we know better.
+        code = getattr(error, "code", 0)
+        if code in NO_ROOM or (code == errno.EIO and not enough):
             return DiskFull(f"no room on the disk of {self._folder}")
         # After a failed sync the kernel may have dropped the pages, and the next sync would wrongly succeed. So
         # nothing is written from here on; what was acknowledged before is on the disk.
@@ -110,7 +131,7 @@ class LmdbEnvironment:
         if self._map_bytes * 2 > MAP_BYTES_MAX:
             raise DiskFull(f"the store in {self._folder} has reached its greatest size")
         with self._gate.alone():
-            self._env.close()
+            self._shut()
             smaller, self._map_bytes = self._map_bytes, self._map_bytes * 2
             try:
                 self._open()
@@ -122,12 +143,10 @@ class LmdbEnvironment:
     def space(self) -> DiskSpace:
         """From the tables' page counts and the file system; touches no data."""
         with self._gate.shared():
-            info = self._env.info()
-            page_bytes = int(self._env.stat()["psize"])
             with self._env.begin() as transaction:
                 stats = [transaction.stat(table) for table in self._tables.values()]
-            live = sum(int(s["branch_pages"] + s["leaf_pages"] + s["overflow_pages"]) for s in stats) * page_bytes
-            file_bytes = (int(info["last_pgno"]) + 1) * page_bytes
+            live = sum(int(s["branch_pages"] + s["leaf_pages"] + s["overflow_pages"]) for s in stats) * self._page_bytes
+            file_bytes = self._file.size
         files = os.statvfs(self._folder)
         return DiskSpace(
             used=live,
@@ -136,19 +155,26 @@ class LmdbEnvironment:
             total=files.f_blocks * files.f_frsize,
         )
 
+    def _shut(self) -> None:
+        self._file.close()
+        self._env.close()
+
     def close(self) -> None:
         with self._gate.alone():
             self._failed = f"the store in {self._folder} is closed"
-            self._env.close()
+            self._shut()
             self._lock.release()
 
 
 class _Transaction:
     """An LMDB transaction in our words."""
 
-    def __init__(self, transaction: lmdb.Transaction, tables: dict[str, lmdb._Database]) -> None:
+    def __init__(self, transaction: lmdb.Transaction, tables: dict[str, lmdb._Database], page_bytes: int) -> None:
         self._transaction = transaction
         self._tables = tables
+        self._page_bytes = page_bytes
+        self.dirty_bytes_max = page_bytes * TREE_PAGES_MAX
+        """What the commit may write: the changed values, and for each the pages above it."""
 
     def get(self, table: str, key: bytes) -> memoryview | None:
         return cast("memoryview | None", self._transaction.get(key, db=self._tables[table]))
@@ -172,16 +198,12 @@ class _Transaction:
                     yield found, cast(memoryview, value)
 
     def put(self, table: str, key: bytes, value: bytes) -> None:
+        self.dirty_bytes_max += len(value) + self._page_bytes * (TREE_PAGES_MAX + 2)
         self._transaction.put(key, value, db=self._tables[table])
 
     def delete(self, table: str, key: bytes) -> bool:
+        self.dirty_bytes_max += self._page_bytes * TREE_PAGES_MAX
         return self._transaction.delete(key, db=self._tables[table])
-
-
-def is_full(error: lmdb.Error) -> bool:
-    """Whether LMDB's error says that there is no room: ENOSPC, a quota, or a limit of file size."""
-    text = str(error).lower()
-    return isinstance(error, lmdb.DiskError) or any(os.strerror(number).lower() in text for number in _NO_ROOM)
 
 
 def _file_bytes(folder: Path) -> int:
@@ -190,7 +212,7 @@ def _file_bytes(folder: Path) -> int:
 
 
 def _opening_fault(error: lmdb.Error, folder: Path) -> LocalFault:
-    if is_full(error):
+    if getattr(error, "code", 0) in NO_ROOM:
         return LocalFault("the disk of the data folder is full", where=str(folder), remedy="free some space there")
     if isinstance(error, lmdb.ReadonlyError):
         remedy = "give this user write permission, or choose another folder"

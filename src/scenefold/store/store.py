@@ -55,6 +55,11 @@ class Store:
         self._writer = writer
         self.identity = identity
 
+    @property
+    def commits(self) -> int:
+        """Synced transactions since the store was opened; fewer than puts where they shared one."""
+        return self._writer.commits
+
     async def put(self, puts: Sequence[Put]) -> list[PutResult]:
         """Store verified records; results in their order. Returns once what is STORED is durable."""
         # A header that does not parse is its caller's trouble, and must not reach a batch that others share.

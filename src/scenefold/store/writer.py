@@ -57,6 +57,7 @@ class GroupWriter:
         self._reserve_bytes = reserve_bytes
         self._entrance, self._exit = trio.open_memory_channel[_Waiting](STORE_QUEUE_CHANGES_MAX)
         self.counts: dict[SpaceAddress, Counts] = {}
+        self.commits = 0
 
     async def submit(self, change: Change[R]) -> R:
         """Apply a change; returns when it is durable. Cancelled, the change may or may not happen."""
@@ -82,6 +83,7 @@ class GroupWriter:
                 committed = await self._workers.run(
                     "store", commit, self._environment, [waiting.change for waiting in batch], self._reserve_bytes
                 )
+                self.commits += 1
                 self.counts.update(committed.counts)
                 for waiting, answer in zip(batch, committed.answers, strict=True):
                     waiting.finish(answer)

@@ -1,0 +1,118 @@
+"""If this failed, a full or failing disk would lose what was acknowledged, or acknowledge what is lost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trio
+
+from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.reasons import RejectReason
+from scenefold.store import LmdbDisk, Outcome, open_store
+from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
+from unit.store.samples import NODE, SCENE, place, put, record, world
+
+FILLING = """
+import resource, signal, sys
+from pathlib import Path
+import trio
+sys.path.insert(0, {tests!r})
+from scenefold.store import Outcome, open_store
+from unit.store.samples import NODE, place, put, record, world
+
+async def main():
+    async with open_store(world(map_bytes=1 << 18), Path({folder!r}), NODE, reserve_bytes=0) as store:
+        outcomes = []
+        for number in range(200):
+            [result] = await store.put([put(number, size=60_000)])
+            outcomes.append(result.outcome)
+        full = outcomes.index(Outcome.FULL)
+        assert full > 20 and Outcome.STORED not in outcomes[full + 5:], outcomes
+        for number in range(full):
+            assert await store.get_many([place(number)]) == [record(number, size=60_000)]
+        print(full, flush=True)
+
+# What the kernel answers at this limit stands for a full disk; the signal that comes with it would end us.
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4 << 20, 4 << 20))
+trio.run(main)
+"""
+
+
+def fill(folder: Path) -> int:
+    """Put records until there is no room; how many were acknowledged."""
+    script = FILLING.format(tests=str(Path(__file__).parents[2]), folder=str(folder))
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stderr
+    return int(result.stdout)
+
+
+async def test_when_the_file_cannot_grow(tmp_path: Path) -> None:
+    full = fill(tmp_path)
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.get_many([place(number) for number in range(full)]) == [record(number, size=60_000) for number in range(full)]
+        [again] = await store.put([put(500)])
+        assert again.outcome is Outcome.STORED
+
+
+class TroubledDisk:
+    """LMDB whose next update fails as told, after the change has been applied but before it is durable."""
+
+    def __init__(self) -> None:
+        self.trouble: Exception | None = None
+        self._disk = LmdbDisk()
+
+    def open(self, folder: Path, tables: Sequence[str], /) -> Environment:
+        environment = self._disk.open(folder, tables)
+        update = environment.update
+
+        def troubled(change: Callable[[Any], Any]) -> Any:
+            def and_fail(transaction: Any) -> Any:
+                result = change(transaction)
+                if self.trouble is not None:
+                    raise self.trouble
+                return result
+
+            return update(and_fail)
+
+        environment.update = troubled  # type: ignore[method-assign]
+        return environment
+
+
+@pytest.mark.expect_log("no room at all; 1 changes refused")
+async def test_a_full_disk_acknowledges_nothing(tmp_path: Path) -> None:
+    disk = TroubledDisk()
+    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        disk.trouble = DiskFull("no room at all")
+        results = await store.put([put(1), put(2)])
+        assert [result.outcome for result in results] == [Outcome.FULL] * 2
+        with pytest.raises(Refused) as caught:
+            await store.put_header(SCENE, b"x")
+        assert caught.value.reason is RejectReason.STORAGE_FULL
+        disk.trouble = None
+        assert await store.get_many([place(1)]) == [None]
+        assert (await store.statistics()).records == 0
+        [result] = await store.put([put(1)])
+        assert result.outcome is Outcome.STORED
+
+
+@pytest.mark.expect_log("the disk is on fire")
+async def test_a_failing_disk_stops_the_node(tmp_path: Path) -> None:
+    disk = TroubledDisk()
+
+    async def use_it() -> None:
+        async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+            disk.trouble = DiskFailed("the disk is on fire")
+            with pytest.raises(Refused):
+                await store.put([put(1)])
+            await trio.sleep_forever()
+
+    with pytest.raises(LocalFault, match="on fire"):
+        await use_it()
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.get_many([place(1)]) == [None]

@@ -1,0 +1,37 @@
+"""If this failed, stored bytes would mean something else to the next version, or ranges would lose their order."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import DamagedData
+from scenefold.store.layout import location_of, pack_record, record_key, stored_header, unpack_record
+from unit.store.samples import place, record
+
+NUMBERS = st.integers(0, (1 << 160) - 1)
+
+
+def test_key_bytes() -> None:
+    assert record_key(place(1, scene=0x01020304, space=0x0506)) == bytes.fromhex("01020304 0506") + bytes(19) + b"\x01"
+
+
+@given(NUMBERS, NUMBERS)
+def test_keys_are_ordered_as_the_line_is(one: int, other: int) -> None:
+    assert (record_key(place(one)) < record_key(place(other))) == (one < other)
+    assert location_of(record_key(place(one))).number == one
+
+
+def test_a_record_survives_its_bytes() -> None:
+    sample = record(3, size=1000)
+    packed = memoryview(pack_record(sample))
+    assert bytes(packed[:4]) == bytes([0, 149, 0, 64])
+    assert unpack_record(packed) == sample
+    assert stored_header(packed) == sample.header_bytes
+
+
+@pytest.mark.parametrize("kept", [0, 3, 100, 149 + 64 + 3])
+def test_a_cut_record_is_damage(kept: int) -> None:
+    with pytest.raises(DamagedData, match="shorter"):
+        unpack_record(memoryview(pack_record(record(3))[:kept]))
