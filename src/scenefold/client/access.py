@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple, TypeVar
-
-import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId, SpaceId
@@ -21,6 +20,7 @@ from scenefold.client.calls import Calls
 from scenefold.client.delivery import deliver, fetch
 from scenefold.client.sealing import Draft, Opened, SceneIdentity, open_all, seal_all
 from scenefold.client.split import frames
+from scenefold.client.together import together
 from scenefold.client.versions import Sequencer
 from scenefold.crypto import SigningKey
 from scenefold.wire import PutItem, QueryRange, RejectRange, ReturnRange
@@ -154,9 +154,7 @@ class SceneAccess:
             part = [drafts[index] for index in batch]
             sealed[number] = await self.in_crypto_lane(seal_all, self.identity, self.writer, self.session, part)
 
-        async with trio.open_nursery(strict_exception_groups=False) as nursery:
-            for number, batch in enumerate(batches):
-                nursery.start_soon(seal, number, batch)
+        await together(partial(seal, number, batch) for number, batch in enumerate(batches))
         for part in sealed:
             items += part
         return items

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
-
-import trio
 
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.limits import CLIENT_STATUS_S
@@ -14,6 +13,7 @@ from scenefold.base.location import LINE_LENGTH
 from scenefold.client.calls import Calls
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
+from scenefold.client.together import together
 from scenefold.crypto import SigningKey
 from scenefold.wire import RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
@@ -108,9 +108,7 @@ class Cluster:
             if own is not None:
                 answers[address] = own
 
-        async with trio.open_nursery(strict_exception_groups=False) as nursery:
-            for member in members:
-                nursery.start_soon(ask, member.address, member.node_id)
+        await together(partial(ask, member.address, member.node_id) for member in members)
         if not answers:
             where = ", ".join(member.address for member in members[:4]) + (" and others" if len(members) > 4 else "")
             raise Unreachable("no node of the cluster answers", where=where, remedy="start the nodes with `scenectl node run`")

@@ -7,9 +7,8 @@ reply says the owner with reason 10, and that is believed for one round: whoever
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import NamedTuple
-
-import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId
@@ -18,6 +17,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls, is_passing
 from scenefold.client.split import by_owner, frames
+from scenefold.client.together import together
 from scenefold.wire import GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
 
 STORED = 0
@@ -119,9 +119,7 @@ async def _rounds(
                     raise
                 errors.append(error)
 
-        async with trio.open_nursery(strict_exception_groups=False) as nursery:
-            for node, frame in parts(waiting):
-                nursery.start_soon(attempt_part, node, frame)
+        await together(partial(attempt_part, node, frame) for node, frame in parts(waiting))
     left = pending()
     if left:
         raise errors[0] if errors else _unsettled(len(left))

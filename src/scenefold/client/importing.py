@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,6 +27,7 @@ from scenefold.client.access import SceneAccess, Wish
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.progress import ProgressCallback, ProgressState
+from scenefold.client.together import together
 
 if TYPE_CHECKING:
     from scenefold.scene.importers import ImportItem, ImportPlan
@@ -115,11 +117,9 @@ class _Import:
     async def put_phase(self, items: Iterator[ImportItem]) -> None:
         """Store all items of a phase; they are durable, and the plan knows where they are, when this returns."""
         send, receive = trio.open_memory_channel[_Batch](1)
-        async with trio.open_nursery(strict_exception_groups=False) as nursery:
-            nursery.start_soon(self._make_batches, items, send)
-            for _ in range(CLIENT_IMPORT_BATCHES):
-                nursery.start_soon(self._put_batches, receive.clone())
-            await receive.aclose()
+        storing = [partial(self._put_batches, receive.clone()) for _ in range(CLIENT_IMPORT_BATCHES)]
+        receive.close()
+        await together([partial(self._make_batches, items, send), *storing])
 
     async def _make_batches(self, items: Iterator[ImportItem], send: trio.MemorySendChannel[_Batch]) -> None:
         async with send:

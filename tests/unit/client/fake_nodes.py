@@ -1,0 +1,188 @@
+"""Nodes that live in memory and misbehave on order: for tests of what the client does about it.
+
+They answer the packets that a client sends, judge versions as a store does, know the current owners, and can be
+away, busy or slow. Requests pass through the real codec, so that nothing is tested that could not travel.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import trio
+
+from scenefold.base.errors import Unreachable
+from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.location import Location, even_right_bounds
+from scenefold.base.reasons import RejectReason
+from scenefold.client.calls import Calls
+from scenefold.client.table import Owner, RoutingTable
+from scenefold.crypto import RecordHeader, version_key
+from scenefold.wire import (
+    AcceptSceneProposal,
+    Fault,
+    GetMany,
+    GetManyReply,
+    ListScenes,
+    Packet,
+    ProposeSceneLog,
+    PutItem,
+    PutMany,
+    PutManyReply,
+    PutOutcome,
+    QueryRange,
+    RecordBytes,
+    RejectRange,
+    RequestSceneLog,
+    RequestTable,
+    RespondSceneLog,
+    RespondTable,
+    ReturnRange,
+    SceneLogAnswer,
+    SceneLogPublic,
+    ScenesListed,
+    Status,
+    decode_packet,
+    encode_packet,
+)
+from scenefold.wire.scene_log_packets import Ballot
+from scenefold.world import Priority, World
+
+
+class PlainClock:
+    def now(self) -> float:
+        return trio.current_time()
+
+    def wall(self) -> float:
+        return 1_700_000_000.0 + trio.current_time()
+
+    async def sleep(self, seconds: float) -> None:
+        await trio.sleep(seconds)
+
+
+class PlainEntropy:
+    """Different every time, whoever asks."""
+
+    _counts = itertools.count(1)
+
+    def token(self, count: int) -> bytes:
+        return next(self._counts).to_bytes(8, "big").rjust(count, b"\x5a")[-count:]
+
+    def uniform(self) -> float:
+        return 0.5
+
+
+class PlainWorkers:
+    async def run(self, lane: str, function: Callable[..., Any], *args: object) -> Any:
+        assert lane in ("crypto", "import")
+        await trio.lowlevel.checkpoint()
+        return function(*args)
+
+
+def make_world() -> World:
+    nothing: Any = None
+    return World(PlainClock(), PlainEntropy(), PlainWorkers(), nothing, nothing)
+
+
+@dataclass
+class FakeNodes:
+    """All nodes of a cluster; also the `Links` to them."""
+
+    addresses: tuple[str, ...] = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
+    records: dict[tuple[int, Location], PutItem] = field(default_factory=dict)
+    headers: dict[int, SceneLogPublic] = field(default_factory=dict)
+    away: set[str] = field(default_factory=set)
+    busy: Counter[str] = field(default_factory=Counter)
+    """How many requests of each node are still answered with busy."""
+    lost_replies: int = 0
+    """So many replies are lost after the request was carried out."""
+    reply_records_max: int = 1000
+    range_max: int = 1000
+    asked: list[tuple[str, Packet]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        bounds = even_right_bounds(len(self.addresses))
+        self.table = RoutingTable(map(Owner, map(node_id_of, self.addresses), self.addresses, bounds))
+
+    def move_bounds(self) -> None:
+        """All arcs move on by one node; clients don't know yet."""
+        owners = self.table.owners
+        moved = [replace(owner, right_bound=owners[index - 1].right_bound, lamport=9) for index, owner in enumerate(owners)]
+        self.table = RoutingTable(moved)
+
+    def calls(self) -> Calls:
+        """A client that believes in even arcs."""
+        links: Any = self
+        return Calls(make_world(), links, self.addresses, [node_id_of(address) for address in self.addresses])
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        del priority, timeout
+        packet = decode_packet(encode_packet(replace(packet, request_id=7)))
+        self.asked.append((address, packet))
+        await trio.lowlevel.checkpoint()
+        if address in self.away:
+            raise Unreachable("nobody there", where=address)
+        if self.busy[address]:
+            self.busy[address] -= 1
+            return Fault(RejectReason.BUSY, "later")
+        reply = self._answer(address, packet)
+        if self.lost_replies:
+            self.lost_replies -= 1
+            raise Unreachable("the connection broke", where=address)
+        return decode_packet(encode_packet(reply))
+
+    def _answer(self, address: str, packet: Packet) -> Packet:
+        match packet:
+            case RequestTable():
+                return RespondTable(tuple(map(_status, self.table.owners)))
+            case PutMany():
+                return PutManyReply(tuple(self._put(address, item) for item in packet.items))
+            case GetMany():
+                found = [self.records.get((key.space, key.location)) for key in packet.keys[: self.reply_records_max]]
+                return GetManyReply(tuple(item and RecordBytes(item.signature, item.header, item.ciphertext) for item in found))
+            case QueryRange():
+                return self._query(address, packet)
+            case ProposeSceneLog():
+                self.headers[packet.public.scene] = packet.public
+                return AcceptSceneProposal(packet.genesis, packet.proposal, bytes(32), (), None, 0, b"")
+            case RequestSceneLog():
+                header = self.headers.get(packet.scene)
+                answer = header and SceneLogAnswer(packet.nonce, 2, 1, Ballot(0, NodeId(0)), (), header, None, 0, b"")
+                return RespondSceneLog(answer)
+            case ListScenes():
+                return ScenesListed(tuple(self.headers.values()))
+            case _:
+                return Fault(RejectReason.ILL_FORMED, "what?")
+
+    def _put(self, address: str, item: PutItem) -> PutOutcome:
+        owner = self.table.owner_of(item.location)
+        if owner.address != address:
+            return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner.node_id)
+        present = self.records.get((item.space, item.location))
+        new = RecordHeader.decode(item.header)
+        if present is not None and present.header != item.header:
+            old = RecordHeader.decode(present.header)
+            if item.expect is not None and item.expect != old.digest:
+                return PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0))
+            if version_key(new) <= version_key(old):
+                return PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0))
+        elif present is None and item.expect:
+            return PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0))
+        self.records[item.space, item.location] = item
+        return PutOutcome(0, item.location, NodeId(0))
+
+    def _query(self, address: str, packet: QueryRange) -> Packet:
+        if self.table.owner_of(packet.first).address != address:
+            return RejectRange(packet.scene, packet.space, packet.first, RejectReason.OUTSIDE_BOUNDS)
+        found = sorted(location for space, location in self.records if space == packet.space and packet.first <= location <= packet.last)
+        if len(found) > 3 * self.range_max:
+            return RejectRange(packet.scene, packet.space, packet.first, RejectReason.TOO_LARGE_FOR_PACKET)
+        last = packet.last if len(found) <= self.range_max else found[self.range_max - 1]
+        return ReturnRange(packet.scene, packet.space, packet.first, last, tuple(found[: self.range_max]))
+
+
+def _status(owner: Owner) -> Status:
+    return Status(owner.lamport, owner.node_id, bytes(16), 1, owner.address, owner.right_bound)

@@ -1,0 +1,176 @@
+"""If this fails, the client loses records when nodes are away, arcs move or replies get lost, or believes forged ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import trio
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.ids import KeyId, SceneId, SpaceId, node_id_of
+from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.access import SceneAccess
+from scenefold.client.births import born, first_header
+from scenefold.client.fresh import FreshItem, put_fresh
+from scenefold.client.reading import open_scene_with_keys
+from scenefold.client.scene import Scene
+from scenefold.client.sealing import SceneIdentity
+from scenefold.client.space import ABSENT
+from scenefold.crypto import SigningKey
+from scenefold.wire import GetMany, PutMany
+from unit.client.fake_nodes import FakeNodes
+
+WRITER = SigningKey(bytes(31) + b"\1")
+FILES = SpaceId(10)
+PLACES = [Location.from_number(LINE_LENGTH * index // 30) for index in range(30)]
+ITEMS = [(place, b"payload %d" % index) for index, place in enumerate(PLACES)]
+
+pytestmark = pytest.mark.usefixtures("autojump_clock")
+
+
+def _scene(nodes: FakeNodes, writer: SigningKey = WRITER) -> Scene:
+    identity = SceneIdentity(SceneId(9), bytes(32), 1, {WRITER.key_id: WRITER.public}, bytes(24), 0)
+    return Scene(SceneAccess(nodes.calls(), "kitchen", identity, writer, session=1))
+
+
+async def test_what_was_put_is_got_in_order_from_all_owners() -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    assert await space.get_many([*PLACES, Location.from_number(5)]) == [payload for _, payload in ITEMS] + [None]
+    assert {address for address, packet in nodes.asked if isinstance(packet, PutMany)} == set(nodes.addresses)
+    assert not any(payload in item.ciphertext for _, payload in ITEMS for item in nodes.records.values())
+
+
+async def test_moved_bounds_are_followed() -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    nodes.move_bounds()
+    await space.put_many(ITEMS)
+    assert len(nodes.records) == len(ITEMS)
+    assert [location async for location in space.query()] == PLACES
+
+
+async def test_busy_and_returning_nodes_are_waited_for() -> None:
+    nodes = FakeNodes(away={"127.0.0.3"})
+    nodes.busy["127.0.0.2"] = 2
+    space = _scene(nodes).space(FILES)
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(space.put_many, ITEMS)
+        await trio.sleep(0.3)
+        nodes.away.clear()
+    assert await space.get_many(PLACES) == [payload for _, payload in ITEMS]
+
+
+async def test_a_node_that_stays_away_is_an_error_in_bounded_time() -> None:
+    nodes = FakeNodes(away={"127.0.0.3"})
+    space = _scene(nodes).space(FILES)
+    with trio.fail_after(30), pytest.raises(Unreachable):
+        await space.put_many(ITEMS)
+    nodes.away = set(nodes.addresses)
+    with trio.fail_after(30), pytest.raises(Unreachable, match="no node of the cluster answers"):
+        await space.get(FIRST)
+
+
+async def test_a_lost_reply_is_asked_for_again_with_the_same_bytes() -> None:
+    nodes = FakeNodes(lost_replies=1)
+    space = _scene(nodes).space(FILES)
+    await space.put(FIRST, b"once", expect=ABSENT)
+    sent = [packet.items for _, packet in nodes.asked if isinstance(packet, PutMany)]
+    assert len(sent) == 2
+    assert sent[0] == sent[1]
+
+
+async def test_a_later_put_replaces_whatever_the_clock_says() -> None:
+    nodes = FakeNodes()
+    ahead, space = _scene(nodes), _scene(nodes).space(FILES)
+    ahead.access.sequencer.saw(2**62)
+    await ahead.space(FILES).put(FIRST, b"from a clock that is ahead")
+    await space.put(FIRST, b"newer")
+    assert await space.get(FIRST) == b"newer"
+
+
+async def test_expectations_are_judged() -> None:
+    space = _scene(FakeNodes()).space(FILES)
+    digest = await space.put(FIRST, b"one", expect=ABSENT)
+    with pytest.raises(Refused, match="there is a record already") as refused:
+        await space.put(FIRST, b"two", expect=ABSENT)
+    assert refused.value.reason == RejectReason.STALE_VERSION
+    await space.put(FIRST, b"three", expect=digest)
+    with pytest.raises(Refused, match="another version"):
+        await space.put(FIRST, b"four", expect=digest)
+    assert await space.get(FIRST) == b"three"
+
+
+async def test_fresh_records_overwrite_nothing_and_equal_ones_are_kept() -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    items = [FreshItem(FILES, place, b"atom %d" % index) for index, place in enumerate([FIRST, FIRST, PLACES[3], LAST])]
+    first = await put_fresh(scene.access, items)
+    assert [stored.location.number for stored in first] == [0, 1, PLACES[3].number, LAST.number]
+    again = await put_fresh(_scene(nodes).access, items)
+    assert [(stored.location, stored.reused) for stored in again] == [(stored.location, True) for stored in first]
+    other = await put_fresh(_scene(nodes).access, [FreshItem(FILES, FIRST, b"another"), FreshItem(FILES, LAST, b"last")])
+    assert {stored.location.number for stored in other} == {2, 3}
+    assert len(nodes.records) == 6
+
+
+async def test_many_records_go_in_few_frames_and_short_replies_are_continued() -> None:
+    nodes = FakeNodes(addresses=("127.0.0.2",), reply_records_max=3)
+    space = _scene(nodes).space(FILES)
+    big = [(place, bytes([index]) * 60_000) for index, place in enumerate(PLACES)]
+    await space.put_many(big)
+    assert sum(isinstance(packet, PutMany) for _, packet in nodes.asked) == 1
+    assert await space.get_many(PLACES) == [payload for _, payload in big]
+    assert sum(isinstance(packet, GetMany) for _, packet in nodes.asked) == 10
+
+
+async def test_ranges_come_in_pieces_and_are_halved_when_too_large() -> None:
+    nodes = FakeNodes(range_max=2)
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    assert [location async for location in space.query()] == PLACES
+    assert [location async for location in space.query(PLACES[4], PLACES[6])] == PLACES[4:7]
+
+
+async def test_records_of_another_place_or_writer_are_not_believed() -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    await space.put(PLACES[0], b"here")
+    moved = nodes.records[FILES, PLACES[0]]
+    nodes.records[FILES, PLACES[1]] = moved
+    with pytest.raises(DamagedData, match=PLACES[1].hex()):
+        await space.get(PLACES[1])
+    nodes.records[FILES, PLACES[0]] = replace(moved, ciphertext=bytes(len(moved.ciphertext)))
+    with pytest.raises(DamagedData):
+        await space.get(PLACES[0])
+    stranger = SigningKey(bytes(31) + b"\2")
+    await _scene(nodes, stranger).space(FILES).put(PLACES[2], b"forged")
+    with pytest.raises(DamagedData, match="no writer"):
+        await space.get(PLACES[2])
+
+
+async def test_a_payload_that_fits_no_record_is_refused_before_anything_is_sent() -> None:
+    nodes = FakeNodes()
+    with pytest.raises(LocalFault, match="do not fit"):
+        await _scene(nodes).space(FILES).put_many([(FIRST, b"small"), (LAST, bytes(61_441))])
+    assert nodes.records == {}
+
+
+async def test_with_keys_alone_a_scene_can_be_read_and_not_written() -> None:
+    nodes = FakeNodes()
+    keys = born("kitchen", bytes(24), SigningKey(bytes(31) + b"\3"), WRITER.public, node_id_of("127.0.0.2"))
+    header = first_header(keys, WRITER.public, node_id_of("127.0.0.2"))
+    assert header is not None
+    identity = SceneIdentity(keys.scene_id, keys.genesis, 1, {WRITER.key_id: WRITER.public}, keys.symmetric_key, 0)
+    await Scene(SceneAccess(nodes.calls(), "kitchen", identity, WRITER)).space(FILES).put(FIRST, b"hello")
+    calls = nodes.calls()
+    members = [(owner.node_id, owner.address) for owner in calls.table.owners]
+    reader = open_scene_with_keys(calls.world, calls._links, members, header, keys.symmetric_key)
+    assert await reader.space(FILES).get(FIRST) == b"hello"
+    with pytest.raises(LocalFault, match="reading only"):
+        await reader.space(FILES).put(FIRST, b"bye")
+    with pytest.raises(DamagedData):
+        open_scene_with_keys(calls.world, calls._links, members, replace(header, private_key=KeyId(5)), bytes(24))

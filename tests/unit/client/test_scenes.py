@@ -1,0 +1,75 @@
+"""If this fails, a scene exists whose keys nobody has, or a name leads to the wrong scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scenefold.base.errors import DamagedData, LocalFault, Unreachable
+from scenefold.base.ids import node_id_of
+from scenefold.client.scenes import Scenes
+from scenefold.crypto import SigningKey
+from scenefold.wire import ProposeSceneLog
+from scenefold.world.keyring import Keyring
+from unit.client.fake_nodes import FakeNodes
+
+WRITER = SigningKey(bytes(31) + b"\1")
+
+pytestmark = pytest.mark.usefixtures("autojump_clock")
+
+
+def _scenes(nodes: FakeNodes, folder: Path, writer: SigningKey = WRITER) -> Scenes:
+    return Scenes(nodes.calls(), Keyring(folder), writer, node_id_of("127.0.0.2"))
+
+
+async def test_a_scene_is_made_opened_and_listed(tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    made = await _scenes(nodes, tmp_path).create("kitchen")
+    opened = await _scenes(nodes, tmp_path).open("kitchen")
+    assert (opened.id, opened.genesis) == (made.id, made.genesis)
+    await _scenes(nodes, tmp_path / "other").create("hall")
+    listed = await _scenes(nodes, tmp_path).list()
+    assert [(scene.name, scene.has_key) for scene in listed] == [("kitchen", True), (None, False)]
+    assert not (await opened.info()).document()["has_content"]
+
+
+async def test_keys_are_on_disk_before_a_node_hears_of_the_scene(tmp_path: Path) -> None:
+    nodes = FakeNodes(away={"127.0.0.2", "127.0.0.3", "127.0.0.4"})
+    with pytest.raises(Unreachable):
+        await _scenes(nodes, tmp_path).create("kitchen")
+    keys = Keyring(tmp_path).load("kitchen")
+    nodes.away.clear()
+    with pytest.raises(LocalFault, match="does not know"):
+        await _scenes(nodes, tmp_path).open("kitchen")
+    assert (await _scenes(nodes, tmp_path).create("kitchen")).genesis == keys.genesis
+
+
+async def test_a_name_is_given_once(tmp_path: Path) -> None:
+    scenes = _scenes(FakeNodes(), tmp_path)
+    await scenes.create("kitchen")
+    with pytest.raises(LocalFault, match="exists already"):
+        await scenes.create("kitchen")
+    assert (await scenes.open_or_create("kitchen")).name == "kitchen"
+    with pytest.raises(LocalFault, match="cannot be the name"):
+        await scenes.create("../kitchen")
+    with pytest.raises(LocalFault, match="no scene"):
+        await scenes.open("attic")
+
+
+async def test_a_forged_header_is_not_believed(tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    made = await _scenes(nodes, tmp_path).create("kitchen")
+    other = await _scenes(nodes, tmp_path).create("hall")
+    nodes.headers[made.id] = nodes.headers[other.id]
+    with pytest.raises(DamagedData, match="another scene"):
+        await _scenes(nodes, tmp_path).open("kitchen")
+
+
+async def test_another_user_of_the_profile_cannot_announce_it_anew(tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    await _scenes(nodes, tmp_path).create("kitchen")
+    nodes.headers.clear()
+    with pytest.raises(LocalFault, match="another user"):
+        await _scenes(nodes, tmp_path, SigningKey(bytes(31) + b"\7")).create("kitchen")
+    assert sum(isinstance(packet, ProposeSceneLog) for _, packet in nodes.asked) == 1
