@@ -39,7 +39,7 @@ def demo(
     """
     from scenectl.progress import Progress
     from scenectl.running import run
-    from scenectl.still import StillJob, check_job, make_still, report_text
+    from scenectl.still import StillJob, check_files, make_still, report_text
     from scenefold.base.errors import LocalFault
     from scenefold.render.client import StillOptions
     from scenefold.scene.sample import sample_scene_file
@@ -48,6 +48,8 @@ def demo(
         to.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LocalFault(f"cannot make the folder: {error.strerror}", where=str(to), remedy="choose another --output") from error
+    exr, png = to / "image.exr", to / "image.png"
+    check_files(None, exr, png)
     options = StillOptions(width=size.width, height=size.height, samples=samples, seed=1, algorithm="bounded-radial", sky=None, camera=None)
     job = StillJob(
         file=sample_scene_file(),
@@ -56,10 +58,9 @@ def demo(
         nodes=nodes,
         threads=None,
         options=options,
-        exr=to / "image.exr",
-        png=to / "image.png",
+        exr=exr,
+        png=png,
     )
-    check_job(job)
     with Progress(quiet=output.json) as progress:
         report = run(make_still, job, progress)
     (to / "report.json").write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n")

@@ -69,14 +69,17 @@ def still(
     """
     from scenectl.progress import Progress
     from scenectl.running import run
-    from scenectl.still import StillJob, check_job, make_still, report_text
+    from scenectl.still import StillJob, check_files, make_still, report_text
     from scenefold.base.errors import UsageFault
-    from scenefold.render.client import StillOptions
 
     if file is None and (scene is None or output.profile is None):
         raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
     if to.suffix.lower() == ".png":
         raise UsageFault("the output is the EXR file", where=f"-o {to}", remedy="name it .exr; the PNG is written beside it")
+    png = to.with_suffix(".png")
+    check_files(file, to, png)
+    from scenefold.render.client import StillOptions
+
     options = StillOptions(
         width=size.width,
         height=size.height,
@@ -94,10 +97,9 @@ def still(
         threads=threads,
         options=options,
         exr=to,
-        png=to.with_suffix(".png"),
+        png=png,
         exposure=exposure,
     )
-    check_job(job)
     with Progress(quiet=output.json) as progress:
         report = run(make_still, job, progress)
     emit(output, report, report_text(report))

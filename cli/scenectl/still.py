@@ -52,14 +52,14 @@ class Phases:
             self.seconds[name] = round(self.seconds.get(name, 0.0) + time.monotonic() - begun, 3)
 
 
-def check_job(job: StillJob) -> None:
+def check_files(file: Path | None, *outputs: Path) -> None:
     """Find what would fail only after minutes of work: a missing file, an output that cannot be written."""
     from scenefold.base.errors import LocalFault
     from scenefold.render.image_files import check_writable
 
-    if job.file is not None and not job.file.is_file():
-        raise LocalFault("there is no such scene file", where=str(job.file), remedy="check the path")
-    for path in (job.exr, job.png):
+    if file is not None and not file.is_file():
+        raise LocalFault("there is no such scene file", where=str(file), remedy="check the path")
+    for path in outputs:
         check_writable(path)
 
 

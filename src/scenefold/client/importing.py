@@ -69,7 +69,7 @@ class _Batch(NamedTuple):
 
 async def import_file(access: SceneAccess, path: Path, progress: ProgressCallback) -> ImportReport:
     """See `Scene.import_file`."""
-    from scenefold.scene.importers import ImportPlan, read_scene
+    from scenefold.scene.importers import plan_import, read_scene
 
     clock, run = access.calls.world.clock, access.calls.world.workers.run
     begun = clock.now()
@@ -77,7 +77,7 @@ async def import_file(access: SceneAccess, path: Path, progress: ProgressCallbac
     source = await run("import", read_scene, path)
     progress(ProgressState("read", 1, 1, "file"))
     marks = _Marks()
-    plan = await run("import", ImportPlan, source, marks)
+    plan = await run("import", plan_import, source, marks)
     work = _Import(access, plan, marks, progress)
     for phase in plan.phases():
         await work.put_phase(phase)

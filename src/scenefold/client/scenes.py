@@ -12,7 +12,7 @@ from scenefold.client.births import FIRST_POSITION, born, first_header, verify_h
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity
-from scenefold.crypto import SigningKey
+from scenefold.crypto import SYMMETRIC_KEY_BYTES, SigningKey
 from scenefold.wire import (
     AcceptSceneProposal,
     Ballot,
@@ -27,7 +27,7 @@ from scenefold.wire import (
     ScenesListed,
     Want,
 )
-from scenefold.world.keyring import SYMMETRIC_KEY_BYTES, Keyring, SceneKeys, checked_name
+from scenefold.world.keyring import Keyring, SceneKeys, checked_name
 
 _SESSION_BYTES = 8
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import trio
+from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
 from scenefold.base.ids import KeyId, SceneId, SpaceId, node_id_of
@@ -27,15 +28,13 @@ FILES = SpaceId(10)
 PLACES = [Location.from_number(LINE_LENGTH * index // 30) for index in range(30)]
 ITEMS = [(place, b"payload %d" % index) for index, place in enumerate(PLACES)]
 
-pytestmark = pytest.mark.usefixtures("autojump_clock")
-
 
 def _scene(nodes: FakeNodes, writer: SigningKey = WRITER) -> Scene:
     identity = SceneIdentity(SceneId(9), bytes(32), 1, {WRITER.key_id: WRITER.public}, bytes(24), 0)
     return Scene(SceneAccess(nodes.calls(), "kitchen", identity, writer, session=1))
 
 
-async def test_what_was_put_is_got_in_order_from_all_owners() -> None:
+async def test_what_was_put_is_got_in_order_from_all_owners(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     space = _scene(nodes).space(FILES)
     await space.put_many(ITEMS)
@@ -44,7 +43,7 @@ async def test_what_was_put_is_got_in_order_from_all_owners() -> None:
     assert not any(payload in item.ciphertext for _, payload in ITEMS for item in nodes.records.values())
 
 
-async def test_moved_bounds_are_followed() -> None:
+async def test_moved_bounds_are_followed(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     space = _scene(nodes).space(FILES)
     nodes.move_bounds()
@@ -53,7 +52,7 @@ async def test_moved_bounds_are_followed() -> None:
     assert [location async for location in space.query()] == PLACES
 
 
-async def test_busy_and_returning_nodes_are_waited_for() -> None:
+async def test_busy_and_returning_nodes_are_waited_for(autojump_clock: MockClock) -> None:
     nodes = FakeNodes(away={"127.0.0.3"})
     nodes.busy["127.0.0.2"] = 2
     space = _scene(nodes).space(FILES)
@@ -64,7 +63,7 @@ async def test_busy_and_returning_nodes_are_waited_for() -> None:
     assert await space.get_many(PLACES) == [payload for _, payload in ITEMS]
 
 
-async def test_a_node_that_stays_away_is_an_error_in_bounded_time() -> None:
+async def test_a_node_that_stays_away_is_an_error_in_bounded_time(autojump_clock: MockClock) -> None:
     nodes = FakeNodes(away={"127.0.0.3"})
     space = _scene(nodes).space(FILES)
     with trio.fail_after(30), pytest.raises(Unreachable):
@@ -74,7 +73,7 @@ async def test_a_node_that_stays_away_is_an_error_in_bounded_time() -> None:
         await space.get(FIRST)
 
 
-async def test_a_lost_reply_is_asked_for_again_with_the_same_bytes() -> None:
+async def test_a_lost_reply_is_asked_for_again_with_the_same_bytes(autojump_clock: MockClock) -> None:
     nodes = FakeNodes(lost_replies=1)
     space = _scene(nodes).space(FILES)
     await space.put(FIRST, b"once", expect=ABSENT)
@@ -83,7 +82,7 @@ async def test_a_lost_reply_is_asked_for_again_with_the_same_bytes() -> None:
     assert sent[0] == sent[1]
 
 
-async def test_a_later_put_replaces_whatever_the_clock_says() -> None:
+async def test_a_later_put_replaces_whatever_the_clock_says(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     ahead, space = _scene(nodes), _scene(nodes).space(FILES)
     ahead.access.sequencer.saw(2**62)
@@ -92,7 +91,7 @@ async def test_a_later_put_replaces_whatever_the_clock_says() -> None:
     assert await space.get(FIRST) == b"newer"
 
 
-async def test_expectations_are_judged() -> None:
+async def test_expectations_are_judged(autojump_clock: MockClock) -> None:
     space = _scene(FakeNodes()).space(FILES)
     digest = await space.put(FIRST, b"one", expect=ABSENT)
     with pytest.raises(Refused, match="there is a record already") as refused:
@@ -104,7 +103,7 @@ async def test_expectations_are_judged() -> None:
     assert await space.get(FIRST) == b"three"
 
 
-async def test_fresh_records_overwrite_nothing_and_equal_ones_are_kept() -> None:
+async def test_fresh_records_overwrite_nothing_and_equal_ones_are_kept(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     scene = _scene(nodes)
     items = [FreshItem(FILES, place, b"atom %d" % index) for index, place in enumerate([FIRST, FIRST, PLACES[3], LAST])]
@@ -117,7 +116,7 @@ async def test_fresh_records_overwrite_nothing_and_equal_ones_are_kept() -> None
     assert len(nodes.records) == 6
 
 
-async def test_many_records_go_in_few_frames_and_short_replies_are_continued() -> None:
+async def test_many_records_go_in_few_frames_and_short_replies_are_continued(autojump_clock: MockClock) -> None:
     nodes = FakeNodes(addresses=("127.0.0.2",), reply_records_max=3)
     space = _scene(nodes).space(FILES)
     big = [(place, bytes([index]) * 60_000) for index, place in enumerate(PLACES)]
@@ -127,7 +126,7 @@ async def test_many_records_go_in_few_frames_and_short_replies_are_continued() -
     assert sum(isinstance(packet, GetMany) for _, packet in nodes.asked) == 10
 
 
-async def test_ranges_come_in_pieces_and_are_halved_when_too_large() -> None:
+async def test_ranges_come_in_pieces_and_are_halved_when_too_large(autojump_clock: MockClock) -> None:
     nodes = FakeNodes(range_max=2)
     space = _scene(nodes).space(FILES)
     await space.put_many(ITEMS)
@@ -135,7 +134,7 @@ async def test_ranges_come_in_pieces_and_are_halved_when_too_large() -> None:
     assert [location async for location in space.query(PLACES[4], PLACES[6])] == PLACES[4:7]
 
 
-async def test_records_of_another_place_or_writer_are_not_believed() -> None:
+async def test_records_of_another_place_or_writer_are_not_believed(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     space = _scene(nodes).space(FILES)
     await space.put(PLACES[0], b"here")
@@ -152,14 +151,14 @@ async def test_records_of_another_place_or_writer_are_not_believed() -> None:
         await space.get(PLACES[2])
 
 
-async def test_a_payload_that_fits_no_record_is_refused_before_anything_is_sent() -> None:
+async def test_a_payload_that_fits_no_record_is_refused_before_anything_is_sent(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     with pytest.raises(LocalFault, match="do not fit"):
         await _scene(nodes).space(FILES).put_many([(FIRST, b"small"), (LAST, bytes(61_441))])
     assert nodes.records == {}
 
 
-async def test_with_keys_alone_a_scene_can_be_read_and_not_written() -> None:
+async def test_with_keys_alone_a_scene_can_be_read_and_not_written(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     keys = born("kitchen", bytes(24), SigningKey(bytes(31) + b"\3"), WRITER.public, node_id_of("127.0.0.2"))
     header = first_header(keys, WRITER.public, node_id_of("127.0.0.2"))

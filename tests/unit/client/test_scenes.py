@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Unreachable
 from scenefold.base.ids import node_id_of
@@ -16,14 +17,12 @@ from unit.client.fake_nodes import FakeNodes
 
 WRITER = SigningKey(bytes(31) + b"\1")
 
-pytestmark = pytest.mark.usefixtures("autojump_clock")
-
 
 def _scenes(nodes: FakeNodes, folder: Path, writer: SigningKey = WRITER) -> Scenes:
     return Scenes(nodes.calls(), Keyring(folder), writer, node_id_of("127.0.0.2"))
 
 
-async def test_a_scene_is_made_opened_and_listed(tmp_path: Path) -> None:
+async def test_a_scene_is_made_opened_and_listed(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     made = await _scenes(nodes, tmp_path).create("kitchen")
     opened = await _scenes(nodes, tmp_path).open("kitchen")
@@ -34,7 +33,7 @@ async def test_a_scene_is_made_opened_and_listed(tmp_path: Path) -> None:
     assert not (await opened.info()).document()["has_content"]
 
 
-async def test_keys_are_on_disk_before_a_node_hears_of_the_scene(tmp_path: Path) -> None:
+async def test_keys_are_on_disk_before_a_node_hears_of_the_scene(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes(away={"127.0.0.2", "127.0.0.3", "127.0.0.4"})
     with pytest.raises(Unreachable):
         await _scenes(nodes, tmp_path).create("kitchen")
@@ -45,7 +44,7 @@ async def test_keys_are_on_disk_before_a_node_hears_of_the_scene(tmp_path: Path)
     assert (await _scenes(nodes, tmp_path).create("kitchen")).genesis == keys.genesis
 
 
-async def test_a_name_is_given_once(tmp_path: Path) -> None:
+async def test_a_name_is_given_once(autojump_clock: MockClock, tmp_path: Path) -> None:
     scenes = _scenes(FakeNodes(), tmp_path)
     await scenes.create("kitchen")
     with pytest.raises(LocalFault, match="exists already"):
@@ -57,7 +56,7 @@ async def test_a_name_is_given_once(tmp_path: Path) -> None:
         await scenes.open("attic")
 
 
-async def test_a_forged_header_is_not_believed(tmp_path: Path) -> None:
+async def test_a_forged_header_is_not_believed(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     made = await _scenes(nodes, tmp_path).create("kitchen")
     other = await _scenes(nodes, tmp_path).create("hall")
@@ -66,7 +65,7 @@ async def test_a_forged_header_is_not_believed(tmp_path: Path) -> None:
         await _scenes(nodes, tmp_path).open("kitchen")
 
 
-async def test_another_user_of_the_profile_cannot_announce_it_anew(tmp_path: Path) -> None:
+async def test_another_user_of_the_profile_cannot_announce_it_anew(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     await _scenes(nodes, tmp_path).create("kitchen")
     nodes.headers.clear()
