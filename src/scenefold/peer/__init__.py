@@ -1,1 +1,24 @@
+"""The services of a node: roster, gossip, routing, records, scene headers (specs/11-peers.md)."""
 
+from scenefold.peer.context import Extension, NodeContext
+from scenefold.peer.handlers import Handler, Handlers, Senders, node_of
+from scenefold.peer.roster import Roster
+from scenefold.peer.routing import Routing
+from scenefold.peer.services import PeerServices
+from scenefold.peer.settings import NodeSettings
+from scenefold.peer.status import Load, OwnStatus
+
+__all__ = [
+    "Extension",
+    "Handler",
+    "Handlers",
+    "Load",
+    "NodeContext",
+    "NodeSettings",
+    "OwnStatus",
+    "PeerServices",
+    "Roster",
+    "Routing",
+    "Senders",
+    "node_of",
+]

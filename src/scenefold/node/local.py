@@ -1,0 +1,146 @@
+"""A cluster on this machine: N node processes at 127.0.0.2 and up, with real sockets, TLS and stores.
+
+For trying things (`scenectl node local 5`), for `render still` without a profile, and for tests. Whoever enters
+`local_cluster` gets nodes that know each other; whoever leaves it leaves none behind. A node that dies meanwhile ends the
+caller's block with that node's own error, since nothing that waits for it would come to an end by itself.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import trio
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.limits import NODES_MAX
+from scenefold.node.process import NodeProcess
+from scenefold.peer.settings import processors
+from scenefold.world import Ports, background_tasks
+from scenefold.world.profile import ClusterProfile
+
+FIRST_ADDRESS = "127.0.0.2"
+START_S_MAX = 60.0
+"""For all nodes to be ready and to know each other: 127 interpreters on two cores take about as long."""
+_PROFILE = "profile"
+
+
+class LocalCluster:
+    """Nodes of one profile, each a process. Made by `local_cluster`."""
+
+    def __init__(self, folder: Path, known: ClusterProfile, options: Sequence[str], nursery: trio.Nursery) -> None:
+        self.folder = folder
+        self.known = known
+        self._options = options
+        self._nursery = nursery
+        self._nodes: dict[str, NodeProcess] = {}
+
+    @property
+    def profile(self) -> Path:
+        """The folder to give to `connect` or --profile."""
+        return self.known.folder
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """The members' addresses in the order of the line."""
+        return tuple(member.address for member in self.known.members)
+
+    def log(self, address: str) -> Path:
+        """What the node wrote to stderr."""
+        return self.folder / "logs" / f"{address}.log"
+
+    def pid(self, address: str) -> int | None:
+        return self._nodes[address].pid
+
+    def start(self, address: str) -> None:
+        """Start a node that is not running; `wait` for it."""
+        before = self._nodes.get(address)
+        assert before is None or before.ended.is_set(), f"node {address} is running"
+        arguments = ["--profile", str(self.profile), "--address", address]
+        arguments += ["--data", str(self.folder / "data" / address), *self._options]
+        node = self._nodes[address] = NodeProcess(address, arguments, self.log(address))
+        self._nursery.start_soon(node.run)
+
+    async def wait(self, addresses: Sequence[str] | None = None, *, seconds: float = START_S_MAX) -> None:
+        """Return once these nodes (all) listen, and know every member; LocalFault if that takes too long."""
+        waiting = [self._nodes[address] for address in (self.addresses if addresses is None else addresses)]
+        with trio.move_on_after(seconds):
+            for node in waiting:
+                await node.ready.wait()
+            for node in waiting:
+                await node.joined.wait()
+            return
+        late = ", ".join(node.address for node in waiting if not node.joined.is_set())
+        raise LocalFault(
+            f"nodes are not ready after {seconds:g} s: {late}",
+            where=str(self.folder / "logs"),
+            remedy="their logs say more",
+        )
+
+    async def stop(self, address: str) -> None:
+        """End one node in order."""
+        await self._nodes[address].stop()
+
+    async def kill(self, address: str) -> None:
+        """End one node without warning."""
+        await self._nodes[address].kill()
+
+
+@asynccontextmanager
+async def local_cluster(
+    count: int,
+    folder: Path | None = None,
+    *,
+    name: str = "local",
+    ports: Ports | None = None,
+    threads: int | None = None,
+    memory_bytes: int = 0,
+    first_address: str = FIRST_ADDRESS,
+    options: Sequence[str] = (),
+    start_s_max: float = START_S_MAX,
+) -> AsyncIterator[LocalCluster]:
+    """`count` nodes that are ready and know each other.
+
+    `folder` gets profile/, data/ and logs/, and keeps them; one that holds such a cluster already is run again. None: a
+    temporary folder, removed at the end. `threads` render in each node; by default the machine's are shared out.
+    `options` are further arguments of `python -m scenefold.node`.
+    """
+    if not 1 <= count <= NODES_MAX:
+        raise LocalFault(f"a local cluster of {count} nodes", remedy=f"choose a number from 1 to {NODES_MAX}")
+    place = Path(tempfile.mkdtemp(prefix="scenefold-")) if folder is None else folder
+    try:
+        known = _profile(place, count, name, ports, first_address)
+        arguments = ["--threads", str(threads or max(1, processors() // count)), *options]
+        if memory_bytes:
+            arguments += ["--memory", str(memory_bytes)]
+        async with background_tasks() as nursery:
+            cluster = LocalCluster(place, known, arguments, nursery)
+            for address in cluster.addresses:
+                cluster.start(address)
+            await cluster.wait(seconds=start_s_max)
+            yield cluster
+    finally:
+        if folder is None:
+            shutil.rmtree(place, ignore_errors=True)
+
+
+def _profile(folder: Path, count: int, name: str, ports: Ports | None, first_address: str) -> ClusterProfile:
+    """The cluster in `folder`, made if there is none; LocalFault if there is one of another size."""
+    first = node_id_of(first_address)
+    addresses = [address_of(NodeId(first + index)) for index in range(count)]
+    where = folder / _PROFILE
+    (folder / "logs").mkdir(parents=True, exist_ok=True)
+    if not where.exists():
+        return ClusterProfile.create(where, name, addresses, ports=ports)
+    known = ClusterProfile.load(where)
+    if [member.address for member in known.members] != addresses:
+        raise LocalFault(
+            f"the folder holds a cluster of {len(known.members)} nodes",
+            where=str(folder),
+            remedy=f"start these {len(known.members)}, or choose another folder",
+        )
+    return known

@@ -1,0 +1,123 @@
+"""One node as a child process: started, listened to, ended; nothing of it is left behind, however we end."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import trio
+
+from scenefold.base.errors import LocalFault, ScenefoldError, Unreachable, UsageFault
+
+STOP_S_MAX = 10.0
+"""From SIGTERM to SIGKILL: a store's last commit and a kernel's last call take about one second."""
+EVENT_BYTES_MAX = 64 * 1024
+_UNREACHABLE = 3
+_WRONG_USAGE = 2
+
+
+class NodeProcess:
+    """A node at an address of this machine. `run` it in a task; `ready`, `joined` and `ended` say how it stands."""
+
+    def __init__(self, address: str, arguments: Sequence[str], log: Path) -> None:
+        self.address = address
+        self.log = log
+        self.pid: int | None = None
+        self.ready = trio.Event()
+        self.joined = trio.Event()
+        self.ended = trio.Event()
+        self._command = [sys.executable, "-m", "scenefold.node", "--stop-with-parent", *arguments]
+        self._process: trio.Process | None = None
+        self._failure: dict[str, Any] | None = None
+        self._expected_end = False
+
+    async def run(self) -> None:
+        """Run the node until it ends or we are cancelled. Its own error, if it ended without being told to."""
+        with self.log.open("ab") as log:
+            # A session of its own: Ctrl-C in a terminal reaches us alone, and we end the nodes in order.
+            process = await trio.lowlevel.open_process(
+                self._command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                start_new_session=True,
+            )
+        self._process, self.pid = process, process.pid
+        try:
+            await self._listen(process)
+            await process.wait()
+        finally:
+            with trio.CancelScope(shield=True):
+                await self._end(process)
+            self.ended.set()
+        if not self._expected_end:
+            raise self._error(process.returncode)
+
+    async def stop(self) -> None:
+        """Tell the node to stop (SIGTERM) and wait until it has."""
+        self._expected_end = True
+        if self._process is not None:
+            self._process.terminate()
+        await self.ended.wait()
+
+    async def kill(self) -> None:
+        """Let the node die without warning (SIGKILL), as in a power cut."""
+        self._expected_end = True
+        if self._process is not None:
+            self._process.kill()
+        await self.ended.wait()
+
+    async def _listen(self, process: trio.Process) -> None:
+        assert process.stdout is not None
+        async for event in _events(process.stdout):
+            match event.get("event"):
+                case "ready":
+                    self.ready.set()
+                case "joined":
+                    self.joined.set()
+                case "failed":
+                    self._failure = event
+
+    async def _end(self, process: trio.Process) -> None:
+        if process.returncode is None:
+            process.terminate()
+            with trio.move_on_after(STOP_S_MAX):
+                await process.wait()
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                await pipe.aclose()
+
+    def _error(self, code: int | None) -> ScenefoldError:
+        """The node's own words, or what can be said of a node that died without any."""
+        if self._failure is None:
+            return LocalFault(
+                f"node {self.address} ended unexpectedly (exit code {code})",
+                where=str(self.log),
+                remedy="its last log lines say more",
+            )
+        what = f"node {self.address} cannot run: {self._failure.get('what', '')}"
+        where, remedy = str(self._failure.get("where", "")), str(self._failure.get("remedy", ""))
+        kinds = {_UNREACHABLE: Unreachable, _WRONG_USAGE: UsageFault}
+        return kinds.get(code or 0, LocalFault)(what, where=where, remedy=remedy)
+
+
+async def _events(stdout: trio.abc.ReceiveStream) -> AsyncIterator[dict[str, Any]]:
+    """The JSON objects among the lines of a stream; other lines (of libraries that print) are passed over."""
+    rest = b""
+    async for data in stdout:
+        *lines, rest = (rest + data).split(b"\n")
+        rest = rest[-EVENT_BYTES_MAX:]
+        for line in lines:
+            try:
+                event = json.loads(line)
+            except ValueError:
+                continue
+            if isinstance(event, dict):
+                yield event

@@ -1,0 +1,57 @@
+"""The other members, as this node asks them: by id, with our mini status, and with an ear for theirs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+from scenefold.base.errors import PeerFault, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.peer.roster import Roster
+from scenefold.peer.routing import Routing
+from scenefold.peer.status import OwnStatus
+from scenefold.wire import Packet
+from scenefold.world import Links, Priority, World
+
+A = TypeVar("A", bound=Packet)
+
+
+class Peers:
+    """Requests to other members. What they answer keeps the roster fresh, and so does their silence."""
+
+    def __init__(self, world: World, links: Links, own: OwnStatus, roster: Roster, routing: Routing) -> None:
+        self._world = world
+        self._links = links
+        self._own = own
+        self._roster = roster
+        self._routing = routing
+
+    async def ask(self, member: NodeId, priority: Priority, packet: Packet, answer: type[A], timeout: float) -> A:
+        """Ask a member; Unreachable, Refused, or PeerFault if it answers with something else."""
+        address = address_of(member)
+        try:
+            reply = await self._links.request(address, priority, self._stamped(packet), timeout)
+        except Unreachable:
+            self._roster.note_refusal(member)
+            raise
+        if reply.mini_status is not None and reply.mini_status.node == member:
+            self._roster.hear_mini(reply.mini_status, self._world.clock.now())
+        if not isinstance(reply, answer):
+            raise PeerFault(f"a {type(packet).__name__} was answered with a {type(reply).__name__}", where=address)
+        return reply
+
+    async def tell(self, member: NodeId, priority: Priority, packet: Packet, timeout: float) -> None:
+        """Send a packet that has no answer; Unreachable if it cannot leave."""
+        try:
+            await self._links.send(address_of(member), priority, self._stamped(packet), timeout)
+        except Unreachable:
+            self._roster.note_refusal(member)
+            raise
+
+    def others(self, *, first: NodeId | None = None) -> list[NodeId]:
+        """The other members in the order to ask them: `first`, those believed alive, the rest."""
+        others = [member for member in self._routing.members if member != self._own.me]
+        return sorted(others, key=lambda member: (member != first, not self._roster.is_believed_alive(member), member))
+
+    def _stamped(self, packet: Packet) -> Packet:
+        return replace(packet, mini_status=self._own.mini())

@@ -1,0 +1,100 @@
+"""What this node says about itself: a signed Status once in a while, a MiniStatus on every packet (thesis C.1).
+
+Lamport time is (boot, counter), joined to 64 bits: the boot counter of the data folder is durable, so a restarted
+node begins above all that it said before, without writing anything down while it runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from scenefold.base.ids import NodeId
+from scenefold.base.location import Location
+from scenefold.crypto import STATUS_DOMAIN, SigningKey
+from scenefold.wire import MiniStatus, Status
+
+_BLOCK_BYTES = 4096
+_FRACTION_ONE = 1 << 32
+_U32_MAX = _FRACTION_ONE - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What changes while a node runs. Bytes used and there are, rays, and the pool that it renders in."""
+
+    disk_used_bytes: int = 0
+    disk_total_bytes: int = 0
+    memory_used_bytes: int = 0
+    memory_total_bytes: int = 0
+    rays_per_second: int = 0
+    ray_queue_length: int = 0
+    render_pool: int = 0
+    scene_frame: int = 0
+
+
+class OwnStatus:
+    """The author of this node's statuses. Used from the Trio thread only."""
+
+    def __init__(self, me: NodeId, address: str, incarnation: bytes, boot: int, right_bound: Location, key: SigningKey) -> None:
+        assert 0 <= boot <= _U32_MAX
+        self._lamport = boot << 32
+        self._key = key
+        self._basis = Status(lamport=0, node=me, incarnation=incarnation, boot=boot, address=address, right_bound=right_bound)
+        self.load = Load()
+
+    @property
+    def me(self) -> NodeId:
+        return self._basis.node
+
+    @property
+    def incarnation(self) -> bytes:
+        return self._basis.incarnation
+
+    def update(self, **changes: int) -> None:
+        """Change some numbers of `load`; from now on they are what we say."""
+        self.load = replace(self.load, **changes)
+
+    @property
+    def key(self) -> SigningKey:
+        return self._key
+
+    def signed(self) -> Status:
+        """A new status, signed, later than all before."""
+        load = self.load
+        status = replace(
+            self._basis,
+            lamport=self.next(),
+            render_pool=load.render_pool,
+            scene_frame=load.scene_frame,
+            offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
+            offline_blocks=load.disk_total_bytes // _BLOCK_BYTES,
+            online_fraction=_fraction(load.memory_used_bytes, load.memory_total_bytes),
+            online_blocks=min(load.memory_total_bytes // _BLOCK_BYTES, _U32_MAX),
+            rays_per_second=min(load.rays_per_second, _U32_MAX),
+            ray_queue_length=min(load.ray_queue_length, _U32_MAX),
+        )
+        return replace(status, signature=self._key.sign(STATUS_DOMAIN, status.signable()))
+
+    def mini(self) -> MiniStatus:
+        """The short form, for a packet on an authenticated connection."""
+        load = self.load
+        return MiniStatus(
+            lamport=self.next(),
+            node=self.me,
+            right_bound=self._basis.right_bound,
+            render_pool=load.render_pool,
+            offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
+            online_fraction=_fraction(load.memory_used_bytes, load.memory_total_bytes),
+            rays_per_second=min(load.rays_per_second, _U32_MAX),
+            ray_queue_length=min(load.ray_queue_length, _U32_MAX),
+        )
+
+    def next(self) -> int:
+        """A number above all before, in this boot and earlier ones: for a status, or a datagram."""
+        self._lamport += 1
+        return self._lamport
+
+
+def _fraction(used: int, total: int) -> int:
+    """The share used, of 2^32, as 32 bits."""
+    return min(used * _FRACTION_ONE // total, _U32_MAX) if total else 0
