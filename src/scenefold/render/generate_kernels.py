@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_CAMERA, PDF_DELTA
-from scenefold.render.math_kernels import encode_color, encode_direction, decode_direction, path_key, uniform
+from scenefold.render.math_kernels import decode_direction, encode_color, encode_direction, path_key, uniform
 from scenefold.render.record_kernels import write_path_ray
 from scenefold.render.space_kernels import box_span
 

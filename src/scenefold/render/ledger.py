@@ -108,7 +108,4 @@ class PassLedger:
 
 
 def _is_newer(counts: Counts, known: Counts) -> bool:
-    return (
-        counts.created + counts.retired + counts.sent + counts.received
-        > known.created + known.retired + known.sent + known.received
-    )
+    return counts.created + counts.retired + counts.sent + counts.received > known.created + known.retired + known.sent + known.received

@@ -28,9 +28,7 @@ class PassSums:
     @classmethod
     def zeros(cls, paths: int) -> PassSums:
         """For a pass of this many paths."""
-        return cls(
-            np.zeros((paths, 3), np.int64), np.zeros((paths, AOV_COLUMNS), np.int32), np.zeros(COUNTERS, np.int64)
-        )
+        return cls(np.zeros((paths, 3), np.int64), np.zeros((paths, AOV_COLUMNS), np.int32), np.zeros(COUNTERS, np.int64))
 
     def add(self, other: PassSums) -> None:
         """Add another node's or thread's sums of the same pass."""

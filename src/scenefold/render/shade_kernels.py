@@ -153,15 +153,11 @@ def _material(scene, material, tu, tv):  # type: ignore[no-untyped-def]
     wrap_s, wrap_t, nearest = int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0
     texture = int(row[_BASE_TEXTURE])
     if texture >= 0:
-        tr, tg, tb, _ = sample_texture(
-            scene.textures, scene.texels, scene.linear_of_srgb, texture, tu, tv, wrap_s, wrap_t, nearest
-        )
+        tr, tg, tb, _ = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, texture, tu, tv, wrap_s, wrap_t, nearest)
         r, g, b = r * tr, g * tg, b * tb
     texture = int(row[_MR_TEXTURE])
     if texture >= 0:
-        _, tg, tb, _ = sample_texture(
-            scene.textures, scene.texels, scene.linear_of_srgb, texture, tu, tv, wrap_s, wrap_t, nearest
-        )
+        _, tg, tb, _ = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, texture, tu, tv, wrap_s, wrap_t, nearest)
         roughness, metallic = roughness * tg, metallic * tb
     return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)
 
@@ -272,9 +268,7 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
             counters[COUNT_NOT_FINITE] += 1
         elif cr + cg + cb > 0.0:
             code = encode_color(cr, cg, cb, key, bounce, DIMENSION_CONTRIBUTION)
-            write_shadow_ray(
-                out, made, fx, fy, fz, np.float32(ex), np.float32(ey), np.float32(ez), code, path, KIND_SHADOW, bounce
-            )
+            write_shadow_ray(out, made, fx, fy, fz, np.float32(ex), np.float32(ey), np.float32(ez), code, path, KIND_SHADOW, bounce)
             made += 1
 
     # The path goes on: straight through, off the coat, or off the diffuse body.
@@ -293,9 +287,7 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
             wix, wiy, wiz = sample_cosine(u, v)
         if wiz <= 0.0:
             return made
-        code_u, code_v = encode_direction(
-            wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz
-        )
+        code_u, code_v = encode_direction(wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz)
         # From here on the direction is what its code says: the density too is that of the coded direction.
         wx, wy, wz = decode_direction(code_u, code_v)
         if wx * gx + wy * gy + wz * gz <= 0.0:

@@ -291,9 +291,7 @@ class Member:
         total = self._total(number)
         for payload in payloads:
             total.add_bytes(payload)
-        self.statistics.counters = [
-            known + int(more) for known, more in zip(self.statistics.counters, total.counters, strict=True)
-        ]
+        self.statistics.counters = [known + int(more) for known, more in zip(self.statistics.counters, total.counters, strict=True)]
         self.film.add(total, self._plan.first_path(number), self._stride)
 
     def _packed_sums(self, number: int) -> bytes:

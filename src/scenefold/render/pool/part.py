@@ -47,6 +47,8 @@ class Part:
         self._prepared = trio.Event()
         self._ended = trio.Event()
         self._prepare_seconds = 0.0
+        self.last_heard = host.world.clock.now()
+        """When the organiser last asked; preparing may take long, so the count begins anew at `go`."""
 
     async def run(self) -> None:
         """Prepare, wait for the word, trace until `end`. Failures are kept in `failure`, for whoever asks."""
@@ -75,6 +77,7 @@ class Part:
 
     def go(self) -> None:
         """All nodes are ready: trace."""
+        self.last_heard = self._host.world.clock.now()
         self._go.set()
 
     async def end(self) -> None:
@@ -147,9 +150,7 @@ class Part:
             )
         reader = host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
         loaded = await load_share(reader, host.world.workers, job, self.me)
-        scene = await host.world.workers.run(
-            LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me
-        )
+        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me)
         self._loaded, self._scene = loaded, scene
         self._member = Member(
             job,

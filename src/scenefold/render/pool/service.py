@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Awaitable, Callable
+from typing import TypeVarTuple
+
 import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
@@ -33,8 +37,13 @@ from scenefold.wire import (
 
 JOBS_MAX = 8
 """Jobs that a node takes part in at a time."""
+SILENCE_S_MAX = 1200.0
+"""A part of which nobody asks for so long has lost its organiser; preparing may take PREPARE_S_MAX of it."""
 IMAGE_PART_BYTES = 4 * 1024 * 1024
 OK = 0
+
+_log = logging.getLogger("scenefold.render.pool")
+_Arguments = TypeVarTuple("_Arguments")
 
 
 class RenderService:
@@ -64,7 +73,18 @@ class RenderService:
         async with trio.open_nursery() as nursery:
             self._nursery = nursery
             task_status.started()
-            await trio.sleep_forever()
+            await self._sweep()
+
+    async def _sweep(self) -> None:
+        """End parts whose organiser asks no more: it died, or was cut off, and nobody wants their rays."""
+        clock = self._host.world.clock
+        while True:
+            await clock.sleep(SILENCE_S_MAX / 4)
+            for job, part in list(self._parts.items()):
+                if clock.now() - part.last_heard > SILENCE_S_MAX:
+                    _log.warning("job %016x: its organiser is silent; this node's part ends", job)
+                    del self._parts[job]
+                    await part.end()
 
     # Users ---------------------------------------------------------------------------------------------------
 
@@ -99,7 +119,12 @@ class RenderService:
             del self._organisers[job]
 
     async def _on_state(self, packet: JobState, peer: str) -> JobStateReply:
-        state = self._organiser(packet.job).state() if peer.startswith("user:") else self._part(packet.job).state()
+        if peer.startswith("user:"):
+            state = self._organiser(packet.job).state()
+        else:
+            part = self._part(packet.job)
+            part.last_heard = self._host.world.clock.now()
+            state = part.state()
         return JobStateReply(job=packet.job, document=pack_value(state))
 
     async def _on_fetch(self, packet: FetchImage, peer: str) -> ImagePart:
@@ -187,6 +212,6 @@ class RenderService:
             raise PeerFault(f"{peer} is not among the job's nodes")
         return part.job.nodes.index(number)
 
-    def _start(self, function, *args) -> None:  # type: ignore[no-untyped-def]
+    def _start(self, function: Callable[[*_Arguments], Awaitable[object]], *args: *_Arguments) -> None:
         assert self._nursery is not None, "the service is not running"
         self._nursery.start_soon(function, *args)

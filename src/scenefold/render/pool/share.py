@@ -77,16 +77,12 @@ async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int) -
     bytes_read += sum(len(payload) for payload in tile_payloads if payload is not None)
     arrays = await workers.run(LANE, scene_arrays, tables, atoms, tiles)
     numbers = await workers.run(LANE, job_numbers, job, tables)
-    groups = tuple(
-        HeldGroup(group, int(tables.groups.prototypes[group]), int(tables.groups.triangles[group])) for group in share.groups
-    )
+    groups = tuple(HeldGroup(group, int(tables.groups.prototypes[group]), int(tables.groups.triangles[group])) for group in share.groups)
     instances = tuple((instance, int(tables.instances.prototypes[instance])) for instance in share.instances)
     return LoadedShare(tables, numbers, share, HeldScene(arrays, groups, instances), bytes_read)
 
 
-def _decode_groups(
-    tables: SceneTables, share: Share, payloads: Sequence[bytes | None]
-) -> dict[int, list[GeometryAtom]]:
+def _decode_groups(tables: SceneTables, share: Share, payloads: Sequence[bytes | None]) -> dict[int, list[GeometryAtom]]:
     atoms, at = {}, 0
     for group in share.groups:
         count = int(tables.groups.first_atom[group + 1] - tables.groups.first_atom[group])
@@ -95,9 +91,7 @@ def _decode_groups(
     return atoms
 
 
-def _decode_tiles(
-    tables: SceneTables, textures: Sequence[int], payloads: Sequence[bytes | None]
-) -> dict[int, list[TextureTile]]:
+def _decode_tiles(tables: SceneTables, textures: Sequence[int], payloads: Sequence[bytes | None]) -> dict[int, list[TextureTile]]:
     tiles: dict[int, list[TextureTile]] = {}
     following = iter(payloads)
     for number in textures:

@@ -46,7 +46,8 @@ class WorkQueue:
         if not self._waiting:
             return None
         number = min(self._waiting)
-        batches, taken, count = self._waiting[number], [], 0
+        batches, count = self._waiting[number], 0
+        taken: list[U32] = []
         while batches and (not taken or count + len(batches[0]) <= TAKE_RAYS_MAX):
             taken.append(batches.popleft())
             count += len(taken[-1])

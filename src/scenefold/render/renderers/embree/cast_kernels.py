@@ -98,7 +98,21 @@ def _write_ray(workspace, reals, ox, oy, oz, dx, dy, dz, t_far):  # type: ignore
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def cast_batch(  # type: ignore[no-untyped-def]
-    intersect, occluded, filter_address, scene_address, first_instance_id, workspace, rays, family, cells, node, low, high, status, hit_uv, hit_ids
+    intersect,
+    occluded,
+    filter_address,
+    scene_address,
+    first_instance_id,
+    workspace,
+    rays,
+    family,
+    cells,
+    node,
+    low,
+    high,
+    status,
+    hit_uv,
+    hit_ids,
 ):
     """Cast each ray to where it leaves this node's cell, or to what it hits before.
 

@@ -32,9 +32,7 @@ class HeldGeometry:
         for instance, prototype in scene.instances:
             if prototype in self._prototypes:
                 matrix = arrays.instance_matrices[instance].astype(np.float32)
-                self._device.add_instance(
-                    self._top, self.first_instance_id + instance - 1, self._prototypes[prototype], matrix
-                )
+                self._device.add_instance(self._top, self.first_instance_id + instance - 1, self._prototypes[prototype], matrix)
         self._device.commit(self._top)
         self._device.check("building the trees")
 

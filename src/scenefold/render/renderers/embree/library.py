@@ -123,9 +123,7 @@ class Device:
         self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
         return int(scene)
 
-    def add_triangles(
-        self, scene: int, geometry_id: int, vertices: npt.NDArray[np.float32], triangles: npt.NDArray[np.uint32]
-    ) -> None:
+    def add_triangles(self, scene: int, geometry_id: int, vertices: npt.NDArray[np.float32], triangles: npt.NDArray[np.uint32]) -> None:
         """Attach float32[n, 3] vertices and uint32[m, 3] triangles. Both are shared: the caller keeps them alive.
 
         `vertices` must be followed by at least four more readable bytes, since Embree loads four floats at once.
@@ -134,12 +132,8 @@ class Device:
         assert triangles.dtype == np.uint32 and triangles.flags.c_contiguous
         library = self._library
         geometry = library.rtcNewGeometry(self._device, _GEOMETRY_TRIANGLE)
-        library.rtcSetSharedGeometryBuffer(
-            geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices)
-        )
-        library.rtcSetSharedGeometryBuffer(
-            geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles)
-        )
+        library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices))
+        library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles))
         self._attach(scene, geometry, geometry_id)
 
     def add_instance(self, scene: int, geometry_id: int, prototype: int, matrix: npt.NDArray[np.float32]) -> None:

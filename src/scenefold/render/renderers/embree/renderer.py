@@ -19,9 +19,7 @@ class EmbreeScene:
 
     def tracers(self, count: int) -> list[Tracer]:
         """See `OpenScene`."""
-        return [
-            EmbreeTracer(self._held.arrays, self._geometry, self._numbers, self._partition, self._me) for _ in range(count)
-        ]
+        return [EmbreeTracer(self._held.arrays, self._geometry, self._numbers, self._partition, self._me) for _ in range(count)]
 
     def close(self) -> None:
         """See `OpenScene`."""

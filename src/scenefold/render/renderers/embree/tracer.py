@@ -76,9 +76,7 @@ class EmbreeTracer:
             stack = _with_room(stack, top, kept)
             if left + kept > len(leaving):
                 leaving, leaving_owner = _with_room(leaving, left, kept), _with_room(leaving_owner, left, kept)
-            top, left = split_by_owner(
-                self._out[:kept], self._owners, self._me, stack, top, leaving, leaving_owner, left
-            )
+            top, left = split_by_owner(self._out[:kept], self._owners, self._me, stack, top, leaving, leaving_owner, left)
         shadow_casts = int(sums.counters[0]) - shadow_before
         return Advanced(self._grouped(leaving, leaving_owner, left), created, retired, casts, shadow_casts)
 
@@ -128,9 +126,7 @@ class EmbreeTracer:
         first: I64 = np.empty(self._nodes + 1, np.int64)
         grouped = np.empty((count, RAY_WORDS), np.uint32)
         group_by_owner(rays, owners, count, first, grouped)
-        return {
-            node: grouped[first[node] : first[node + 1]] for node in range(self._nodes) if first[node] < first[node + 1]
-        }
+        return {node: grouped[first[node] : first[node + 1]] for node in range(self._nodes) if first[node] < first[node + 1]}
 
 
 def _aligned_words(count: int) -> U32:

@@ -1,0 +1,173 @@
+"""Rendering as a client sees it: ask the job's organiser, watch, fetch the image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import address_of
+from scenefold.base.rays import RAY_BYTES
+from scenefold.base.reasons import RejectReason
+from scenefold.client import Cluster, Scene
+from scenefold.render.arrays import F32
+from scenefold.render.job import RenderOptions
+from scenefold.render.pool.organiser import LAYERS, RenderRequest, organiser_of
+from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob, unpack_value
+
+ASK_S_MAX = 60.0
+POLL_S = 0.25
+LETTING_GO_S_MAX = 10.0
+
+Progress = Callable[[str, int, int], None]
+"""Called with a phase's name, and how much of how much is done."""
+A = TypeVar("A", bound=Packet)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StillOptions:
+    """What a still shall be; see `RenderOptions`."""
+
+    width: int = 640
+    height: int = 360
+    samples: int = 64
+    seed: int = 1
+    depth: int = 8
+    algorithm: str = "bounded-radial"
+    sky: tuple[float, float, float] | None = None
+    """None: black."""
+    camera: str | None = None
+
+    def checked(self) -> RenderOptions:
+        """The options of the job; UsageFault if one is out of range."""
+        options = RenderOptions(
+            width=self.width,
+            height=self.height,
+            samples=self.samples,
+            seed=self.seed,
+            depth=self.depth,
+            sky=self.sky or (0.0, 0.0, 0.0),
+            camera=self.camera,
+            algorithm=self.algorithm,
+        )
+        options.check()
+        return options
+
+
+@dataclass(frozen=True, slots=True)
+class StillResult:
+    """A finished image and how it came about."""
+
+    layers: dict[str, F32]
+    """beauty, albedo, normal [H, W, 3] and depth [H, W], float32, top row first."""
+    report: dict[str, Any]
+
+
+async def render_still(cluster: Cluster, scene: Scene, options: StillOptions, progress: Progress) -> StillResult:
+    """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none."""
+    wanted = options.checked()
+    job = int.from_bytes(cluster.calls.world.entropy.token(8), "big") or 1
+    owner = organiser_of(job, [node.node_id for node in await cluster.nodes()])
+    watch = _Watch(cluster, address_of(owner), job)
+    identity = scene.access.identity
+    request = RenderRequest(job, identity.scene, identity.genesis, identity.symmetric_key, identity.key_epoch, wanted)
+    await watch.start(request)
+    try:
+        state = await watch.until_done(progress)
+        image = await watch.fetch(int(state["image_bytes"]), progress)
+    finally:
+        await watch.let_go()
+    layers = _unpack(image, wanted.width, wanted.height)
+    return StillResult(layers, _report(state))
+
+
+class _Watch:
+    """One job at its organiser."""
+
+    def __init__(self, cluster: Cluster, address: str, job: int) -> None:
+        self._cluster, self._address, self._job = cluster, address, job
+
+    async def start(self, request: RenderRequest) -> None:
+        answer = await self._ask(StartJob(job=self._job, document=request.to_bytes()), JobAnswer)
+        if answer.reason:
+            raise Refused(RejectReason(answer.reason), answer.text, where=self._address)
+
+    async def until_done(self, progress: Progress) -> dict[str, Any]:
+        clock = self._cluster.calls.world.clock
+        while True:
+            reply = await self._ask(JobState(job=self._job), JobStateReply)
+            state = unpack_value(reply.document, what="a job's state")
+            if not isinstance(state, dict):
+                raise PeerFault("a job's state is ill-formed", where=self._address)
+            if state["phase"] == "failed":
+                raise Refused(RejectReason.NOT_READY, f"the render failed: {state['failure']}")
+            if state["phase"] == "rendering":
+                progress("render", int(state["closed"]), int(state["passes"]))
+            if state["phase"] == "done":
+                progress("render", int(state["passes"]), int(state["passes"]))
+                return state
+            await clock.sleep(POLL_S)
+
+    async def fetch(self, size: int, progress: Progress) -> bytes:
+        image = bytearray()
+        while len(image) < size:
+            part = await self._ask(FetchImage(job=self._job, offset=len(image)), ImagePart)
+            if part.offset != len(image) or not part.payload or len(image) + len(part.payload) > size:
+                raise PeerFault("a part of the image does not fit", where=self._address)
+            image += part.payload
+            progress("fetch", len(image), size)
+        return bytes(image)
+
+    async def let_go(self) -> None:
+        """Free the job also when we are cancelled; a node that does not answer frees it by itself later."""
+        with trio.move_on_after(LETTING_GO_S_MAX, shield=True):
+            try:
+                await self._ask(CancelJob(job=self._job), JobAnswer)
+            except (Unreachable, Refused):
+                return
+
+    async def _ask(self, packet: Packet, answer: type[A]) -> A:
+        return await self._cluster.calls.ask(self._address, replace(packet), answer, timeout_s=ASK_S_MAX)
+
+
+def _unpack(image: bytes, width: int, height: int) -> dict[str, F32]:
+    layers: dict[str, F32] = {}
+    at = 0
+    for name, channels in LAYERS:
+        count = width * height * channels
+        values = np.frombuffer(image, "<f4", count, at).astype(np.float32)
+        layers[name] = values.reshape((height, width, channels) if channels > 1 else (height, width))
+        at += count * 4
+    if at != len(image):
+        raise PeerFault("the image has the wrong size", where=f"{len(image)} bytes instead of {at}")
+    return layers
+
+
+def _report(state: dict[str, Any]) -> dict[str, Any]:
+    nodes: list[dict[str, Any]] = state["nodes"]
+    seconds: dict[str, float] = state["seconds"]
+    casts = [int(node["casts"]) for node in nodes]
+    passed = sum(int(node["rays_sent"]) for node in nodes)
+    paths = int(state["paths"])
+    rendering = max(seconds.get("render", 0.0), 1e-9)
+    return {
+        "passes": int(state["passes"]),
+        "paths": paths,
+        "numeric_class": state["numeric_class"],
+        "paths_per_second": paths / rendering,
+        "rays": sum(casts) - passed,
+        "rays_per_second": (sum(casts) - passed) / rendering,
+        "cell_visits": sum(casts),
+        "rays_passed": passed,
+        "rays_passed_per_path": passed / paths,
+        "bytes_passed": passed * RAY_BYTES,
+        "efficiency": sum(casts) / (len(casts) * max(casts)) if max(casts) else 1.0,
+        "contributions_not_finite": sum(int(node["not_finite"]) for node in nodes),
+        "contributions_clamped": sum(int(node["clamped"]) for node in nodes),
+        "render_seconds": {name: round(value, 3) for name, value in seconds.items()},
+        "render_nodes": nodes,
+    }

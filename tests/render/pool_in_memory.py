@@ -1,0 +1,170 @@
+"""Render services of several nodes in one process, without sockets: packets are encoded, decoded and handed over.
+
+What the pool does between nodes is tested with this; that real nodes carry the packets is tested in tests/integration.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import trio
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.render.arrays import F32
+from scenefold.render.job import RenderOptions
+from scenefold.render.pool.organiser import RenderRequest, organiser_of
+from scenefold.render.pool.service import RenderService
+from scenefold.scene.importers import read_scene
+from scenefold.scene.importers.plan import ImportPlan
+from scenefold.wire import (
+    CancelJob,
+    FetchImage,
+    ImagePart,
+    JobAnswer,
+    JobState,
+    JobStateReply,
+    Packet,
+    StartJob,
+    decode_packet,
+    encode_packet,
+    unpack_value,
+)
+from scenefold.world import World
+
+Records = dict[tuple[SpaceId, Location], bytes]
+USER = "user:test"
+
+
+def records_of(path: Path) -> Records:
+    """All records that the import of a file makes."""
+    return {(item.space, item.location): item.payload for item in ImportPlan(read_scene(path)).items()}
+
+
+class MemoryReader:
+    """Reads a scene from memory."""
+
+    def __init__(self, records: Records) -> None:
+        self._records = records
+
+    async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
+        await trio.lowlevel.checkpoint()
+        return [self._records.get((space, location)) for location in locations]
+
+
+class MemoryHost:
+    """A node of a `MemoryPool`."""
+
+    render_threads = 1
+
+    def __init__(self, pool: MemoryPool, node_id: NodeId) -> None:
+        self._pool = pool
+        self.node_id = node_id
+        self.world = pool.world
+        self.handlers: dict[type[Packet], tuple[Callable[[Any, str], Awaitable[Packet | None]], bool]] = {}
+        self.away = False
+
+    def nodes(self) -> list[NodeId]:
+        return self._pool.nodes
+
+    def handle(self, packet: type[Any], handler: Callable[[Any, str], Awaitable[Packet | None]], *, nodes_only: bool) -> None:
+        self.handlers[packet] = (handler, nodes_only)
+
+    async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
+        with trio.fail_after(timeout_s):
+            answer = await self._pool.deliver(f"node:{self.node_id}", node, packet)
+        assert answer is not None
+        return answer
+
+    async def send(self, node: NodeId, packet: Packet) -> None:
+        await self._pool.deliver(f"node:{self.node_id}", node, packet)
+
+    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> MemoryReader:
+        return MemoryReader(self._pool.records)
+
+    def record_count(self) -> int:
+        return len(self._pool.records)
+
+
+class MemoryPool:
+    """Nodes 127.0.0.2 and up; `ask` speaks to them as a user."""
+
+    def __init__(self, world: World, records: Records, count: int) -> None:
+        self.world, self.records = world, records
+        self.nodes = [NodeId(0x7F000002 + index) for index in range(count)]
+        self.hosts = {node: MemoryHost(self, node) for node in self.nodes}
+
+    async def deliver(self, peer: str, node: NodeId, packet: Packet) -> Packet | None:
+        await trio.lowlevel.checkpoint()
+        host = self.hosts[node]
+        if host.away:
+            raise Unreachable("the node does not answer", where=address_of(node))
+        handler, nodes_only = host.handlers[type(packet)]
+        if nodes_only and not peer.startswith("node:"):
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} may not send this")
+        answer = await handler(decode_packet(encode_packet(packet)), peer)
+        return None if answer is None else decode_packet(encode_packet(answer))
+
+    async def ask(self, node: NodeId, packet: Packet) -> Any:
+        return await self.deliver(USER, node, packet)
+
+    async def start(self, job: int, options: RenderOptions) -> NodeId:
+        """Ask the organiser for a render; its id."""
+        owner = organiser_of(job, self.nodes)
+        request = RenderRequest(job, SceneId(1), bytes(32), bytes(24), 0, options)
+        answer = await self.ask(owner, StartJob(job=job, document=request.to_bytes()))
+        assert isinstance(answer, JobAnswer)
+        if answer.reason:
+            raise Refused(RejectReason(answer.reason), answer.text)
+        return owner
+
+    async def state(self, job: int, owner: NodeId) -> dict[str, Any]:
+        reply = await self.ask(owner, JobState(job=job))
+        assert isinstance(reply, JobStateReply)
+        state = unpack_value(reply.document, what="state")
+        assert isinstance(state, dict)
+        return state
+
+    async def until(self, job: int, owner: NodeId, *phases: str) -> dict[str, Any]:
+        """Wait until the job is in one of these phases."""
+        with trio.fail_after(100):
+            while True:
+                state = await self.state(job, owner)
+                if state["phase"] in phases:
+                    return state
+                await self.world.clock.sleep(0.02)
+
+    async def render(self, job: int, options: RenderOptions) -> tuple[bytes, dict[str, Any]]:
+        """The image's bytes and the final state."""
+        owner = await self.start(job, options)
+        state = await self.until(job, owner, "done", "failed")
+        assert state["phase"] == "done", state["failure"]
+        image = b""
+        while len(image) < state["image_bytes"]:
+            part = await self.ask(owner, FetchImage(job=job, offset=len(image)))
+            assert isinstance(part, ImagePart)
+            image += part.payload
+        await self.ask(owner, CancelJob(job=job))
+        return image, state
+
+
+@asynccontextmanager
+async def memory_pool(world: World, records: Records, count: int) -> AsyncIterator[MemoryPool]:
+    """A pool whose services run inside the block."""
+    pool = MemoryPool(world, records, count)
+    async with trio.open_nursery() as nursery:
+        for host in pool.hosts.values():
+            await nursery.start(lambda host=host, **status: RenderService(host).run(**status))
+        yield pool
+        nursery.cancel_scope.cancel()
+
+
+def sha256_of(layer: F32 | bytes) -> str:
+    """Hex digest of a layer's bytes."""
+    return hashlib.sha256(layer if isinstance(layer, bytes) else layer.tobytes()).hexdigest()

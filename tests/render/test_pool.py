@@ -1,0 +1,188 @@
+"""If this fails, nodes no longer make the image together that one node makes alone, or a pool hangs or leaks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import trio
+from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
+
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.rays import RAY_BYTES
+from scenefold.render.job import RenderOptions
+from scenefold.wire import JobEvent, SendRays, pack_value
+from scenefold.world.real.world import offline_world
+
+ROOM = """\
+mtllib room.mtl
+v -1 -1 1
+v 1 -1 1
+v 1 -1 -1
+v -1 -1 -1
+v -1 1 1
+v 1 1 1
+v 1 1 -1
+v -1 1 -1
+v -0.4 0.98 0.4
+v 0.4 0.98 0.4
+v 0.4 0.98 -0.4
+v -0.4 0.98 -0.4
+v -0.3 -1 -0.3
+v 0.5 -1 -0.2
+v 0.1 0.2 -0.4
+v 0.2 -1 0.4
+usemtl white
+f 1 2 3 4
+f 5 8 7 6
+f 4 3 7 8
+usemtl red
+f 1 4 8 5
+usemtl green
+f 2 6 7 3
+usemtl lamp
+f 9 12 11 10
+usemtl white
+f 13 14 15
+f 14 16 15
+f 16 13 15
+"""
+MATERIALS = """\
+newmtl white
+Kd 0.73 0.73 0.73
+newmtl red
+Kd 0.63 0.06 0.05
+newmtl green
+Kd 0.14 0.45 0.09
+newmtl lamp
+Kd 0.3 0.3 0.3
+Ke 12 9 5
+"""
+SMALL = RenderOptions(width=48, height=36, samples=8, seed=3, sky=(0.2, 0.3, 0.5))
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
+    folder: Path = tmp_path_factory.mktemp("room")
+    (folder / "room.obj").write_text(ROOM)
+    (folder / "room.mtl").write_text(MATERIALS)
+    return records_of(folder / "room.obj")
+
+
+async def _render(records: Records, nodes: int, options: RenderOptions, job: int = 11) -> tuple[str, dict[str, object]]:
+    async with memory_pool(offline_world(), records, nodes) as pool:
+        image, state = await pool.render(job, options)
+    return sha256_of(image), state
+
+
+async def test_any_number_of_nodes_and_either_algorithm_give_the_same_bits(room: Records) -> None:
+    alone, _ = await _render(room, 1, SMALL)
+    for algorithm in ("voronoi", "bounded-radial"):
+        for nodes in (2, 5):
+            options = RenderOptions(width=48, height=36, samples=8, seed=3, sky=(0.2, 0.3, 0.5), algorithm=algorithm)
+            together, state = await _render(room, nodes, options, job=nodes * 100)
+            assert together == alone, f"{algorithm} on {nodes} nodes"
+            passed = sum(node["rays_sent"] for node in state["nodes"])  # type: ignore[attr-defined]
+            assert passed / (48 * 36 * 8) > 0.3
+
+
+async def test_another_seed_gives_another_image(room: Records) -> None:
+    first, _ = await _render(room, 1, SMALL)
+    second, _ = await _render(room, 1, RenderOptions(width=48, height=36, samples=8, seed=4, sky=(0.2, 0.3, 0.5)))
+    assert first != second
+
+
+async def test_a_job_of_several_passes_closes_them_all(room: Records) -> None:
+    options = RenderOptions(width=160, height=120, samples=16, sky=(1.0, 1.0, 1.0))
+    alone, state = await _render(room, 1, options)
+    assert state["passes"] == 5 and state["closed"] == 5
+    together, state = await _render(room, 3, options, job=5)
+    assert together == alone
+    assert state["closed"] == 5
+
+
+async def test_rays_are_counted_alike_on_both_sides(room: Records) -> None:
+    _, state = await _render(room, 4, SMALL)
+    nodes = state["nodes"]
+    assert sum(node["rays_sent"] for node in nodes) == sum(node["rays_received"] for node in nodes)  # type: ignore[attr-defined]
+
+
+async def test_a_lost_node_fails_the_job_with_its_address(room: Records) -> None:
+    long = RenderOptions(width=320, height=240, samples=512)
+    async with memory_pool(offline_world(), room, 3) as pool:
+        owner = await pool.start(21, long)
+        await pool.until(21, owner, "rendering")
+        lost = next(node for node in pool.nodes if node != owner)
+        pool.hosts[lost].away = True
+        state = await pool.until(21, owner, "failed")
+        assert f"127.0.0.{lost & 255}" in state["failure"]
+
+
+async def test_a_cancelled_job_leaves_nothing_behind(room: Records) -> None:
+    long = RenderOptions(width=320, height=240, samples=512)
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(31, long)
+        await pool.until(31, owner, "rendering")
+        from scenefold.wire import CancelJob
+
+        await pool.ask(owner, CancelJob(job=31))
+        with trio.fail_after(60):
+            while True:
+                try:
+                    await pool.state(31, owner)
+                except Refused:
+                    break
+                await trio.lowlevel.checkpoint()
+        # The nodes are free again: another job runs.
+        image, _ = await pool.render(32, SMALL)
+        assert image
+
+
+async def test_two_jobs_at_once_do_not_disturb_each_other(room: Records) -> None:
+    alone, _ = await _render(room, 1, SMALL)
+    async with memory_pool(offline_world(), room, 2) as pool:
+        images: dict[int, bytes] = {}
+
+        async def one(job: int) -> None:
+            images[job], _ = await pool.render(job, SMALL)
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(one, 41)
+            nursery.start_soon(one, 42)
+    assert sha256_of(images[41]) == sha256_of(images[42]) == alone
+
+
+async def test_an_unknown_camera_is_one_clear_error(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(51, RenderOptions(camera="nobody"))
+        state = await pool.until(51, owner, "failed")
+        assert "no camera 'nobody'" in state["failure"]
+
+
+async def test_an_empty_scene_is_one_clear_error() -> None:
+    async with memory_pool(offline_world(), {}, 2) as pool:
+        owner = await pool.start(61, SMALL)
+        state = await pool.until(61, owner, "failed")
+        assert "empty" in state["failure"]
+
+
+async def test_ill_formed_rays_are_refused(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(71, RenderOptions(width=320, height=240, samples=256))
+        await pool.until(71, owner, "rendering")
+        for size, number in ((RAY_BYTES - 1, 0), (RAY_BYTES, 10_000)):
+            with pytest.raises(PeerFault):
+                await _send_rays(pool, size, number)
+
+
+async def _send_rays(pool: MemoryPool, size: int, number: int) -> None:
+    packet = SendRays(
+        job=71, frame=0, pass_index=number, attempt=0, partition_epoch=1, link_sequence=1, render_location=(), count=1, rays=bytes(size)
+    )
+    await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], packet)
+
+
+async def test_users_may_not_speak_as_nodes(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 1) as pool:
+        with pytest.raises(Refused):
+            await pool.ask(pool.nodes[0], JobEvent(job=1, document=pack_value({"go": True})))
