@@ -63,6 +63,9 @@ def _pack(packet: Packet) -> Any:
         plain = layout.plain_fields(packet)
     except Misfit as misfit:
         raise LocalFault(f"the packet cannot be sent: {misfit.problem}", where=f"{layout.name}{misfit.path}") from None
+    law = ROWS[number].law
+    if law and not law.holds(packet):
+        raise LocalFault(f"the packet cannot be sent: not {law}", where=layout.name)
     packer = msgpack.Packer(autoreset=False)
     packer.pack([number, *plain])
     with packer.getbuffer() as body:
@@ -107,6 +110,9 @@ def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOC
     except TRUNCATED:
         raise MalformedPacket(name, "truncated", request_id=request_id) from None
     packet: Packet = layout.build(*values, request_id=packet_id, mini_status=mini_status)
+    law = ROWS[number].law
+    if law and not law.holds(packet):
+        raise MalformedPacket(name, f"not {law}", request_id=request_id)
     return packet
 
 

@@ -89,12 +89,29 @@ class Packet:
 
 
 @dataclass(frozen=True, slots=True)
+class Order:
+    """A law between two fields: `lower` is at most `upper`, or below it if `strictly`."""
+
+    lower: str
+    upper: str
+    strictly: bool = False
+
+    def holds(self, packet: Packet) -> bool:
+        lower, upper = getattr(packet, self.lower), getattr(packet, self.upper)
+        return bool(lower < upper if self.strictly else lower <= upper)
+
+    def __str__(self) -> str:
+        return f"{self.lower} {'<' if self.strictly else '≤'} {self.upper}"
+
+
+@dataclass(frozen=True, slots=True)
 class Row:
     """One row of the table of packets."""
 
     packet: type[Packet]
     carrier: Carrier
     fields: tuple[tuple[str, Kind[Any]], ...]
+    law: Order | None = None
 
     @property
     def number(self) -> int:
@@ -105,9 +122,9 @@ class Row:
         return self.packet.__name__
 
 
-def row(packet: type[Packet], carrier: Carrier, *fields: tuple[str, Kind[Any]]) -> Row:
+def row(packet: type[Packet], carrier: Carrier, *fields: tuple[str, Kind[Any]], law: Order | None = None) -> Row:
     """A row; it must name the fields of the class, in their order."""
     named = [name for name, _ in fields]
     declared = [field.name for field in dataclass_fields(packet) if not field.kw_only]
     assert named == declared, f"{packet.__name__}: the table says {named}, the class {declared}"
-    return Row(packet, carrier, fields)
+    return Row(packet, carrier, fields, law)

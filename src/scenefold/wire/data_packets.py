@@ -25,6 +25,7 @@ from scenefold.wire.common import (
     Carrier,
     Location,
     NodeId,
+    Order,
     Packet,
     SceneId,
     SpaceId,
@@ -230,6 +231,7 @@ class GetManyReply(Packet):
 _KEY = (("scene", SCENE), ("space", SPACE), ("location", LOCATION))
 _RECORD = (("signature", SIGNATURE), ("header", HEADER), ("ciphertext", CIPHERTEXT))
 _FRESHNESS = (("position", U64), ("write_floor", U64))
+_ASCENDING = Order("first", "last")
 _RANGE = (("scene", SCENE), ("space", SPACE), ("first", LOCATION), ("last", LOCATION))
 
 ROWS = (
@@ -239,8 +241,8 @@ ROWS = (
     row(GetData, Carrier.TCP_LOW, *_KEY, ("position", U64)),
     row(ReturnData, Carrier.TCP_LOW, *_KEY, *_RECORD, *_FRESHNESS),
     row(EmptyData, Carrier.TCP_LOW, *_KEY, *_FRESHNESS),
-    row(QueryRange, Carrier.BOTH_LOW, *_RANGE),
-    row(ReturnRange, Carrier.BOTH_LOW, *_RANGE, ("locations", Places(RANGE_LOCATIONS_MAX))),
+    row(QueryRange, Carrier.BOTH_LOW, *_RANGE, law=_ASCENDING),
+    row(ReturnRange, Carrier.BOTH_LOW, *_RANGE, ("locations", Places(RANGE_LOCATIONS_MAX)), law=_ASCENDING),
     row(RejectRange, Carrier.BOTH_LOW, *_KEY, ("reason", REASON)),
     row(PutMany, Carrier.TCP_LOW, ("items", Many(PUT_ITEM, BULK_ITEMS_MAX))),
     row(PutManyReply, Carrier.TCP_LOW, ("outcomes", Many(PUT_OUTCOME, BULK_ITEMS_MAX))),

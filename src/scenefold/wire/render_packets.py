@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from scenefold.base.limits import BULK_BYTES_MAX
-from scenefold.wire.common import DOCUMENT, MESSAGE, REASON_OR_0, U32, U64, Carrier, Packet, row
+from scenefold.wire.common import DOCUMENT, MESSAGE, REASON_OR_0, U32, U64, Carrier, Order, Packet, row
 from scenefold.wire.kinds import Bin
 
 PART = Bin(BULK_BYTES_MAX)
@@ -140,6 +140,7 @@ class JobEvent(Packet):
 _JOB = ("job", U64)
 _PASS = (_JOB, ("pass_index", U32), ("attempt", U64))
 _LEDGER = (("created", U64), ("retired", U64), ("sent", U64), ("received", U64))
+_COUNTED = Order("part_index", "part_count", strictly=True)
 _SHARE = (("part_index", U32), ("part_count", U32), ("payload", PART))
 
 ROWS = (
@@ -149,11 +150,11 @@ ROWS = (
     row(JobStateReply, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
     row(PassCounts, Carrier.TCP_LOW, *_PASS, *_LEDGER),
     row(CollectPass, Carrier.TCP_LOW, *_PASS),
-    row(PassSums, Carrier.TCP_LOW, *_PASS, *_LEDGER, *_SHARE),
+    row(PassSums, Carrier.TCP_LOW, *_PASS, *_LEDGER, *_SHARE, law=_COUNTED),
     row(MergeFilm, Carrier.TCP_LOW, _JOB),
-    row(FilmPart, Carrier.TCP_LOW, _JOB, *_SHARE),
+    row(FilmPart, Carrier.TCP_LOW, _JOB, *_SHARE, law=_COUNTED),
     row(FetchImage, Carrier.TCP_LOW, _JOB, ("offset", U64)),
-    row(ImagePart, Carrier.TCP_LOW, _JOB, ("total_bytes", U64), ("offset", U64), ("payload", PART)),
+    row(ImagePart, Carrier.TCP_LOW, _JOB, ("total_bytes", U64), ("offset", U64), ("payload", PART), law=Order("offset", "total_bytes")),
     row(CancelJob, Carrier.TCP_LOW, _JOB),
     row(JobEvent, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
 )

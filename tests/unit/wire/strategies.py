@@ -50,7 +50,9 @@ def packets_of(number: int) -> st.SearchStrategy[Packet]:
     row = ROWS[number]
     mini_status = st.none() if number == 1 else st.one_of(st.none(), values(MINI_STATUS))
     fields = {name: values(kind) for name, kind in row.fields}
-    return st.builds(row.packet, **fields, request_id=st.integers(0, 2**32 - 1), mini_status=mini_status)
+    packets = st.builds(row.packet, **fields, request_id=st.integers(0, 2**32 - 1), mini_status=mini_status)
+    law = row.law
+    return packets.filter(law.holds) if law else packets
 
 
 PACKETS = st.sampled_from(sorted(ROWS)).flatmap(packets_of)

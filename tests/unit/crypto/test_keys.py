@@ -1,0 +1,84 @@
+"""If this fails, a signature made for one purpose passes for another, or a key cannot be found again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.crypto import HEADER_DOMAIN, RECORD_DOMAIN, InvalidSignature, PublicKey, SigningKey, key_id_of
+
+KEY = SigningKey.from_seed(bytes(range(32)))
+DOMAINS = st.binary(min_size=1, max_size=40)
+
+
+@given(DOMAINS, st.binary(max_size=100))
+def test_what_was_signed_verifies(domain: bytes, message: bytes) -> None:
+    KEY.public.verify(KEY.sign(domain, message), domain, message)
+
+
+@given(DOMAINS, st.binary(max_size=40), DOMAINS, st.binary(max_size=40))
+def test_nothing_else_verifies(domain: bytes, message: bytes, other_domain: bytes, other_message: bytes) -> None:
+    if (domain, message) != (other_domain, other_message):
+        with pytest.raises(InvalidSignature):
+            KEY.public.verify(KEY.sign(domain, message), other_domain, other_message)
+
+
+def test_moving_bytes_between_domain_and_message_is_noticed() -> None:
+    signature = KEY.sign(b"scenefold/header", b"x")
+    with pytest.raises(InvalidSignature):
+        KEY.public.verify(signature, b"scenefold/heade", b"rx")
+
+
+@pytest.mark.parametrize("signature", [b"", bytes(63), bytes(64), bytes(65), b"\xff" * 64])
+def test_no_signature_at_all(signature: bytes) -> None:
+    with pytest.raises(InvalidSignature):
+        KEY.public.verify(signature, RECORD_DOMAIN, b"message")
+
+
+def test_another_key() -> None:
+    with pytest.raises(InvalidSignature, match="not that of key"):
+        SigningKey.generate().public.verify(KEY.sign(HEADER_DOMAIN, b""), HEADER_DOMAIN, b"")
+
+
+@given(st.binary(max_size=40))
+def test_any_bytes_as_a_key(raw: bytes) -> None:
+    if len(raw) != 32:
+        with pytest.raises(DamagedData):
+            PublicKey(raw)
+        with pytest.raises(LocalFault):
+            SigningKey.from_seed(raw)
+
+
+def test_the_key_id_is_that_of_the_spec() -> None:
+    assert KEY.public.raw.hex() == "03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8"
+    assert KEY.key_id == KEY.public.key_id == key_id_of(KEY.public.raw) == 0x56475AA7
+    assert PublicKey(KEY.public.raw) == KEY.public
+
+
+def test_the_seed_is_not_shown() -> None:
+    for text in (repr(KEY), str(KEY), f"{KEY}", repr(KEY.public)):
+        assert KEY.seed.hex() not in text
+        assert repr(KEY.seed) not in text
+
+
+def test_key_files(tmp_path: Path) -> None:
+    path = tmp_path / "signing.key"
+    KEY.to_file(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert SigningKey.from_file(path).seed == KEY.seed
+    with pytest.raises(LocalFault, match="exists already"):
+        SigningKey.generate().to_file(path)
+    assert SigningKey.from_file(path).seed == KEY.seed
+
+
+@pytest.mark.parametrize("content", [b"", b"not hexadecimal", b"00" * 31, b"00" * 33, b"\xff\xfe" * 32])
+def test_a_key_file_that_holds_no_seed(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "signing.key"
+    path.write_bytes(content)
+    path.chmod(0o600)
+    with pytest.raises(LocalFault, match="holds no signing seed"):
+        SigningKey.from_file(path)
