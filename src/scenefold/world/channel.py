@@ -25,7 +25,7 @@ RECEIVE_BYTES = 256 * 1024
 FLUSH_S_MAX = 5.0
 _ID_MODULUS = 1 << 32
 
-_quiet = QuietLog(logging.getLogger("scenefold.world.channel"))
+_log = logging.getLogger("scenefold.world.channel")
 
 
 @dataclass(slots=True, eq=False)
@@ -43,7 +43,8 @@ class _Pending:
 class Channel:
     """A connection to ask on; made by `open_channel`."""
 
-    def __init__(self, connection: Connection, where: str) -> None:
+    def __init__(self, connection: Connection, where: str, quiet: QuietLog) -> None:
+        self._quiet = quiet
         self._connection = connection
         self._where = where
         self._outbox = Outbox(connection)
@@ -162,16 +163,19 @@ class Channel:
         self.closed.set()
 
     def _complain(self, kind: str, text: str) -> None:
-        _quiet.say(trio.current_time(), self._where, kind, text)
+        self._quiet.say(trio.current_time(), self._where, kind, text)
 
     def _unreachable(self, why: str) -> Unreachable:
         return Unreachable(f"the node does not answer: {why}", where=self._where, remedy="see that it runs, then try again")
 
 
 @asynccontextmanager
-async def open_channel(connection: Connection, where: str = "") -> AsyncIterator[Channel]:
-    """A channel on a fresh connection, which it closes at the end. `where` names the peer in errors."""
-    channel = Channel(connection, where or connection.peer)
+async def open_channel(connection: Connection, where: str = "", quiet: QuietLog | None = None) -> AsyncIterator[Channel]:
+    """A channel on a fresh connection, which it closes at the end. `where` names the peer in errors.
+
+    `quiet`, shared by the channels of a process, keeps a bad peer from flooding the log.
+    """
+    channel = Channel(connection, where or connection.peer, quiet or QuietLog(_log))
     try:
         async with background_tasks() as nursery:
             nursery.start_soon(channel.run)

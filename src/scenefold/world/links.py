@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from scenefold.base.errors import Unreachable
 from scenefold.wire import Packet
 from scenefold.world.channel import Channel, open_channel
 from scenefold.world.ports import Network, Priority, World
+from scenefold.world.quiet import QuietLog
 from scenefold.world.tasks import background_tasks
 
 Key = tuple[str, Priority]
@@ -37,6 +39,7 @@ class Links:
         self._network = network
         self._nursery = nursery
         self._links: dict[Key, _Link] = {}
+        self._quiet = QuietLog(logging.getLogger("scenefold.world.links"))
 
     async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
         """Ask the node at an address, connecting first if need be, within `timeout_s` seconds in all.
@@ -75,7 +78,7 @@ class Links:
         address, priority = key
         try:
             connection = await self._network.connect(address, priority)
-            async with open_channel(connection, address) as channel:
+            async with open_channel(connection, address, self._quiet) as channel:
                 link.channel = channel
                 link.settled.set()
                 await channel.closed.wait()

@@ -32,18 +32,22 @@ MALFORMED_MAX = 8
 DRAIN_S_MAX = 1.0
 FAULT_TEXT_CHARACTERS_MAX = 400
 
-_quiet = QuietLog(logging.getLogger("scenefold.world.serving"))
+_log = logging.getLogger("scenefold.world.serving")
 
 
-async def serve_connection(connection: Connection, handler: Handler) -> None:
-    """Answer a peer's packets until it closes the connection or breaks the framing. The caller closes it."""
-    await _Serving(connection, handler).run()
+async def serve_connection(connection: Connection, handler: Handler, quiet: QuietLog | None = None) -> None:
+    """Answer a peer's packets until it closes the connection or breaks the framing. The caller closes it.
+
+    `quiet`, shared by a node's connections, keeps a peer that comes again and again from flooding the log.
+    """
+    await _Serving(connection, handler, quiet or QuietLog(_log)).run()
 
 
 class _Serving:
     """One connection being served."""
 
-    def __init__(self, connection: Connection, handler: Handler) -> None:
+    def __init__(self, connection: Connection, handler: Handler, quiet: QuietLog) -> None:
+        self._quiet = quiet
         self._connection = connection
         self._handler = handler
         self._outbox = Outbox(connection)
@@ -134,7 +138,7 @@ class _Serving:
             return  # The sender has said so already, and is ending this connection.
 
     def _complain(self, kind: str, text: str) -> None:
-        _quiet.say(trio.current_time(), self._connection.peer, kind, text)
+        self._quiet.say(trio.current_time(), self._connection.peer, kind, text)
 
 
 class Budget:

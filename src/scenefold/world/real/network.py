@@ -23,7 +23,7 @@ from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
 from scenefold.world.real.handshakes import PendingHandshakes
 from scenefold.world.real.tls import TlsConnection, shake_hands
 
-_quiet = QuietLog(logging.getLogger("scenefold.world.network"))
+_log = logging.getLogger("scenefold.world.network")
 
 
 class RealNetwork:
@@ -99,6 +99,7 @@ class _Door:
         self._context = context
         self._serve = serve
         self._handshake_s_max = handshake_s_max
+        self._quiet = QuietLog(_log)
         self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
         self._open = 0
 
@@ -112,13 +113,13 @@ class _Door:
         if connection is None:
             return
         if self._open >= CONNECTIONS_MAX:
-            _quiet.say(time.monotonic(), source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
+            self._quiet.say(time.monotonic(), source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
             return
         self._open += 1
         try:
             await self._serve(connection)
         except ConnectionLost as error:
-            _quiet.say(time.monotonic(), source, "lost", f"{connection.peer}: {error}")
+            self._quiet.say(time.monotonic(), source, "lost", f"{connection.peer}: {error}")
         finally:
             self._open -= 1
             await connection.aclose()
@@ -133,7 +134,7 @@ class _Door:
                 why = str(error)
             finally:
                 self._pending.leave(scope)
-        _quiet.say(time.monotonic(), source, "stranger", f"connection refused: {why}")
+        self._quiet.say(time.monotonic(), source, "stranger", f"connection refused: {why}")
         return None
 
 
