@@ -34,7 +34,7 @@ class Status:
     """What a node says about itself, signed by it, also when others pass it on."""
 
     lamport: int
-    """Rises with every status of this boot; hearing of a node counts only then."""
+    """Rises over the node's whole life, from boot x 2^32 on; hearing of a node counts only then."""
     node: NodeId
     incarnation: bytes
     """16 random bytes, drawn when the data folder was made."""
