@@ -35,7 +35,11 @@ _REFUSALS = {
 
 
 class Interrupted(Exception):
-    """The user pressed Ctrl-C, or the process was told to end; everything was stopped in order."""
+    """The user pressed Ctrl-C, or the process was told to end by another signal; everything was stopped in order."""
+
+    def __init__(self, signal_number: int = 2) -> None:
+        super().__init__(signal_number)
+        self.signal_number = signal_number
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
-from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
-from scenectl.values import AddressOption
+from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit_event
+from scenectl.values import AddressesOption, AddressOption
 
 app = App(name="node", help="Run nodes.", help_format="plaintext")
 
@@ -21,10 +23,13 @@ def run_(
     *,
     address: Annotated[AddressOption, Parameter(env_var="SCENEFOLD_ADDRESS")],
     data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
-    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1))] = None,
+    seeds: Annotated[AddressesOption | None, Parameter(env_var="SCENEFOLD_SEEDS")] = None,
+    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
+    memory: Annotated[int, Parameter(env_var="SCENEFOLD_MEMORY", validator=Number(gte=0))] = 0,
+    log_level: Literal["debug", "info", "warning", "error"] = "info",
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """Run the node with this address until it is told to stop (Ctrl-C or SIGTERM).
+    """Run the node with this address until it is told to stop (Ctrl-C or SIGTERM). Its log goes to standard error.
 
     Example: scenectl node run --address 127.0.0.2 --profile studio --data /srv/scenefold
 
@@ -34,26 +39,36 @@ def run_(
         The node's IPv4 address; it must be one of this machine and of the cluster.
     data
         Folder for what the node stores; by default one in the user's data folder.
+    seeds
+        Addresses of nodes to find the others by; by default those of the profile.
     threads
         Threads that may render; by default as many as there are processors.
+    memory
+        Bytes of memory that the node may use; 0: half of the machine's.
+    log_level
+        Least important lines that are logged.
     """
     import trio
 
-    from scenectl.running import run
+    from scenectl.running import serve
     from scenefold.client import profile_folder
     from scenefold.node import NodeSettings, run_node
+    from scenefold.node.logs import set_up_logs
 
-    folder = profile_folder(output.profile)
-    settings = NodeSettings.for_member(folder, address.text, data=data, threads=threads)
+    set_up_logs("json" if output.json else "console", log_level)
+    settings = replace(
+        NodeSettings.for_member(profile_folder(output.profile), address.text, data=data, threads=threads),
+        seeds=() if seeds is None else seeds.all,
+        memory_bytes=memory,
+    )
 
-    async def serve() -> None:
+    async def work() -> None:
         async with trio.open_nursery() as nursery:
-            await nursery.start(run_node, settings)
+            await nursery.start(partial(run_node, settings))
             document = {"event": "ready", "address": address.text, "data": str(settings.data_folder)}
-            emit(output, document, f"node {address} is ready, its data is in {settings.data_folder}")
-            _flush()
+            emit_event(output, document, f"Node {address} is ready; its data is in {settings.data_folder}.")
 
-    run(serve)
+    serve(work)
 
 
 @app.command
@@ -62,6 +77,7 @@ def local(
     /,
     *,
     folder: Path | None = None,
+    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
     output: Output = PLAIN,
 ) -> None:
     """Run COUNT nodes on this machine, one process each, until Ctrl-C, for trying things.
@@ -76,25 +92,19 @@ def local(
         Number of nodes, 1 to 127.
     folder
         Where their profile and data lie and stay; by default a temporary folder that is removed at the end.
+    threads
+        Threads that each node may render with; by default the machine's are shared out.
     """
     import trio
+
+    from scenectl.running import serve
     from scenefold.node.local import local_cluster
 
-    from scenectl.running import run
-
-    async def serve() -> None:
-        async with local_cluster(count, folder=folder) as cluster:
-            profile = str(cluster.profile)
+    async def work() -> None:
+        async with local_cluster(count, folder, threads=threads) as cluster:
+            profile = str(cluster.profile.resolve())
             document = {"event": "ready", "profile": profile, "nodes": list(cluster.addresses)}
-            emit(output, document, f"{count} nodes are ready; use --profile {profile}\nCtrl-C ends them.")
-            _flush()
+            emit_event(output, document, f"{count} nodes are ready; use --profile {profile}\nCtrl-C ends them.")
             await trio.sleep_forever()
 
-    run(serve)
-
-
-def _flush() -> None:
-    """A reader of a pipe wants to know at once that we are ready."""
-    import sys
-
-    sys.stdout.flush()
+    serve(work)

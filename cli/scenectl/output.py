@@ -52,6 +52,11 @@ def emit(output: Output, document: Mapping[str, Any], text: str) -> None:
         print(text)
 
 
+def emit_event(output: Output, document: Mapping[str, Any], text: str) -> None:
+    """Print what a verb that goes on running has to say, on one line and at once, for whoever reads its pipe."""
+    print(json.dumps(document, ensure_ascii=False) if output.json else text, flush=True)
+
+
 def emit_error(ending: Ending, *, as_json: bool, error: BaseException | None = None) -> None:
     """Print how a command ended badly; with `error` also its traceback (--debug)."""
     if error is not None:

@@ -25,6 +25,7 @@ def still(
     samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
     size: SizeOption = HD_QUARTER,
     seed: Annotated[int, Parameter(validator=Number(gte=0, lt=2**32))] = 1,
+    depth: Annotated[int, Parameter(validator=Number(gte=1, lte=31))] = 8,
     sky: ColourOption | None = None,
     camera: str | None = None,
     exposure: Annotated[float, Parameter(validator=Number(gte=-64, lte=64))] = 0.0,
@@ -56,8 +57,10 @@ def still(
         Width and height in pixels.
     seed
         Seed of the random numbers; the same seed gives the same image.
+    depth
+        Most bounces of a path.
     sky
-        Colour of a uniform sky as R,G,B, linear; without it the scene's own surroundings.
+        Colour of a uniform sky as R,G,B, linear; without it there is none, and only the scene's own lights shine.
     camera
         Name of the camera; by default the scene's first.
     exposure
@@ -85,10 +88,12 @@ def still(
         height=size.height,
         samples=samples,
         seed=seed,
+        depth=depth,
         algorithm=algorithm,
         sky=None if sky is None else sky.rgb,
         camera=camera,
     )
+    options.checked()
     job = StillJob(
         file=file,
         scene_name=scene or scene_name_of(file),

@@ -21,16 +21,15 @@ def run(function: Callable[..., Awaitable[Result]], *args: Any) -> Result:
     import trio
 
     async def guarded() -> Result:
-        interrupted = False
+        received: list[int] = []
 
         async def watch(scope: trio.CancelScope, *, task_status: trio.TaskStatus[None]) -> None:
-            nonlocal interrupted
             with trio.open_signal_receiver(signal.SIGINT, signal.SIGTERM) as signals:
                 task_status.started()
-                async for _ in signals:
-                    if interrupted:
+                async for number in signals:
+                    if received:
                         _leave_now()
-                    interrupted = True
+                    received.append(number)
                     scope.cancel()
 
         async with trio.open_nursery() as nursery:
@@ -39,7 +38,7 @@ def run(function: Callable[..., Awaitable[Result]], *args: Any) -> Result:
                 result = await function(*args)
             nursery.cancel_scope.cancel()
         if scope.cancelled_caught:
-            raise Interrupted
+            raise Interrupted(received[0])
         return result
 
     return trio.run(guarded)
@@ -49,3 +48,12 @@ def _leave_now() -> None:
     import os
 
     os._exit(INTERRUPTED)
+
+
+def serve(function: Callable[..., Awaitable[None]], *args: Any) -> None:
+    """Run what goes on until it is told to stop. SIGTERM is the usual end of a service, Ctrl-C an interruption."""
+    try:
+        run(function, *args)
+    except Interrupted as end:
+        if end.signal_number != signal.SIGTERM:
+            raise

@@ -103,14 +103,14 @@ def import_(
     """
     from scenectl.progress import Progress
     from scenectl.running import run
-    from scenefold.client import connect
+    from scenefold.client import connect, scene_name_of
 
-    name = scene or file.stem
+    name = scene or scene_name_of(file.stem)
 
     async def work(progress: Progress) -> ImportReport:
         async with connect(output.profile) as cluster:
-            target = await cluster.scenes.open_or_create(name)
-            return await target.import_file(file, progress=progress)
+            _, report = await cluster.scenes.import_file(name, file, progress)
+            return report
 
     with Progress(quiet=output.json) as progress:
         report = run(work, progress)

@@ -7,7 +7,7 @@ a node, in a temporary folder, and is stopped and removed at the end, however th
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from scenectl.output import size_text
 
 if TYPE_CHECKING:
-    from scenefold.client import Cluster, ImportReport, Scene
+    from scenefold.client import Cluster, ImportReport
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.client import StillOptions, StillResult
 
@@ -68,17 +68,15 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
     phases = Phases()
     imported: ImportReport | None = None
     async with _cluster(job, phases) as cluster:
-        scene: Scene
         if job.file is None:
             scene = await cluster.scenes.open(job.scene_name)
         else:
             with phases.time("import"):
-                scene = await cluster.scenes.open_or_create(job.scene_name)
-                imported = await scene.import_file(job.file, progress=progress)
+                scene, imported = await cluster.scenes.import_file(job.scene_name, job.file, progress)
         from scenefold.render.client import render_still
 
         with phases.time("render"):
-            result = await render_still(cluster, scene, job.options, progress)
+            result = await render_still(cluster, scene, job.options, _render_progress(progress))
         with phases.time("write"):
             sha256 = await _write(cluster, job, result)
         nodes = [node.address for node in await cluster.nodes()]
@@ -150,6 +148,13 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> str:
 
     await cluster.in_worker("import", write)
     return sha256
+
+
+def _render_progress(progress: ProgressCallback) -> Callable[[str, int, int], None]:
+    from scenefold.client import ProgressState
+
+    units = {"render": "passes", "fetch": "bytes"}
+    return lambda phase, done, total: progress(ProgressState(phase, done, total, units.get(phase, "")))
 
 
 def _value_text(key: str, value: Any) -> str:

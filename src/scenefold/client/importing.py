@@ -28,6 +28,7 @@ from scenefold.client.free_places import FreePlaces
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.progress import ProgressCallback, ProgressState
 from scenefold.client.together import together
+from scenefold.world import World
 
 if TYPE_CHECKING:
     from scenefold.scene.importers import ImportItem, ImportPlan
@@ -67,22 +68,46 @@ class _Batch(NamedTuple):
     mark: ProgressState | None
 
 
-async def import_file(access: SceneAccess, path: Path, progress: ProgressCallback) -> ImportReport:
-    """See `Scene.import_file`."""
+class _Marks:
+    """Where the plan stands: written by it in a worker thread, read on Trio's; a single reference, so never torn."""
+
+    def __init__(self) -> None:
+        self.latest: ProgressState | None = None
+
+    def __call__(self, phase: str, done: int, total: int) -> None:
+        self.latest = ProgressState(phase, done, total, _UNITS.get(phase, "records"))
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedImport:
+    """A file that was read and found good; nothing is stored yet."""
+
+    plan: ImportPlan
+    marks: _Marks
+    begun: float
+
+
+async def prepare_import(world: World, path: Path, progress: ProgressCallback) -> PreparedImport:
+    """Read a file in a worker thread; LocalFault says what is wrong with it."""
     from scenefold.scene.importers import plan_import, read_scene
 
-    clock, run = access.calls.world.clock, access.calls.world.workers.run
-    begun = clock.now()
+    begun = world.clock.now()
     progress(ProgressState("read", 0, 1, "file"))
-    source = await run("import", read_scene, path)
-    progress(ProgressState("read", 1, 1, "file"))
+    source = await world.workers.run("import", read_scene, path)
     marks = _Marks()
-    plan = await run("import", plan_import, source, marks)
-    work = _Import(access, plan, marks, progress)
+    plan = await world.workers.run("import", plan_import, source, marks)
+    progress(ProgressState("read", 1, 1, "file"))
+    return PreparedImport(plan, marks, begun)
+
+
+async def store_import(access: SceneAccess, prepared: PreparedImport, progress: ProgressCallback) -> ImportReport:
+    """Store a prepared file as the scene's content; see `Scene.import_file`."""
+    plan = prepared.plan
+    work = _Import(access, plan, prepared.marks, progress)
     for phase in plan.phases():
         await work.put_phase(phase)
     report = work.report
-    report.seconds = clock.now() - begun
+    report.seconds = access.calls.world.clock.now() - prepared.begun
     report.content_sha256 = plan.document().content.hex()
     report.not_carried = plan.not_carried
     return report
@@ -92,16 +117,6 @@ def scene_name_of(text: str) -> str:
     """A scene's name made of any text: what a name may not hold becomes '_'."""
     name = re.sub(r"[^A-Za-z0-9_.-]", "_", text).lstrip("-.")[:64]
     return name or "scene"
-
-
-class _Marks:
-    """Where the plan stands: written by it in a worker thread, read on Trio's; a single reference, so never torn."""
-
-    def __init__(self) -> None:
-        self.latest: ProgressState | None = None
-
-    def __call__(self, phase: str, done: int, total: int) -> None:
-        self.latest = ProgressState(phase, done, total, _UNITS.get(phase, "records"))
 
 
 class _Import:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
-from scenefold.client.importing import ImportReport, import_file
+from scenefold.client.importing import ImportReport, prepare_import, store_import
 from scenefold.client.progress import ProgressCallback, no_progress
 from scenefold.client.space import Space
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
@@ -80,4 +80,5 @@ class Scene:
         The content becomes visible at once when everything is durable, and not before. An interrupted import is
         repeated by calling this again; what is there already is kept. LocalFault says what is wrong with a file.
         """
-        return await import_file(self.access, Path(path), progress)
+        prepared = await prepare_import(self.access.calls.world, Path(path), progress)
+        return await store_import(self.access, prepared, progress)

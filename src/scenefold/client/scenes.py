@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from scenefold.base.errors import LocalFault, Refused
@@ -10,6 +11,8 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import FIRST_POSITION, born, first_header, verify_header, writers_of
 from scenefold.client.calls import Calls
+from scenefold.client.importing import ImportReport, prepare_import, store_import
+from scenefold.client.progress import ProgressCallback, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity
 from scenefold.crypto import SYMMETRIC_KEY_BYTES, SigningKey
@@ -95,6 +98,16 @@ class Scenes:
             header = await self._header(keys)
             return await self._announce(keys) if header is None else self._scene(keys, header)
         return await self.create(name)
+
+    async def import_file(self, name: str, path: Path | str, progress: ProgressCallback = no_progress) -> tuple[Scene, ImportReport]:
+        """Import a file into the scene of this name, made if there is none once the file is known to be good.
+
+        See `Scene.import_file`.
+        """
+        checked_name(name, "scene")
+        prepared = await prepare_import(self._calls.world, Path(path), progress)
+        scene = await self.open_or_create(name)
+        return scene, await store_import(scene.access, prepared, progress)
 
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name."""
