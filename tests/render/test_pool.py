@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 import trio
-from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
 
+from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.job import RenderOptions

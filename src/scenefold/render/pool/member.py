@@ -26,7 +26,7 @@ from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.outbox import PeerOutbox
 from scenefold.render.pool.own_passes import OwnPasses, pass_owner
-from scenefold.render.pool.share import LANE
+from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.work import WorkQueue
 from scenefold.wire import CollectPass, JobEvent, Packet, PassCounts, PassSums, SendRays, pack_value, unpack_value
 from scenefold.world import World
@@ -103,7 +103,7 @@ class Member:
         """The owner of a pass takes its second reading."""
         number = packet.pass_index
         counts = self._counts.get(number, Counts())
-        payload = await self._world.workers.run(LANE, self._packed_sums, number)
+        payload = await self._world.workers.run(FILM_LANE, self._packed_sums, number)
         return PassSums(
             job=packet.job,
             pass_index=number,
@@ -279,7 +279,7 @@ class Member:
                 return
             ledger.begin_collection()
         async with self._closing:
-            await self._world.workers.run(LANE, self._close, number, [reply.payload for reply in replies.values()])
+            await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
         self._forget(number)
         self._own.close(number)
         for outbox in self._outboxes.values():

@@ -26,7 +26,7 @@ from scenefold.render.passes import place_of
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.pool.part import Part
-from scenefold.render.pool.share import LANE, read_tables
+from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
 
@@ -172,7 +172,7 @@ class Organiser:
 
     async def _plan(self) -> tuple[Job, SceneTables]:
         host, request = self._host, self._request
-        reader = host.reader(request.scene, request.genesis, request.symmetric_key, request.key_epoch)
+        reader = await host.reader(request.scene, request.genesis, request.symmetric_key, request.key_epoch)
         tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, tables)
         return job, tables
@@ -240,7 +240,7 @@ class Organiser:
                 if 0 <= neighbour < len(job.nodes):
                     nursery.start_soon(part.collect_film, neighbour)
         low, high = job_box(tables)
-        layers = await self._host.world.workers.run(LANE, part.member().film.layers, diagonal_of(low, high))
+        layers = await self._host.world.workers.run(FILM_LANE, part.member().film.layers, diagonal_of(low, high))
         self.image = b"".join(_bytes_of(layers[name]) for name, _ in LAYERS)
 
     async def _of_all(self, packet: Packet, timeout_s: float) -> None:

@@ -12,7 +12,7 @@ from scenefold.render.contract import OpenScene, Renderer
 from scenefold.render.job import Job
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
-from scenefold.render.pool.share import LANE, LoadedShare, load_share
+from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
 from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
 
 MERGE_S_MAX = 600.0
@@ -137,7 +137,7 @@ class Part:
 
     async def merge(self, packet: FilmPart) -> None:
         """A part of a neighbour's film."""
-        await self._host.world.workers.run(LANE, self.member().film.merge_part, packet.part_index, packet.payload)
+        await self._host.world.workers.run(FILM_LANE, self.member().film.merge_part, packet.part_index, packet.payload)
 
     async def _prepare(self) -> None:
         host, job = self._host, self.job
@@ -148,7 +148,7 @@ class Part:
                 f"this node renders in the numeric class {mine}, the job in {job.numeric_class}",
                 remedy="install the same versions on all nodes",
             )
-        reader = host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
+        reader = await host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
         loaded = await load_share(reader, host.world.workers, job, self.me)
         scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me)
         self._loaded, self._scene = loaded, scene

@@ -22,6 +22,9 @@ from scenefold.scene.tables import SceneTables
 from scenefold.world import Workers
 
 LANE = "render"
+"""Worker threads that trace and build trees: as many as the node may render with."""
+FILM_LANE = "film"
+"""Worker threads that add up passes and films, which must not wait behind a tracer."""
 
 
 class SceneReader(Protocol):

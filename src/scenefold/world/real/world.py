@@ -21,6 +21,7 @@ DEFAULT_LANES: Mapping[str, int] = {
     "store-read": 2,
     "render": _CORES,
     "import": _CORES,
+    "film": 2,  # Closing a pass must not wait for a tracer to come to an end of its batch.
 }
 """How many calls of a lane run at once."""
 
