@@ -65,16 +65,18 @@ class LocalCluster:
         node = self._nodes[address] = NodeProcess(address, arguments, self.log(address))
         self._nursery.start_soon(node.run)
 
-    async def wait(self, addresses: Sequence[str] | None = None, *, seconds: float = START_S_MAX) -> None:
-        """Return once these nodes (all) listen, and know every member; LocalFault if that takes too long."""
+    async def wait(
+        self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX
+    ) -> None:
+        """Return once these nodes (all) listen and, if `joined`, know every member; LocalFault if that takes too long."""
         waiting = [self._nodes[address] for address in (self.addresses if addresses is None else addresses)]
         with trio.move_on_after(seconds):
             for node in waiting:
                 await node.ready.wait()
             for node in waiting:
-                await node.joined.wait()
+                await (node.joined if joined else node.ready).wait()
             return
-        late = ", ".join(node.address for node in waiting if not node.joined.is_set())
+        late = ", ".join(node.address for node in waiting if not (node.joined if joined else node.ready).is_set())
         raise LocalFault(
             f"nodes are not ready after {seconds:g} s: {late}",
             where=str(self.folder / "logs"),

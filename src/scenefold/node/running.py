@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import logging
 from collections.abc import Sequence
 
@@ -60,7 +58,7 @@ async def run_node(
 
 
 def default_extensions() -> list[Extension]:
-    """What a node does beyond storing: rendering, if that room is built."""
-    if importlib.util.find_spec("scenefold.render.service") is None:
-        return []
-    return [importlib.import_module("scenefold.render.service").RenderService()]
+    """What a node does beyond storing: it renders."""
+    from scenefold.node.rendering import RenderExtension
+
+    return [RenderExtension()]

@@ -147,6 +147,13 @@ class DataService:
                 found.append(record)
         return found
 
+    async def read(self, scene: SceneId, keys: Sequence[RecordKey], position: int) -> list[RecordBytes | None]:
+        """All records at the keys, wherever they lie; for services of this node. Unreachable if an owner is away."""
+        found: list[RecordBytes | None] = []
+        while len(found) < len(keys):
+            found += await self.get(scene, keys[len(found) :], position, forward=True)
+        return found
+
     async def _read_batch(self, scene: SceneId, keys: Sequence[RecordKey], position: int, *, forward: bool) -> list[RecordBytes | None]:
         found: dict[RecordKey, RecordBytes | None] = {}
         by_owner: dict[NodeId, list[RecordKey]] = {}

@@ -10,10 +10,15 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
 from scenefold.peer.status import OwnStatus
-from scenefold.wire import Packet
+from scenefold.wire import ROWS, Packet
 from scenefold.world import Links, Priority, World
 
 A = TypeVar("A", bound=Packet)
+
+
+def priority_of(packet: Packet) -> Priority:
+    """The port that the table of packets gives for this class."""
+    return Priority.HIGH if "high" in ROWS[packet.TYPE].carrier else Priority.LOW
 
 
 class Peers:
@@ -27,7 +32,10 @@ class Peers:
         self._routing = routing
 
     async def ask(self, member: NodeId, priority: Priority, packet: Packet, answer: type[A], timeout: float) -> A:
-        """Ask a member; Unreachable, Refused, or PeerFault if it answers with something else."""
+        """Ask a member; Unreachable, Refused, or PeerFault if it answers with something else.
+
+        A node may ask itself over the network, too, so that a service need not know which member it is.
+        """
         address = address_of(member)
         try:
             reply = await self._links.request(address, priority, self._stamped(packet), timeout)

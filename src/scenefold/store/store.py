@@ -95,6 +95,11 @@ class Store:
     async def get_note(self, name: str) -> bytes | None:
         return await self._workers.run("store-read", _read_value, self._environment, NOTES, name.encode())
 
+    @property
+    def record_count(self) -> int:
+        """Records as of the last commit, without a look at the disk."""
+        return sum(counts.records for counts in self._writer.counts.values())
+
     async def statistics(self) -> StoreStatistics:
         """Counts as of the last commit, and the disk's fill."""
         space = await self._workers.run("store-read", self._environment.space)

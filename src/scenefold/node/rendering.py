@@ -1,0 +1,123 @@
+"""The renderer as an extension of a node: what render/ needs of its host, made from what the node has.
+
+A node reads the scene that it renders through its own data service: what lies here comes from the store without
+leaving the process, the rest from its owners. It opens records with the key that came with the job, which is kept in
+memory only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import trio
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import NodeId, SceneId, SpaceId
+from scenefold.base.location import Location
+from scenefold.client.sealing import Opened, SceneIdentity, open_all
+from scenefold.peer import NodeContext, Senders
+from scenefold.peer.peers import priority_of
+from scenefold.wire import Packet, RecordBytes, RecordKey
+from scenefold.world import World
+
+P = TypeVar("P", bound=Packet)
+
+SEND_S_MAX = 30.0
+READ_BATCH = 256
+"""Records read and opened at a time: 15 MiB at most."""
+READS_AT_A_TIME = 3
+"""Batches under way: one is fetched while another is opened."""
+
+
+class RenderExtension:
+    """Starts the render service in a node."""
+
+    async def run(self, context: NodeContext, *, task_status: trio.TaskStatus[None]) -> None:
+        from scenefold.render.pool.service import RenderService
+
+        await RenderService(RenderHost(context)).run(task_status=task_status)
+
+
+class RenderHost:
+    """A node, as the render service sees it (render/pool/host.py)."""
+
+    def __init__(self, context: NodeContext) -> None:
+        self._context = context
+
+    @property
+    def world(self) -> World:
+        return self._context.world
+
+    @property
+    def node_id(self) -> NodeId:
+        return self._context.me
+
+    @property
+    def render_threads(self) -> int:
+        return self._context.settings.render_threads
+
+    def nodes(self) -> list[NodeId]:
+        return list(self._context.routing.members)
+
+    def handle(self, packet: type[P], handler: Callable[[P, str], Awaitable[Packet | None]], *, nodes_only: bool) -> None:
+        self._context.handlers.add(packet, handler, senders=Senders.NODES if nodes_only else Senders.ANY)
+
+    async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
+        return await self._context.peers.ask(node, priority_of(packet), packet, Packet, timeout_s)
+
+    async def send(self, node: NodeId, packet: Packet) -> None:
+        await self._context.peers.tell(node, priority_of(packet), packet, SEND_S_MAX)
+
+    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> NodeReader:
+        return NodeReader(self._context, scene, genesis, symmetric_key, key_epoch)
+
+    def record_count(self) -> int:
+        return self._context.store.record_count
+
+
+@dataclass(frozen=True, slots=True)
+class NodeReader:
+    """Reads and opens a scene's records, wherever they lie."""
+
+    context: NodeContext
+    scene: SceneId
+    genesis: bytes
+    symmetric_key: bytes
+    key_epoch: int
+
+    async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
+        """The payloads at these locations, in order; None where nothing lies. DamagedData if one does not verify."""
+        identity = await self._identity()
+        payloads: list[bytes | None] = [None] * len(locations)
+        slots = trio.CapacityLimiter(READS_AT_A_TIME)
+
+        async def read(start: int) -> None:
+            async with slots:
+                keys = [RecordKey(space, location) for location in locations[start : start + READ_BATCH]]
+                records = await self.context.data.read(self.scene, keys, identity.position)
+                opened = await self.context.world.workers.run("crypto", _open, identity, keys, records)
+                payloads[start : start + len(keys)] = [None if one is None else one.payload for one in opened]
+
+        async with trio.open_nursery(strict_exception_groups=False) as nursery:
+            for start in range(0, len(locations), READ_BATCH):
+                nursery.start_soon(read, start)
+        return payloads
+
+    async def _identity(self) -> SceneIdentity:
+        known = await self.context.scenes.known(self.scene)
+        if known.public.genesis != self.genesis:
+            raise DamagedData("the job speaks of another scene with the same id", where=f"scene {self.scene:08x}")
+        return SceneIdentity(
+            scene=self.scene,
+            genesis=self.genesis,
+            position=known.public.position,
+            writers={key: known.keys[key] for key in known.writers if key in known.keys},
+            symmetric_key=self.symmetric_key,
+            key_epoch=self.key_epoch,
+        )
+
+
+def _open(identity: SceneIdentity, keys: Sequence[RecordKey], records: Sequence[RecordBytes | None]) -> list[Opened | None]:
+    return open_all(identity, [(key.space, key.location) for key in keys], records)
