@@ -1,0 +1,109 @@
+"""If this failed, anybody who reaches the ports could keep the members of a cluster from working."""
+
+from __future__ import annotations
+
+import ssl
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+
+import pytest
+import trio
+
+from conformance.world.logs import logged
+from conformance.world.makers import RealWorlds
+from scenefold.base.limits import PENDING_HANDSHAKES_MAX
+from scenefold.world import Connection, Priority
+from scenefold.world.real.network import RealNetwork
+
+LOW = Priority.LOW
+
+
+async def echo(connection: Connection) -> None:
+    while data := await connection.receive(1 << 16):
+        await connection.send(data)
+
+
+@asynccontextmanager
+async def serving(worlds: RealWorlds, handshake_s_max: float = 60.0) -> AsyncIterator[None]:
+    network = RealNetwork(worlds.identity(0), worlds.authority.certificate, worlds.ports, handshake_s_max=handshake_s_max)
+    async with trio.open_nursery() as nursery:
+        await nursery.start(network.listen, worlds.address(0), LOW, echo)
+        yield
+        nursery.cancel_scope.cancel()
+
+
+async def knock(worlds: RealWorlds) -> trio.SocketStream:
+    return await trio.open_tcp_stream(worlds.address(0), worlds.ports.low)
+
+
+async def until_closed(stream: trio.SocketStream) -> None:
+    """Read until the node's end closes; over what it has not read, that is a reset."""
+    with suppress(trio.BrokenResourceError):
+        while await stream.receive_some():
+            pass
+    await stream.aclose()
+
+
+async def is_served(worlds: RealWorlds) -> None:
+    """A member gets in and is answered."""
+    with trio.fail_after(30):
+        connection = await worlds.user("ada").network.connect(worlds.address(0), LOW)
+        await connection.send(b"hello")
+        assert await connection.receive(100) == b"hello"
+        await connection.aclose()
+
+
+@pytest.mark.expect_log("127.0.0.1: connection refused: TLS failed")
+async def test_garbage_is_logged_once_and_blocks_nobody() -> None:
+    worlds = RealWorlds()
+    async with serving(worlds):
+        for _ in range(20):
+            stream = await knock(worlds)
+            await stream.send_all(b"GET / HTTP/1.0\r\n\r\n")
+            await until_closed(stream)
+        await is_served(worlds)
+
+
+@pytest.mark.expect_log("no TLS handshake within")
+async def test_who_says_nothing_is_closed_in_time() -> None:
+    worlds = RealWorlds()
+    async with serving(worlds, handshake_s_max=0.05):
+        async with logged("no TLS handshake within 0.05 s"), await knock(worlds) as stream:
+            assert await stream.receive_some() == b""
+
+
+@pytest.mark.expect_log("no TLS handshake within")
+async def test_a_crowd_that_says_nothing_keeps_no_member_out() -> None:
+    worlds = RealWorlds()
+    async with serving(worlds):
+        crowd = [await knock(worlds) for _ in range(2 * PENDING_HANDSHAKES_MAX)]
+        await is_served(worlds)
+        for stream in crowd:
+            await stream.aclose()
+
+
+@pytest.mark.expect_log("did not return a certificate")
+async def test_a_stranger_without_a_certificate() -> None:
+    worlds = RealWorlds()
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.load_verify_locations(cadata=worlds.authority.certificate.decode())
+    async with serving(worlds):
+        stream = trio.SSLStream(await knock(worlds), context, server_hostname=worlds.address(0))
+        with pytest.raises(trio.BrokenResourceError):
+            await stream.receive_some()
+        await trio.aclose_forcefully(stream)
+        await is_served(worlds)
+
+
+@pytest.mark.expect_log("connection refused")
+async def test_a_stranger_with_an_older_tls() -> None:
+    worlds = RealWorlds()
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.load_verify_locations(cadata=worlds.authority.certificate.decode())
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    async with serving(worlds):
+        stream = trio.SSLStream(await knock(worlds), context, server_hostname=worlds.address(0))
+        with pytest.raises(trio.BrokenResourceError):
+            await stream.do_handshake()
+        await trio.aclose_forcefully(stream)
+        await is_served(worlds)
