@@ -85,7 +85,7 @@ class MemoryHost:
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._pool.deliver(f"node:{self.node_id}", node, packet)
 
-    async def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> MemoryReader:
+    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> MemoryReader:
         return MemoryReader(self._pool.records)
 
     def record_count(self) -> int:

@@ -43,7 +43,7 @@ class Host(Protocol):
         """Send a packet that has no answer. Unreachable."""
         ...
 
-    async def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> SceneReader:
+    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> SceneReader:
         """A reader of a scene's records with the key that came with a job."""
         ...
 

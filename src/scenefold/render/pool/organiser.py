@@ -172,7 +172,7 @@ class Organiser:
 
     async def _plan(self) -> tuple[Job, SceneTables]:
         host, request = self._host, self._request
-        reader = await host.reader(request.scene, request.genesis, request.symmetric_key, request.key_epoch)
+        reader = host.reader(request.scene, request.genesis, request.symmetric_key, request.key_epoch)
         tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, tables)
         return job, tables

@@ -148,7 +148,7 @@ class Part:
                 f"this node renders in the numeric class {mine}, the job in {job.numeric_class}",
                 remedy="install the same versions on all nodes",
             )
-        reader = await host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
+        reader = host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
         loaded = await load_share(reader, host.world.workers, job, self.me)
         scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me)
         self._loaded, self._scene = loaded, scene
