@@ -18,6 +18,10 @@ import hypothesis
 import pytest
 import structlog
 
+from scenefold.base.kernel_cache import use_kernel_cache
+
+use_kernel_cache()
+
 # Fast ones first, so that a slip shows within seconds.
 ORDER = ("house", "unit", "study", "conformance", "render", "simulation", "integration")
 LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "exception": 40, "critical": 50, "fatal": 50}

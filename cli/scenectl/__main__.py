@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError
 
 from scenectl.errors import DONE, FAILED, WRONG_USAGE, Ending, Interrupted, ending_of
 from scenectl.output import emit_error
+from scenefold.base.kernel_cache import use_kernel_cache
 
 GROUPS = {
     "cluster": "Make a cluster and look at it.",
@@ -48,6 +49,7 @@ def build_app() -> App:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
+    use_kernel_cache()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     as_json, debug = "--json" in tokens, "--debug" in tokens
     try:

@@ -20,6 +20,7 @@ from typing import Any
 import trio
 
 from scenefold.base.errors import Refused, ScenefoldError, Unreachable, UsageFault
+from scenefold.base.kernel_cache import use_kernel_cache
 from scenefold.node.logs import set_up_logs
 from scenefold.node.running import run_node
 from scenefold.peer import NodeSettings
@@ -34,6 +35,7 @@ _log = logging.getLogger("scenefold.node")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a node as the arguments say, until told to stop; the process's exit code."""
+    use_kernel_cache()
     options = _parser().parse_args(arguments)
     set_up_logs(options.log_format, options.log_level)
     try:
