@@ -111,9 +111,9 @@ class Gallery:
 
         def circle(u: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
             angle = 2 * np.pi * u
-            return np.stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), np.zeros_like(angle)], -1)
+            return np.stack([1.62 * np.cos(angle), 1.62 * np.sin(angle), np.zeros_like(angle)], -1)
 
-        self._place("halo", tube(circle, 0.03, 72, 6), halo, translation=[0.0, 2.05, _BACK + 0.12])
+        self._place("halo", tube(circle, 0.03, 72, 6), halo, translation=[-0.3, 2.19, _BACK + 0.12])
 
     def _columns(self) -> None:
         marble = self._material("marble", (0.86, 0.84, 0.81), roughness=0.42)
@@ -131,12 +131,12 @@ class Gallery:
         steps = self.steps
         chrome = self._material("chrome", (0.95, 0.95, 0.96), metallic=1.0, roughness=0.02)
         copper = self._material("copper", (0.93, 0.48, 0.33), metallic=1.0, roughness=0.38)
-        glass, amber = self._glass("glass", (0.97, 0.99, 0.98)), self._glass("amber glass", (0.98, 0.62, 0.22))
+        glass, amber = self._glass("glass", (0.78, 0.94, 0.92)), self._glass("amber glass", (0.98, 0.55, 0.12))
         glaze = self._material("cobalt glaze", (0.03, 0.09, 0.42), roughness=0.08)
         self._place("chrome ball", sphere(0.46, steps(64), steps(32)), chrome, translation=[-1.72, 0.46, 1.75])
-        self._place("copper ball", sphere(0.24, steps(44), steps(22)), copper, translation=[-0.98, 0.24, 2.62])
+        self._place("copper ball", sphere(0.24, steps(44), steps(22)), copper, translation=[-0.98, 0.24, 2.42])
         self._place("glass ball", sphere(0.50, steps(64), steps(32)), glass, translation=[1.42, 0.50, 2.05])
-        self._place("amber ball", sphere(0.20, steps(44), steps(22)), amber, translation=[0.62, 0.20, 2.95])
+        self._place("amber ball", sphere(0.20, steps(44), steps(22)), amber, translation=[0.70, 0.20, 2.75])
         vase = [
             (0.0, 0.0), (0.20, 0.0), (0.23, 0.04), (0.36, 0.32), (0.37, 0.52), (0.24, 0.80), (0.12, 0.98), (0.11, 1.08), (0.18, 1.20),
             (0.17, 1.20), (0.09, 1.08), (0.09, 0.98), (0.10, 0.9),
@@ -153,9 +153,9 @@ class Gallery:
                 self.glb.node(name=f"bead {number + 1}", mesh=beads[number % 3], translation=place)
 
     def _camera(self) -> None:
-        view = {"yfov": 0.66, "aspectRatio": 16 / 9, "znear": 0.05}
+        view = {"yfov": 0.68, "aspectRatio": 16 / 9, "znear": 0.05}
         camera = self.glb.add("cameras", {"name": "main", "type": "perspective", "perspective": view})
-        eye, target = np.array([0.62, 1.72, 6.7]), np.array([0.02, 1.48, 0.0])
+        eye, target = np.array([0.62, 1.86, 6.95]), np.array([0.02, 1.38, 0.0])
         z = (eye - target) / np.linalg.norm(eye - target)
         x = np.cross([0.0, 1.0, 0.0], z)
         x /= np.linalg.norm(x)

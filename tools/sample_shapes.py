@@ -38,7 +38,11 @@ def surface(of: Surface, steps_u: int, steps_v: int, uv_scale: tuple[float, floa
     a, b, c, d = corner, corner + steps_v + 1, corner + steps_v + 2, corner + 1
     triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
     uvs = np.stack([u * uv_scale[0], v * uv_scale[1]], -1)
-    return Shape(of(u, v).reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), triangles)
+    positions = of(u, v).reshape(-1, 3)
+    # At a pole, half of a ring's triangles are no more than a line.
+    a, b, c = (positions[triangles[:, corner]] for corner in range(3))
+    triangles = triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-12]
+    return Shape(positions, normals.reshape(-1, 3), uvs.reshape(-1, 2), triangles)
 
 
 def rectangle(corner: Array, side_u: Array, side_v: Array, uv_scale: tuple[float, float] = (1.0, 1.0)) -> Shape:
