@@ -65,18 +65,15 @@ class LocalCluster:
         node = self._nodes[address] = NodeProcess(address, arguments, self.log(address))
         self._nursery.start_soon(node.run)
 
-    async def wait(
-        self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX
-    ) -> None:
+    async def wait(self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX) -> None:
         """Return once these nodes (all) listen and, if `joined`, know every member; LocalFault if that takes too long."""
-        waiting = [self._nodes[address] for address in (self.addresses if addresses is None else addresses)]
+        nodes = [self._nodes[address] for address in (self.addresses if addresses is None else addresses)]
+        waiting = {node.address: node.joined if joined else node.ready for node in nodes}
         with trio.move_on_after(seconds):
-            for node in waiting:
-                await node.ready.wait()
-            for node in waiting:
-                await (node.joined if joined else node.ready).wait()
+            for event in waiting.values():
+                await event.wait()
             return
-        late = ", ".join(node.address for node in waiting if not (node.joined if joined else node.ready).is_set())
+        late = ", ".join(address for address, event in waiting.items() if not event.is_set())
         raise LocalFault(
             f"nodes are not ready after {seconds:g} s: {late}",
             where=str(self.folder / "logs"),

@@ -43,7 +43,6 @@ KNOCK_S_MAX = 2.0
 """A node that is not heard yet is asked again after 0.1 s, then ever more slowly."""
 
 _log = logging.getLogger("scenefold.peer.gossip")
-_quiet = QuietLog(_log)
 
 
 class Gossip:
@@ -67,6 +66,7 @@ class Gossip:
         self._me = address_of(own.me)
         self._seeds = [seed for seed in seeds if seed != self._me]
         self._news = trio.Condition()
+        self._quiet = QuietLog(_log)
         self.dropped = 0
         """Datagrams and statuses that did not verify, since the start."""
 
@@ -194,7 +194,7 @@ class Gossip:
 
     def _drop(self, source: Endpoint, kind: str, text: str) -> None:
         self.dropped += 1
-        _quiet.say(self._world.clock.now(), source.address, kind, text)
+        self._quiet.say(self._world.clock.now(), source.address, kind, text)
 
 
 _EMPTY_PING_BYTES = len(encode_packet(PingBroadcast(())))

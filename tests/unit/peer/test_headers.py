@@ -1,0 +1,78 @@
+"""If this fails, a node believes a scene header that the scene's key holders never signed, or refuses a good one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import SceneId
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import PROPOSAL_DOMAIN
+from scenefold.peer.headers import checked_header, decider_location
+from scenefold.peer.verification import KnownScene
+from scenefold.wire import KeyEntry, SceneLogPublic
+from unit.peer.scenes_made import HEADER_KEY, STRANGER, WRITER, first_header, later_header, signed
+
+FIRST = first_header()
+OTHER = first_header(write_floor=1)
+
+
+def refusal(header: SceneLogPublic, known: KnownScene | None = None) -> RejectReason:
+    with pytest.raises(Refused) as caught:
+        checked_header(header, known)
+    return caught.value.reason
+
+
+def test_a_first_header_vouches_for_itself() -> None:
+    scene = checked_header(FIRST, None)
+    assert scene.public == FIRST
+    assert set(scene.keys) == {HEADER_KEY.key_id, WRITER.key_id}
+
+
+def test_the_same_header_again_is_no_news_and_no_fault() -> None:
+    assert checked_header(FIRST, checked_header(FIRST, None)).public == FIRST
+
+
+def test_a_successor_of_the_same_key_is_taken() -> None:
+    later = later_header(FIRST, write_floor=2)
+    assert checked_header(later, checked_header(FIRST, None)).public == later
+    assert checked_header(later, None).public == later, "a node that was away meets a later header first"
+
+
+@pytest.mark.parametrize(
+    "header, reason",
+    [
+        (replace(FIRST, scene=SceneId(FIRST.scene ^ 1)), RejectReason.ILL_FORMED),
+        (signed(replace(FIRST, write_floor=7)), RejectReason.ILL_FORMED),
+        (replace(FIRST, signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
+        (signed(FIRST, STRANGER), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, signature=HEADER_KEY.sign(PROPOSAL_DOMAIN, FIRST.signable())), RejectReason.SIGNATURE_INVALID),
+        (first_header(keys=(KeyEntry(1, WRITER.public.raw),)), RejectReason.ILL_FORMED),
+    ],
+    ids=["id", "genesis", "no signature", "other key", "other domain", "key not in it"],
+)
+def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:
+    assert refusal(header) == reason
+
+
+@pytest.mark.parametrize(
+    "header, reason",
+    [
+        (FIRST, RejectReason.POSITION_BEHIND),
+        (later_header(FIRST, write_floor=3), RejectReason.POSITION_TAKEN),
+        (later_header(FIRST, position=3, write_floor=0), RejectReason.POSITION_BEHIND),
+        (later_header(FIRST, STRANGER, position=3, public_key=STRANGER.key_id), RejectReason.NOT_AUTHORISED),
+        (later_header(FIRST, position=3, genesis=FIRST.genesis[:4] + bytes(28)), RejectReason.POSITION_TAKEN),
+    ],
+    ids=["older", "same position otherwise", "floor sinks", "another header key", "another genesis"],
+)
+def test_what_does_not_follow_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:
+    known = KnownScene.of(later_header(FIRST, write_floor=2, mode=FIRST.mode))
+    assert refusal(header, known) == reason
+
+
+def test_scenes_are_decided_all_over_the_line() -> None:
+    places = [decider_location(SceneId(scene)) for scene in range(1, 200)]
+    assert len({place[0] >> 6 for place in places}) == 4

@@ -1,0 +1,93 @@
+"""If this fails, a node stores a record that its writer did not sign for this very place, or that nobody may write."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.verification import KnownScene, verified_put, verify_all
+from scenefold.wire import PutItem, WriterEntry
+from unit.peer.scenes_made import STRANGER, WRITER, first_header, offered, sealed
+
+SCENE = first_header()
+KNOWN = KnownScene.of(SCENE)
+RECORD = sealed(SCENE)
+ITEM = offered(RECORD)
+ELSEWHERE = Location.from_number(7)
+
+
+def flipped(data: bytes, at: int = -1) -> bytes:
+    changed = bytearray(data)
+    changed[at] ^= 1
+    return bytes(changed)
+
+
+def test_a_writers_record_is_taken_as_it_is() -> None:
+    put = verified_put(replace(ITEM, expect=b""), KNOWN)
+    assert put.record == RECORD and put.expect == b""
+
+
+@pytest.mark.parametrize(
+    "item, reason",
+    [
+        (replace(ITEM, signature=flipped(ITEM.signature)), RejectReason.SIGNATURE_INVALID),
+        (replace(ITEM, signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
+        (replace(ITEM, ciphertext=flipped(ITEM.ciphertext)), RejectReason.SIGNATURE_INVALID),
+        (replace(ITEM, header=flipped(ITEM.header, 70)), RejectReason.SIGNATURE_INVALID),
+        (replace(ITEM, ciphertext=ITEM.ciphertext + b"x"), RejectReason.ILL_FORMED),
+        (replace(ITEM, header=b""), RejectReason.ILL_FORMED),
+        (replace(ITEM, header=flipped(ITEM.header, 0)), RejectReason.ILL_FORMED),
+        (replace(ITEM, location=ELSEWHERE), RejectReason.ILL_FORMED),
+        (replace(ITEM, space=SpaceId(11)), RejectReason.ILL_FORMED),
+        (offered(sealed(SCENE, genesis=SCENE.genesis[:4] + bytes(28))), RejectReason.ILL_FORMED),
+        (offered(sealed(SCENE, space=SpaceId(11))), RejectReason.UNKNOWN_SCENE_OR_SPACE),
+        (offered(sealed(SCENE, STRANGER)), RejectReason.NOT_AUTHORISED),
+    ],
+    ids=[
+        "signature bit",
+        "no signature",
+        "ciphertext bit",
+        "seq bit",
+        "longer ciphertext",
+        "no header",
+        "version",
+        "moved",
+        "moved to another space",
+        "another genesis",
+        "unknown space",
+        "no writer",
+    ],
+)
+def test_anything_else_is_refused(item: PutItem, reason: RejectReason) -> None:
+    with pytest.raises(Refused) as caught:
+        verified_put(item, KNOWN)
+    assert caught.value.reason == reason
+
+
+def test_a_writer_writes_in_its_time_only() -> None:
+    scene = first_header(writers=(WriterEntry(WRITER.key_id, 3, 5),))
+    known = KnownScene.of(scene)
+    for epoch in (3, 5):
+        verified_put(offered(sealed(scene, epoch=epoch)), known)
+    for epoch in (2, 6):
+        with pytest.raises(Refused) as caught:
+            verified_put(offered(sealed(scene, epoch=epoch)), known)
+        assert caught.value.reason == RejectReason.KEY_REVOKED
+
+
+def test_an_epoch_below_the_floor_is_refused() -> None:
+    scene = first_header(write_floor=4)
+    with pytest.raises(Refused) as caught:
+        verified_put(offered(sealed(scene, epoch=3)), KnownScene.of(scene))
+    assert caught.value.reason == RejectReason.MODE_FORBIDS
+
+
+def test_each_record_has_a_verdict_of_its_own() -> None:
+    good, bad = ITEM, replace(ITEM, signature=bytes(64))
+    verdicts = verify_all([good, bad, good], [KNOWN] * 3)
+    assert [isinstance(verdict, Refused) for verdict in verdicts] == [False, True, False]

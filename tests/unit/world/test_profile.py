@@ -1,0 +1,151 @@
+"""If this fails, a cluster's keys are lost, exposed, mixed up, or half-written by `cluster init`."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+import pytest
+
+from scenefold.base.errors import LocalFault
+from scenefold.world import Ports
+from scenefold.world.keyring import SceneKeys
+from scenefold.world.profile import ClusterProfile
+
+ADDRESSES = ["127.0.0.4", "127.0.0.2", "127.0.0.3"]
+
+
+@pytest.fixture(scope="module")
+def profile(tmp_path_factory: pytest.TempPathFactory) -> ClusterProfile:
+    folder = tmp_path_factory.mktemp("profiles") / "studio"
+    return ClusterProfile.create(folder, "studio", ADDRESSES, ports=Ports(20001, 20002))
+
+
+def keys_of(name: str, first: int = 1) -> SceneKeys:
+    return SceneKeys(name=name, genesis=bytes([first] * 32), symmetric_key=b"s" * 24, header_seed=b"h" * 32)
+
+
+def test_what_is_created_is_what_is_loaded(profile: ClusterProfile) -> None:
+    assert ClusterProfile.load(profile.folder) == profile
+    assert profile.ports == Ports(20001, 20002)
+    assert [member.address for member in profile.members] == sorted(ADDRESSES)
+
+
+def test_every_party_has_keys_of_its_own(profile: ClusterProfile) -> None:
+    names = [profile.node_identity(address).name for address in sorted(ADDRESSES)]
+    assert names == [f"node:{member.node_id}" for member in profile.members]
+    assert profile.user_identity().name == "user:owner"
+    seeds = {profile.node_signing_key(address).seed for address in ADDRESSES} | {profile.user_signing_key().seed}
+    assert len(seeds) == len(ADDRESSES) + 1
+    assert len(profile.datagram_key()) == 32
+
+
+def test_nobody_else_may_read_it(profile: ClusterProfile) -> None:
+    profile.keyring.save(keys_of("private"))
+    for path in profile.folder.rglob("*"):
+        assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0, path
+
+
+def test_an_existing_cluster_is_not_overwritten(profile: ClusterProfile) -> None:
+    before = {path: path.read_bytes() for path in profile.folder.rglob("*") if path.is_file()}
+    with pytest.raises(LocalFault, match="exists already"):
+        ClusterProfile.create(profile.folder, "other", ADDRESSES)
+    assert before == {path: path.read_bytes() for path in profile.folder.rglob("*") if path.is_file()}
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(LocalFault, match="taken by something else"):
+        ClusterProfile.create(tmp_path, "studio", ADDRESSES)
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+@pytest.mark.parametrize(
+    "addresses, what",
+    [([], "0 nodes"), (["127.0.0.2", "127.0.0.2"], "twice"), (["not.an.address"], "Expected 4 octets"), (["1.2.3"], "Expected 4")],
+)
+def test_bad_addresses_leave_nothing_behind(tmp_path: Path, addresses: list[str], what: str) -> None:
+    with pytest.raises(LocalFault, match=what):
+        ClusterProfile.create(tmp_path / "studio", "studio", addresses)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["", "../up", "a/b", ".hidden", "x" * 65, "-option"])
+def test_names_are_file_names(tmp_path: Path, profile: ClusterProfile, name: str) -> None:
+    with pytest.raises(LocalFault, match="cannot be the name"):
+        ClusterProfile.create(tmp_path / "studio", name, ADDRESSES)
+    with pytest.raises(LocalFault, match="cannot be the name"):
+        profile.keyring.load(name)
+
+
+def test_equal_ports_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(LocalFault, match="no two ports"):
+        ClusterProfile.create(tmp_path / "studio", "studio", ADDRESSES, ports=Ports(5000, 5000))
+
+
+def test_no_profile_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(LocalFault, match="no cluster profile"):
+        ClusterProfile.load(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"\xff\xfe", b"format = 1", b"format = 1\nname = 3", b"format =", b'format = 1\nname = "x"\ncluster_id = "00"\nmembers = []'],
+)
+def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "cluster.toml").write_bytes(content)
+    with pytest.raises(LocalFault, match=r"damaged|format None"):
+        ClusterProfile.load(tmp_path)
+
+
+def test_a_file_of_a_later_version_says_so(tmp_path: Path) -> None:
+    (tmp_path / "cluster.toml").write_text("format = 2")
+    with pytest.raises(LocalFault, match="format 2, this program knows 1"):
+        ClusterProfile.load(tmp_path)
+
+
+def test_a_missing_key_file_is_named(tmp_path: Path) -> None:
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2"])
+    (profile.folder / "nodes" / "127.0.0.2" / "signing.seed").unlink()
+    with pytest.raises(LocalFault, match="missing") as caught:
+        profile.node_signing_key("127.0.0.2")
+    assert "signing.seed" in caught.value.where
+
+
+def test_another_nodes_seed_is_noticed(tmp_path: Path) -> None:
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"])
+    nodes = profile.folder / "nodes"
+    (nodes / "127.0.0.3" / "signing.seed").replace(nodes / "127.0.0.2" / "signing.seed")
+    with pytest.raises(LocalFault, match="not the key that is registered"):
+        profile.node_signing_key("127.0.0.2")
+
+
+def test_a_stranger_is_no_member(profile: ClusterProfile) -> None:
+    with pytest.raises(LocalFault, match="is no node of this cluster"):
+        profile.node_identity("127.0.0.9")
+
+
+def test_a_scene_is_kept_and_found_again(profile: ClusterProfile) -> None:
+    profile.keyring.save(keys_of("kitchen"))
+    assert profile.keyring.load("kitchen") == keys_of("kitchen")
+    assert "kitchen" in profile.keyring.names()
+    assert profile.keyring.load("kitchen").scene_id == 0x01010101
+
+
+def test_a_scenes_keys_are_not_shown(profile: ClusterProfile) -> None:
+    assert "ssss" not in repr(keys_of("kitchen")) and "hhhh" not in repr(keys_of("kitchen"))
+
+
+def test_another_scene_of_the_same_name_is_refused(profile: ClusterProfile) -> None:
+    profile.keyring.save(keys_of("hall", first=1))
+    with pytest.raises(LocalFault, match="exists already"):
+        profile.keyring.save(keys_of("hall", first=2))
+    assert profile.keyring.load("hall") == keys_of("hall", first=1)
+
+
+def test_keys_of_another_scene_under_this_name_are_noticed(profile: ClusterProfile) -> None:
+    profile.keyring.save(keys_of("attic"))
+    path = profile.folder / "scenes" / "attic.toml"
+    path.write_text(path.read_text().replace("id = 16843009", "id = 7"))
+    with pytest.raises(LocalFault, match="damaged"):
+        profile.keyring.load("attic")
