@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
+from scenectl.values import PortPair, PortsOption, cluster_ports
 
 app = App(name="bench", help="Measure, as the project's own documentation does.", help_format="plaintext")
 
@@ -65,6 +66,7 @@ def store(
     records: Annotated[int, Parameter(validator=Number(gte=1, lte=1_000_000))] = 1000,
     record_bytes: Annotated[int, Parameter(validator=Number(gte=1, lte=60 * 1024))] = 60 * 1024,
     nodes: Annotated[int, Parameter(validator=Number(gte=1, lte=127))] = 3,
+    ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Measure durable writes and reads through the whole path: sealed, signed, sent, verified, stored, and back.
@@ -79,10 +81,12 @@ def store(
         Payload of each.
     nodes
         Nodes of the cluster that is started when no profile is given.
+    ports
+        Their ports, LOW,HIGH; by default 17349,17350.
     """
     from scenectl.running import run
 
-    result = run(_measure_store, output.profile, nodes, records, record_bytes)
+    result = run(_measure_store, output.profile, nodes, ports, records, record_bytes)
     rows = [
         ("write", f"{result['write_records_per_second']:,}", size_text(result["write_bytes_per_second"]) + "/s"),
         ("read", f"{result['read_records_per_second']:,}", size_text(result["read_bytes_per_second"]) + "/s"),
@@ -108,16 +112,17 @@ def render(
     samples
         Paths for each pixel.
     """
+    from scenefold.render.bench import bench_render, bench_text
+
     from scenectl.progress import Progress
     from scenectl.running import run
-    from scenefold.render.bench import bench_render, bench_text
 
     with Progress(quiet=output.json) as progress:
         result = run(bench_render, file, samples, progress)
     emit(output, result, bench_text(result))
 
 
-async def _measure_store(profile: str | None, nodes: int, records: int, record_bytes: int) -> dict[str, Any]:
+async def _measure_store(profile: str | None, nodes: int, ports: PortPair | None, records: int, record_bytes: int) -> dict[str, Any]:
     import os
     from contextlib import AsyncExitStack
 
@@ -128,7 +133,7 @@ async def _measure_store(profile: str | None, nodes: int, records: int, record_b
 
     async with AsyncExitStack() as stack:
         if profile is None:
-            embedded = await stack.enter_async_context(local_cluster(nodes))
+            embedded = await stack.enter_async_context(local_cluster(nodes, ports=cluster_ports(ports)))
             cluster = await stack.enter_async_context(connect(embedded.profile))
         else:
             cluster = await stack.enter_async_context(connect(profile))

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from scenectl.errors import DEGRADED, DONE
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
-from scenectl.values import AddressesOption
+from scenectl.values import AddressesOption, PortsOption, cluster_ports
 
 if TYPE_CHECKING:
     from scenefold.client import ClusterStatus
@@ -24,6 +24,7 @@ def init(
     *,
     nodes: AddressesOption,
     name: str | None = None,
+    ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:
     """Make the authority, the keys and the member list of a new cluster.
@@ -40,10 +41,12 @@ def init(
         IPv4 addresses of the nodes, separated by commas.
     name
         Name of the cluster; by default that of the folder.
+    ports
+        Ports for low and high priority, LOW,HIGH; by default 17349,17350.
     """
     from scenefold.client import create_cluster
 
-    profile = create_cluster(folder, name or folder.resolve().name, nodes.all)
+    profile = create_cluster(folder, name or folder.resolve().name, nodes.all, ports=cluster_ports(ports))
     document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all)}
     first = nodes.all[0]
     text = (

@@ -21,7 +21,7 @@ SceneOption = Annotated[str, Parameter(name=("--scene", "-s"))]
 def put(
     space: SpaceOption,
     location: PlaceOption,
-    file: Path,
+    file: Annotated[Path, Parameter(allow_leading_hyphen=True)],
     /,
     *,
     scene: SceneOption,
@@ -46,13 +46,13 @@ def put(
         Fail if the location holds a record already.
     """
     from scenectl.running import run
-    from scenefold.base.errors import UsageFault
+    from scenefold.base.errors import LocalFault
     from scenefold.base.limits import PAYLOAD_BYTES_MAX
     from scenefold.client import ABSENT, connect
 
     payload = _read(file, PAYLOAD_BYTES_MAX + 1)
     if len(payload) > PAYLOAD_BYTES_MAX:
-        raise UsageFault(
+        raise LocalFault(
             "the file does not fit one record", where=str(file), remedy=f"split it into parts of up to {PAYLOAD_BYTES_MAX} bytes"
         )
 

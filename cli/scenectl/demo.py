@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.output import PLAIN, Output, emit
-from scenectl.values import HD_QUARTER, SizeOption
+from scenectl.values import HD_QUARTER, PortsOption, SizeOption
 
 app = App(name="demo", help_format="plaintext", help_epilogue="Example: scenectl demo --output demo-output")
 
@@ -22,6 +22,7 @@ def demo(
     nodes: Annotated[int, Parameter(validator=Number(gte=1, lte=127))] = 5,
     samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
     size: SizeOption = HD_QUARTER,
+    ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:
     """Start five nodes on this machine, import the sample scene, render it, and write image and report.
@@ -36,13 +37,15 @@ def demo(
         Paths for each pixel.
     size
         Width and height in pixels.
+    ports
+        Ports of the nodes, LOW,HIGH; by default 17349,17350.
     """
     from scenectl.progress import Progress
     from scenectl.running import run
     from scenectl.still import StillJob, check_files, make_still, report_text
     from scenefold.base.errors import LocalFault
     from scenefold.render.client import StillOptions
-    from scenefold.scene.sample import sample_scene_file
+    from scenefold.scene.sample import sample_scene_path
 
     try:
         to.mkdir(parents=True, exist_ok=True)
@@ -52,11 +55,12 @@ def demo(
     check_files(None, exr, png)
     options = StillOptions(width=size.width, height=size.height, samples=samples, seed=1, algorithm="bounded-radial", sky=None, camera=None)
     job = StillJob(
-        file=sample_scene_file(),
+        file=sample_scene_path(),
         scene_name="sample",
         profile=None,
         nodes=nodes,
         threads=None,
+        ports=ports,
         options=options,
         exr=exr,
         png=png,

@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit_event
-from scenectl.values import AddressesOption, AddressOption
+from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports
 
 app = App(name="node", help="Run nodes.", help_format="plaintext")
 
@@ -78,6 +78,7 @@ def local(
     *,
     folder: Path | None = None,
     threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
+    ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:
     """Run COUNT nodes on this machine, one process each, until Ctrl-C, for trying things.
@@ -94,6 +95,8 @@ def local(
         Where their profile and data lie and stay; by default a temporary folder that is removed at the end.
     threads
         Threads that each node may render with; by default the machine's are shared out.
+    ports
+        Ports for low and high priority, LOW,HIGH; by default 17349,17350.
     """
     import trio
 
@@ -101,7 +104,7 @@ def local(
     from scenefold.node.local import local_cluster
 
     async def work() -> None:
-        async with local_cluster(count, folder, threads=threads) as cluster:
+        async with local_cluster(count, folder, threads=threads, ports=cluster_ports(ports)) as cluster:
             profile = str(cluster.profile.resolve())
             document = {"event": "ready", "profile": profile, "nodes": list(cluster.addresses)}
             emit_event(output, document, f"{count} nodes are ready; use --profile {profile}\nCtrl-C ends them.")

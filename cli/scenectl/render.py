@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
-from scenectl.values import HD_QUARTER, ColourOption, SizeOption
+from scenectl.values import HD_QUARTER, ColourOption, PortsOption, SizeOption
 
 app = App(name="render", help="Render images.", help_format="plaintext")
 
@@ -25,11 +25,12 @@ def still(
     samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
     size: SizeOption = HD_QUARTER,
     seed: Annotated[int, Parameter(validator=Number(gte=0, lt=2**32))] = 1,
-    depth: Annotated[int, Parameter(validator=Number(gte=1, lte=31))] = 8,
+    depth: Annotated[int, Parameter(validator=Number(gte=1, lte=32))] = 8,
     sky: ColourOption | None = None,
     camera: str | None = None,
     exposure: Annotated[float, Parameter(validator=Number(gte=-64, lte=64))] = 0.0,
     threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
+    ports: PortsOption | None = None,
     scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -58,7 +59,7 @@ def still(
     seed
         Seed of the random numbers; the same seed gives the same image.
     depth
-        Most bounces of a path.
+        Most segments of a path, the camera ray being the first.
     sky
         Colour of a uniform sky as R,G,B, linear; without it there is none, and only the scene's own lights shine.
     camera
@@ -67,6 +68,8 @@ def still(
         Brightness of the PNG in stops; the EXR is not changed.
     threads
         Threads that each node renders with, when no profile is given.
+    ports
+        Ports of the cluster that is started, LOW,HIGH; by default 17349,17350.
     scene
         Name of the scene; by default that of the file without its ending.
     """
@@ -100,6 +103,7 @@ def still(
         profile=output.profile,
         nodes=nodes,
         threads=threads,
+        ports=ports,
         options=options,
         exr=to,
         png=png,

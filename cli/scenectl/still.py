@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenectl.output import size_text
+from scenectl.values import cluster_ports
 
 if TYPE_CHECKING:
+    from scenectl.values import PortPair
     from scenefold.client import Cluster, ImportReport
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.client import StillOptions, StillResult
@@ -31,6 +33,7 @@ class StillJob:
     profile: str | None
     nodes: int
     threads: int | None
+    ports: PortPair | None
     options: StillOptions
     exr: Path
     png: Path
@@ -128,7 +131,7 @@ async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
 
     begun = time.monotonic()
     stopping = begun
-    async with local_cluster(job.nodes, threads=job.threads) as embedded:
+    async with local_cluster(job.nodes, threads=job.threads, ports=cluster_ports(job.ports)) as embedded:
         async with connect(embedded.profile) as cluster:
             phases.seconds["start"] = round(time.monotonic() - begun, 3)
             yield cluster

@@ -9,13 +9,16 @@ import ipaddress
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self
 
 from cyclopts import Parameter, Token
 
 from scenefold.base.ids import SPACE_ID_MAX
 from scenefold.base.limits import NODES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
+
+if TYPE_CHECKING:
+    from scenefold.world import Ports
 
 SIDE_PIXELS_MAX = 16_384
 """Pixels of one side of an image."""
@@ -124,6 +127,33 @@ class Address:
 
 
 @dataclass(frozen=True)
+class PortPair:
+    """The two port numbers that all nodes of a cluster listen on: 17349,17350."""
+
+    low: int
+    high: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        low, comma, high = text.partition(",")
+        if not (comma and _is_digits(low) and _is_digits(high)):
+            raise ValueError(f"ports are LOW,HIGH, such as 17349,17350, not {text!r}")
+        if not (0 < int(low) < 65536 and 0 < int(high) < 65536) or int(low) == int(high):
+            raise ValueError(f"ports are two different numbers from 1 to 65535, not {text!r}")
+        return cls(int(low), int(high))
+
+    def __str__(self) -> str:
+        return f"{self.low},{self.high}"
+
+
+def cluster_ports(pair: PortPair | None) -> Ports | None:
+    """The pair as the rest of the program knows it; None stays the default."""
+    from scenefold.world import Ports
+
+    return None if pair is None else Ports(pair.low, pair.high)
+
+
+@dataclass(frozen=True)
 class Place:
     """A location by its leading hexadecimal digits, 1 to 40 of them; what is missing is filled up."""
 
@@ -180,6 +210,7 @@ SizeOption = Annotated[Size, _ONE_WORD]
 ColourOption = Annotated[Colour, _ONE_WORD]
 AddressOption = Annotated[Address, _ONE_WORD]
 AddressesOption = Annotated[Addresses, _ONE_WORD]
+PortsOption = Annotated[PortPair, _ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
 PlaceOption = Annotated[Place, _ONE_WORD]
 SpaceOption = Annotated[SpaceNumber, _ONE_WORD]
 

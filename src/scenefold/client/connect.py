@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
-from scenefold.world import open_links, real_world
+from scenefold.world import Ports, open_links, real_world
 from scenefold.world.profile import ClusterProfile
 
 DEFAULT_PROFILE = "default"
@@ -42,6 +42,6 @@ def profile_folder(profile: str | Path | None) -> Path:
     raise LocalFault("there is no cluster profile", where=where, remedy=remedy)
 
 
-def create_cluster(folder: Path, name: str, node_addresses: Sequence[str]) -> ClusterProfile:
+def create_cluster(folder: Path, name: str, node_addresses: Sequence[str], *, ports: Ports | None = None) -> ClusterProfile:
     """Make authority, keys and member list of a new cluster in a folder, whole or not at all."""
-    return ClusterProfile.create(folder, name, node_addresses)
+    return ClusterProfile.create(folder, name, node_addresses, ports=ports)

@@ -1,0 +1,91 @@
+"""scenectl as users run it: a process, with its output, errors and exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+LIMIT_S = 60
+
+
+@dataclass(frozen=True)
+class Done:
+    """A command that ended."""
+
+    code: int
+    out: bytes
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+    @property
+    def error(self) -> str:
+        """The error line; there must be one, and no traceback."""
+        lines = [line for line in self.err.splitlines() if line.startswith("error: ")]
+        assert len(lines) == 1, self.err
+        assert "Traceback" not in self.err
+        return lines[0]
+
+
+def scenectl(*arguments: str | Path, profile: Path | str | None = None, stdin: bytes = b"", **env: str) -> Done:
+    """Run one command to its end."""
+    done = subprocess.run(command(*arguments), input=stdin, capture_output=True, timeout=LIMIT_S, env=environment(profile, **env))
+    return Done(done.returncode, done.stdout, done.stderr.decode())
+
+
+def command(*arguments: str | Path) -> list[str]:
+    return [sys.executable, "-m", "scenectl", *map(str, arguments)]
+
+
+def environment(profile: Path | str | None, **more: str) -> dict[str, str]:
+    """Ours without any settings of scenefold but these."""
+    env = {name: value for name, value in os.environ.items() if not name.startswith("SCENEFOLD_")}
+    return env | ({} if profile is None else {"SCENEFOLD_PROFILE": str(profile)}) | more
+
+
+def free_ports(*addresses: str) -> str:
+    """Two ports that are free at all addresses, for --ports."""
+    found: list[int] = []
+    while len(found) < 2:
+        with ExitStack() as stack:
+            first = stack.enter_context(socket.socket())
+            first.bind((addresses[0], 0))
+            port = first.getsockname()[1]
+            try:
+                for address in addresses[1:]:
+                    stack.enter_context(socket.socket()).bind((address, port))
+            except OSError:
+                continue
+            found.append(port)
+    return ",".join(map(str, found))
+
+
+@contextmanager
+def running(*arguments: str | Path, profile: Path | str | None = None) -> Iterator[tuple[subprocess.Popen[bytes], Any]]:
+    """A verb that goes on running (with --json): the process, and what it said when it was ready. Ended by SIGINT."""
+    with subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(profile)) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            if not line:
+                assert process.stderr is not None
+                raise AssertionError(process.stderr.read().decode())
+            yield process, json.loads(line)
+        finally:
+            if process.poll() is None:
+                process.send_signal(2)
+                try:
+                    process.communicate(timeout=LIMIT_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    raise
