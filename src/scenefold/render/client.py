@@ -153,14 +153,15 @@ def _report(state: dict[str, Any]) -> dict[str, Any]:
     casts = [int(node["casts"]) for node in nodes]
     passed = sum(int(node["rays_sent"]) for node in nodes)
     paths = int(state["paths"])
+    rays = sum(int(node["rays"]) for node in nodes)
     rendering = max(seconds.get("render", 0.0), 1e-9)
     return {
         "passes": int(state["passes"]),
         "paths": paths,
         "numeric_class": state["numeric_class"],
         "paths_per_second": paths / rendering,
-        "rays": sum(casts) - passed,
-        "rays_per_second": (sum(casts) - passed) / rendering,
+        "rays": rays,
+        "rays_per_second": rays / rendering,
         "cell_visits": sum(casts),
         "rays_passed": passed,
         "rays_passed_per_path": passed / paths,

@@ -40,7 +40,10 @@ QUEUE_RAYS_ENOUGH = 32_768
 class MemberStatistics:
     """What a node did for a job so far."""
 
+    rays: int = 0
+    """Born here: camera, bounce and shadow rays, each once however many cells it crosses."""
     casts: int = 0
+    """Visits of this cell: the node's work."""
     shadow_casts: int = 0
     rays_sent: int = 0
     rays_received: int = 0
@@ -218,6 +221,7 @@ class Member:
 
     def _count(self, number: int, more: Counts) -> None:
         self._counts[number] = self._counts.get(number, Counts()) + more
+        self.statistics.rays += more.created
 
     def _tell(self, number: int) -> None:
         """Nothing of a pass waits here any more: let its owner know the counts."""

@@ -107,6 +107,7 @@ class Part:
             document |= {
                 "closed": self._member.closed,
                 "owned": self._member.owned,
+                "rays": statistics.rays,
                 "casts": statistics.casts,
                 "shadow_casts": statistics.shadow_casts,
                 "rays_sent": statistics.rays_sent,
