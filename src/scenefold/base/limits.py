@@ -90,7 +90,7 @@ assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
 assert RANGE_LOCATIONS_MAX * 22 < BULK_BYTES_MAX
 assert PARTICIPANTS_MAX >= NODES_MAX
 
-# Connections (specs/04-wire.md, world/).
+# Connections (world/).
 PENDING_HANDSHAKES_MAX = 64
 """Connections that have not shown a certificate yet; the oldest of the pushiest source makes room."""
 HANDSHAKE_S_MAX = 10.0

@@ -42,10 +42,11 @@ class _Waiting:
 
 @dataclass(frozen=True, slots=True)
 class Committed:
-    """Answers in the order of the changes, and the new counts of the spaces that changed."""
+    """Answers in the order of the changes, the new counts of the spaces that changed, and what had no room."""
 
     answers: list[Any]
     counts: dict[SpaceAddress, Counts]
+    refused: int
 
 
 class GroupWriter:
@@ -58,6 +59,7 @@ class GroupWriter:
         self._entrance, self._exit = trio.open_memory_channel[_Waiting](STORE_QUEUE_CHANGES_MAX)
         self.counts: dict[SpaceAddress, Counts] = {}
         self.commits = 0
+        self._is_full = False
 
     async def submit(self, change: Change[R]) -> R:
         """Apply a change; returns when it is durable. Cancelled, the change may or may not happen."""
@@ -80,11 +82,15 @@ class GroupWriter:
         try:
             async for first in self._exit:
                 batch = [waiting for waiting in self._gather(first) if not waiting.abandoned]
+                if not batch:
+                    continue
                 committed = await self._workers.run(
                     "store", commit, self._environment, [waiting.change for waiting in batch], self._reserve_bytes
                 )
                 self.commits += 1
                 self.counts.update(committed.counts)
+                if not all(waiting.change.uses_reserve for waiting in batch):
+                    self._tell_of_fill(committed.refused)
                 for waiting, answer in zip(batch, committed.answers, strict=True):
                     waiting.finish(answer)
                 batch = []
@@ -93,6 +99,16 @@ class GroupWriter:
             raise LocalFault(str(error), remedy="see to the disk, then start the node again") from error
         finally:
             self._dismiss(batch)
+
+    def _tell_of_fill(self, refused: int) -> None:
+        """One line when the disk fills up, one when there is room again; not one for each refusal."""
+        if bool(refused) == self._is_full:
+            return
+        self._is_full = bool(refused)
+        if refused:
+            _log.error("the disk is full but for its reserve: new records are refused")
+        else:
+            _log.info("the disk has room again")
 
     def _gather(self, first: _Waiting) -> list[_Waiting]:
         batch, size_bytes = [first], first.change.size_bytes
@@ -130,13 +146,12 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
     def apply(transaction: WriteTransaction) -> Committed:
         tally = Tally()
         answers = [change.apply(transaction, tally) if fits else _full(change) for change, fits in zip(changes, admitted, strict=True)]
-        return Committed(answers, tally.write(transaction))
+        return Committed(answers, tally.write(transaction), admitted.count(False))
 
     try:
         return environment.update(apply)
-    except DiskFull as error:
-        _log.error("%s; %d changes refused", error, len(changes))
-        return Committed([_full(change) for change in changes], {})
+    except DiskFull:
+        return Committed([_full(change) for change in changes], {}, len(changes))
 
 
 def _full(change: Change[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""The seam to the outside, and what services talk through: ports, channels, links (specs/04-world.md).
+"""The seam to the outside, and what services talk through: ports, channels, links (design: docs/architecture.md).
 
 Names that need the wire load on first use, so that `import scenefold.world` stays cheap.
 """

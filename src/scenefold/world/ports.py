@@ -207,7 +207,8 @@ class Environment(Protocol):
         """Run `change` in a transaction and return its result once everything in it is durable; all or nothing.
 
         `change` may run more than once (a full map grows and it starts anew), so it must have no effect outside.
-        What it raises aborts the transaction. DiskFull and DiskFailed as they say.
+        What it raises aborts the transaction. DiskFull and DiskFailed as they say. A thread with a view open must
+        not call this: to make room, an update may have to wait until all views have ended.
         """
         ...
 

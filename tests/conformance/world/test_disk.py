@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -64,11 +65,23 @@ def test_a_change_that_raises_leaves_nothing(worlds: Worlds, tmp_path: Path) -> 
 def test_a_reader_sees_one_moment(worlds: Worlds, tmp_path: Path) -> None:
     environment = worlds.node(0).disk.open(tmp_path, TABLES)
     environment.update(lambda transaction: transaction.put("a", b"key", b"old"))
-    with environment.read() as transaction:
-        environment.update(lambda writing: writing.put("a", b"key", b"new"))
-        value = transaction.get("a", b"key")
-        assert value is not None
-        assert bytes(value) == b"old"
+    view_open, written = threading.Event(), threading.Event()
+    seen = []
+
+    def read() -> None:
+        with environment.read() as transaction:
+            view_open.set()
+            assert written.wait(30)
+            value = transaction.get("a", b"key")
+            seen.append(bytes(value or b""))
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    assert view_open.wait(30)
+    environment.update(lambda transaction: transaction.put("a", b"key", b"new"))
+    written.set()
+    reader.join()
+    assert seen == [b"old"]
     assert rows(environment, "a") == [(b"key", b"new")]
     environment.close()
 

@@ -84,7 +84,7 @@ class TroubledDisk:
         return environment
 
 
-@pytest.mark.expect_log("no room at all; 1 changes refused")
+@pytest.mark.expect_log("new records are refused")
 async def test_a_full_disk_acknowledges_nothing(tmp_path: Path) -> None:
     disk = TroubledDisk()
     async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
