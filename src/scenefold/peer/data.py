@@ -11,10 +11,10 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 
 import trio
 
-from scenefold.base.errors import Refused, ScenefoldError
+from scenefold.base.errors import Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.limits import BULK_BYTES_MAX, RANGE_LOCATIONS_MAX
-from scenefold.base.location import Arc, Location
+from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordPlace
 from scenefold.peer.handlers import Handlers, node_of
@@ -148,7 +148,7 @@ class DataService:
         return found
 
     async def read(self, scene: SceneId, keys: Sequence[RecordKey], position: int) -> list[RecordBytes | None]:
-        """All records at the keys, wherever they lie; for services of this node. Unreachable if an owner is away."""
+        """All records at the keys, wherever they lie; for services of this node. Refused (16) if an owner is away."""
         found: list[RecordBytes | None] = []
         while len(found) < len(keys):
             found += await self.get(scene, keys[len(found) :], position, forward=True)
@@ -169,7 +169,10 @@ class DataService:
         async def fetch(owner: NodeId, theirs: Sequence[RecordKey]) -> None:
             while theirs:
                 request = GetMany(scene=scene, position=position, keys=tuple(theirs))
-                reply = await self._peers.ask(owner, Priority.LOW, request, GetManyReply, FORWARD_S_MAX)
+                try:
+                    reply = await self._peers.ask(owner, Priority.LOW, request, GetManyReply, FORWARD_S_MAX)
+                except Unreachable as problem:
+                    raise Refused(RejectReason.NOT_READY, f"the owner {address_of(owner)} does not answer") from problem
                 if not 1 <= len(reply.records) <= len(theirs):
                     raise Refused(RejectReason.ILL_FORMED, "an owner answered with another number of records")
                 found.update(zip(theirs, reply.records, strict=False))
@@ -211,14 +214,9 @@ class DataService:
     async def _on_query(self, packet: QueryRange, _peer: str) -> Packet:
         await self._scenes.known(packet.scene)
 
-        def reject(location: Location, reason: RejectReason) -> Packet:
-            return RejectRange(scene=packet.scene, space=packet.space, location=location, reason=reason)
-
-        if packet.first > packet.last:
-            return reject(packet.first, RejectReason.ILL_FORMED)
         mine = Arc(packet.first, packet.last).intersection(self._routing.arc_of(self._me))
         if mine is None:
-            return reject(packet.first, RejectReason.OUTSIDE_BOUNDS)
+            return RejectRange(scene=packet.scene, space=packet.space, location=packet.first, reason=RejectReason.OUTSIDE_BOUNDS)
         answer = await self._store.range(packet.scene, packet.space, mine, RANGE_LOCATIONS_MAX)
         return ReturnRange(
             scene=packet.scene,

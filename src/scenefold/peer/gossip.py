@@ -144,6 +144,9 @@ class Gossip:
                 await self._hear(packet, source)
             elif isinstance(packet, RequestState):
                 await datagrams.send(self._page(packet.request_id, sender), address_of(sender))
+                if sender in self._roster.unheard():
+                    # It lives, but has said nothing of itself yet. It has heard us by then, so this ends here.
+                    await datagrams.send(self._sealed(RequestState(request_id=1)), address_of(sender))
             else:
                 self._drop(source, "unexpected", f"a {type(packet).__name__} has no business here")
 
