@@ -71,5 +71,6 @@ async def test_a_node_that_is_killed_is_noticed_at_once(tmp_path: Path) -> None:
                     process.kill()
             assert len(failures) == 5
             assert all("the connection" in failure.what for failure in failures)
+            await trio.to_thread.run_sync(process.wait)
             await ask()
             assert "refused" in failures[-1].what.lower()
