@@ -80,7 +80,14 @@ def test_concave_polygons_keep_their_outline(tmp_path: Path) -> None:
     found = triangles(path)
     crosses = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])[:, 2]
     assert len(found) == 6 and area(found) == pytest.approx(10) and (crosses > 0).all()
-    assert len(clip_ears([(float("nan"), 0.0, 0.0)] * 5)) == 3
+    assert len(clip_ears([(float("nan"), 0.0, 0.0)] * 5)[0]) == 3
+
+
+def test_hostile_text_takes_seconds_not_hours(tmp_path: Path) -> None:
+    spaces = "usemtl a" + " " * 200_000 + "b\n" + "\n" * 200_000
+    spiral = np.linspace(0, 60, 3_000)
+    turns = "".join(f"v {r * np.cos(r)} {r * np.sin(r)} 0\n" for r in spiral) + "f " + " ".join(map(str, range(1, 3_001)))
+    assert len(triangles(write(tmp_path, "a.obj", spaces + turns))) > 2_000
 
 
 def test_ply_and_stl(tmp_path: Path) -> None:

@@ -17,10 +17,10 @@ from scenefold.scene.payloads.materials import Material
 
 _BYTES_MAX = 2 << 30
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-_FACE_FROM_END = re.compile(r"^\s*f[ \t].*-\d", re.MULTILINE)
-_FACE_OF_NOTHING = re.compile(r"^\s*f[ \t](?:.*[ \t])?0+(?:/|\s|$)", re.MULTILINE)
-_USE = re.compile(r"^[ \t]*usemtl[ \t]+(.*?)[ \t]*$", re.MULTILINE)
-_LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+(.*?)[ \t]*$", re.MULTILINE)
+_FACE_FROM_END = re.compile(r"^[ \t]*f[ \t].*-\d", re.MULTILINE)
+_FACE_OF_NOTHING = re.compile(r"^[ \t]*f[ \t](?:.*[ \t])?0+(?:/|\s|$)", re.MULTILINE)
+_USE = re.compile(r"^[ \t]*usemtl[ \t]+(.*)$", re.MULTILINE)
+_LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+(.*)$", re.MULTILINE)
 _OTHERS = re.compile(r"^[ \t]*(l|p|curv|surf)[ \t]", re.MULTILINE)
 
 
@@ -32,11 +32,11 @@ def read_obj(path: Path) -> SourceScene:
     left = NotCarried()
     textures = TextureList()
     known: dict[str, Material] = {}
-    for library in dict.fromkeys(_LIBRARY.findall(text)):
+    for library in dict.fromkeys(name.strip() for name in _LIBRARY.findall(text)):
         known |= _library(path, library, textures, left)
     text = _LIBRARY.sub("", text)
     left.note("points, lines, curves and surfaces", len(_OTHERS.findall(text)))
-    used = list(dict.fromkeys(_USE.findall(text)))
+    used = list(dict.fromkeys(name.strip() for name in _USE.findall(text)))
     if len(used) >= MATERIALS_MAX:
         raise bad_file(path, f"the OBJ uses more than {MATERIALS_MAX} materials")
     left.note("materials that no library has, grey instead", sum(name not in known for name in used))

@@ -9,8 +9,8 @@ import math
 import re
 
 FACE_OF_MANY = re.compile(r"^[ \t]*f(?:[ \t]+[^ \t\n]+){5}", re.MULTILINE)
-_CORNERS_MAX = 4_096
-"""Clipping ears takes the square of this in steps; beyond it a fan must do."""
+_STEPS_MAX = 10_000_000
+"""Corners looked at for one file: some seconds. Clipping ears takes the square of a polygon's corners, or worse; beyond this fans must do."""
 Point = tuple[float, float, float]
 Flat = tuple[float, float]
 
@@ -19,11 +19,13 @@ def split_polygons(text: str) -> str:
     """The text of an OBJ whose indices count from the start, with triangles in place of larger polygons."""
     lines = text.replace("\\\n", " ").split("\n")
     points = [_point(line) for line in lines if line.lstrip().startswith(("v ", "v\t"))]
+    steps = 0
     for at, line in enumerate(lines):
         words = line.split()
         if len(words) > 5 and words[0] == "f":
             corners = words[1:]
-            triangles = clip_ears([_place(points, corner) for corner in corners])
+            triangles, taken = clip_ears([_place(points, corner) for corner in corners], _STEPS_MAX - steps)
+            steps += taken
             lines[at] = "\n".join(f"f {corners[a]} {corners[b]} {corners[c]}" for a, b, c in triangles)
     return "\n".join(lines)
 
@@ -43,18 +45,26 @@ def _place(points: list[Point], corner: str) -> Point:
     return points[int(number[:10]) - 1] if known else (math.nan, math.nan, math.nan)
 
 
-def clip_ears(polygon: list[Point]) -> list[tuple[int, int, int]]:
-    """Triangles (corner numbers) of a simple polygon; a fan where it is none."""
+def clip_ears(polygon: list[Point], steps_max: int = _STEPS_MAX) -> tuple[list[tuple[int, int, int]], int]:
+    """Triangles (corner numbers) of a simple polygon, and the steps it took; a fan where it is none, or takes too long."""
     left = list(range(len(polygon)))
     flat = _flattened(polygon)
     triangles: list[tuple[int, int, int]] = []
-    while flat is not None and len(left) > 3 and len(polygon) <= _CORNERS_MAX:
-        ear = next((at for at in range(len(left)) if _is_ear(flat, left, at)), None)
+    steps = 0
+    while flat is not None and len(left) > 3 and steps < steps_max:
+        ear = None
+        for at in range(len(left)):
+            steps += len(left)
+            if _is_ear(flat, left, at):
+                ear = at
+                break
+            if steps >= steps_max:
+                break
         if ear is None:
             break
         triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    return [*triangles, *((left[0], left[at], left[at + 1]) for at in range(1, len(left) - 1))]
+    return [*triangles, *((left[0], left[at], left[at + 1]) for at in range(1, len(left) - 1))], steps
 
 
 def _flattened(polygon: list[Point]) -> list[Flat] | None:
