@@ -162,8 +162,8 @@ async def test_who_falls_silent_is_not_believed_alive_for_long(autojump_clock: t
 
 
 async def test_datagrams_stay_small_and_the_table_goes_round(autojump_clock: trio.testing.MockClock) -> None:
-    async with village(40) as them:
-        for index in range(40):
+    async with village(25) as them:
+        for index in range(25):
             await them.start(index)
         with trio.fail_after(10.0):
             for node in them.nodes.values():
