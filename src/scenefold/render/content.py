@@ -154,7 +154,9 @@ def _normal_matrices(matrices: F64) -> F64:
     for row in range(3):
         rows[:, row] = np.cross(a[:, (row + 1) % 3], a[:, (row + 2) % 3])
     determinant = (a[:, 0] * rows[:, 0]).sum(axis=1)
-    rows *= np.where(determinant < 0.0, -1.0, 1.0)[:, None, None]
+    # Scaled, so that the normals of very small and very large instances stay far from the ends of the range.
+    size = np.maximum(np.abs(rows).max(axis=(1, 2)), 1e-300)
+    rows *= (np.where(determinant < 0.0, -1.0, 1.0) / size)[:, None, None]
     return np.ascontiguousarray(rows)
 
 

@@ -32,7 +32,8 @@ def scattering_stride(pixels: int) -> int:
 def generate_pass(job, first_path, out):  # type: ignore[no-untyped-def]
     """Write the camera rays of paths first_path .. first_path + len(out) - 1 to out, uint32[n, 9].
 
-    A ray that misses the job's box altogether is born with t_done 65535.
+    A ray is born where it enters the job's box: seen from a camera far away, single precision would not tell
+    one surface from the next. One that misses the box altogether is born with t_done 65535.
     """
     pixels = job.width * job.height
     camera = job.camera
@@ -52,9 +53,22 @@ def generate_pass(job, first_path, out):  # type: ignore[no-untyped-def]
             ox, oy, oz = ox + x * camera[3] + y * camera[6], oy + x * camera[4] + y * camera[7], oz + x * camera[5] + y * camera[8]
         code_u, code_v = encode_direction(dx, dy, dz)
         rx, ry, rz = decode_direction(code_u, code_v)
+        t_in, t_out = box_span(ox, oy, oz, rx, ry, rz, job.box_low, job.box_high)
+        if t_in <= t_out:
+            ox, oy, oz = ox + rx * t_in, oy + ry * t_in, oz + rz * t_in
         fx, fy, fz = np.float32(ox), np.float32(oy), np.float32(oz)
         t_in, t_out = box_span(
             float(fx), float(fy), float(fz), float(np.float32(rx)), float(np.float32(ry)), float(np.float32(rz)), job.box_low, job.box_high
         )
         step = 0 if t_in <= t_out else 65535
         write_path_ray(out, i, fx, fy, fz, code_u, code_v, PDF_DELTA, white, i, KIND_CAMERA, 0, step)
+
+
+@njit(error_model="numpy")
+def depth_of(job, px, py, pz):  # type: ignore[no-untyped-def]
+    """How far a point is from the camera, or from its plane if the camera is orthographic."""
+    camera = job.camera
+    x, y, z = px - camera[0], py - camera[1], pz - camera[2]
+    if camera[14] == 0.0:
+        return math.sqrt(x * x + y * y + z * z)
+    return max(x * camera[9] + y * camera[10] + z * camera[11], 0.0)

@@ -13,7 +13,7 @@ from numba import njit
 from scenefold.render.arrays import LightColumn
 from scenefold.render.bsdf_kernels import frame_of, luminance
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns, uniform
-from scenefold.render.space_kernels import box_span, offset_origin
+from scenefold.render.space_kernels import box_span, diagonal_of_box, offset_origin
 
 DIMENSION_CHOICE = 3
 DIMENSION_POINT_U = 4
@@ -143,5 +143,5 @@ def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-unt
     if not pdf > 1e-30:
         return nothing
     # The end point lies a little in front of the emitter, so that the emitter does not shadow itself.
-    sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz)
+    sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz, diagonal_of_box(job.box_low, job.box_high))
     return True, wx, wy, wz, float(sx), float(sy), float(sz), r / pdf, g / pdf, b / pdf, pdf

@@ -239,6 +239,7 @@ def decode_direction(code_u, code_v):  # type: ignore[no-untyped-def]
 # Throughput: three 13-bit mantissas and a shared 9-bit exponent -------------------------------------------
 
 _EXPONENT_BIAS = 256
+_COLOR_MAX = 8191.0 / 8192.0 * 2.0**255
 
 
 @njit(error_model="numpy")
@@ -258,6 +259,7 @@ def encode_color(r, g, b, key, bounce, dimension):  # type: ignore[no-untyped-de
 
     Too small becomes 0, too large the largest code; callers count what is not finite before they ask.
     """
+    r, g, b = min(r, _COLOR_MAX), min(g, _COLOR_MAX), min(b, _COLOR_MAX)
     largest = max(r, max(g, b))
     if not largest > 1e-70:
         return np.uint64(0)

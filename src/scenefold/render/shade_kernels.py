@@ -23,6 +23,7 @@ from scenefold.render.bsdf_kernels import (
     sample_cosine,
     sample_visible_normal,
 )
+from scenefold.render.generate_kernels import depth_of
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_pdf
 from scenefold.render.math_kernels import (
     decode_color,
@@ -44,7 +45,7 @@ from scenefold.render.record_kernels import (
     write_path_ray,
     write_shadow_ray,
 )
-from scenefold.render.space_kernels import offset_origin
+from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.texture_kernels import sample_texture
 
 STATUS_FORWARD = 0
@@ -57,8 +58,8 @@ STATUS_DEAD = 3
 
 SUM_UNIT = 4294967296.0
 """Sums count units of 2^-32."""
-SUM_MAX = 1073741824.0
-"""Contributions at or above this radiance are clamped and counted."""
+SUM_MAX = 16777216.0
+"""Contributions at or above this radiance are clamped and counted: a path's 64 at most cannot overflow its sum."""
 AOV_COLUMNS = 8
 """albedo 3, normal 3, depth as a share of the box's diagonal, hit: all times AOV_UNIT."""
 AOV_UNIT = 16777216.0
@@ -215,18 +216,16 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     qx, qy, qz = px - ox, py - oy, pz - oz
     squared = qx * qx + qy * qy + qz * qz
 
+    diagonal = diagonal_of_box(job.box_low, job.box_high)
+
     if kind_of(rays, i) == KIND_CAMERA:
-        diagonal = 0.0
-        for axis in range(3):
-            extent = job.box_high[axis] - job.box_low[axis]
-            diagonal += extent * extent
         aovs[path, 0] = np.int32(min(base_r, 100.0) * AOV_UNIT + 0.5)
         aovs[path, 1] = np.int32(min(base_g, 100.0) * AOV_UNIT + 0.5)
         aovs[path, 2] = np.int32(min(base_b, 100.0) * AOV_UNIT + 0.5)
         aovs[path, 3] = np.int32(math.floor(sx * AOV_UNIT + 0.5))
         aovs[path, 4] = np.int32(math.floor(sy * AOV_UNIT + 0.5))
         aovs[path, 5] = np.int32(math.floor(sz * AOV_UNIT + 0.5))
-        aovs[path, 6] = np.int32(min(math.sqrt(squared / diagonal), 100.0) * AOV_UNIT + 0.5)
+        aovs[path, 6] = np.int32(min(depth_of(job, px, py, pz) / diagonal, 100.0) * AOV_UNIT + 0.5)
         aovs[path, 7] = np.int32(1)
 
     emission_r, emission_g, emission_b = row[_EMISSION], row[_EMISSION + 1], row[_EMISSION + 2]
@@ -250,7 +249,7 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     woz = -(dx * sx + dy * sy + dz * sz)
     through = transmission * (1.0 - metallic) * (1.0 - fresnel_schlick(f0, woz))
     coat = coat_probability(woz, base_r, base_g, base_b, metallic, f0, transmission)
-    fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz)
+    fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, diagonal)
 
     # A shadow ray towards one light sample.
     found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(
@@ -276,7 +275,7 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     u, v = uniform(key, bounce, DIMENSION_BSDF_U), uniform(key, bounce, DIMENSION_BSDF_V)
     if lobe < through:
         r, g, b = r * base_r, g * base_g, b * base_b
-        fx, fy, fz = offset_origin(px, py, pz, -gx, -gy, -gz)
+        fx, fy, fz = offset_origin(px, py, pz, -gx, -gy, -gz, diagonal)
         code_u, code_v, next_pdf = rays[i, 3], rays[i, 4], PDF_DELTA
     else:
         if (lobe - through) < coat * (1.0 - through):

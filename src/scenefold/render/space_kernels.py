@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numba import njit
 
-from scenefold.render.math_kernels import f32_bits, f32_from_bits
-
 _STEPS = 65535.0
+_OFFSET_OF_DIAGONAL = 2.0**-18
+_OFFSET_OF_COORDINATE = 2.0**-20
 
 
 @njit(error_model="numpy")
@@ -54,22 +54,20 @@ def step_after(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _offset_axis(p, n):  # type: ignore[no-untyped-def]
-    """Move one f32 coordinate along its normal's sign by an amount that exceeds its rounding error.
-
-    After Waechter and Binder, A Fast and Robust Method for Avoiding Self-Intersection (Ray Tracing Gems,
-    2019): a step in units in the last place far from zero, a fixed one near it.
-    """
-    p32 = np.float32(p)
-    if abs(p32) < np.float32(0.03125):
-        return np.float32(p32 + np.float32(n) * np.float32(1.0 / 65536.0))
-    ulps = np.int64(256.0 * n)
-    if p32 < np.float32(0.0):
-        ulps = -ulps
-    return f32_from_bits(np.uint32(np.int64(f32_bits(p32)) + ulps))
+def diagonal_of_box(low, high):  # type: ignore[no-untyped-def]
+    """The length of a box's diagonal."""
+    x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @njit(error_model="numpy")
-def offset_origin(px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """The f32 origin of a ray that leaves the surface point on the side into which the unit normal points."""
-    return _offset_axis(px, nx), _offset_axis(py, ny), _offset_axis(pz, nz)
+def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-def]
+    """The f32 origin of a ray that leaves the surface point on the side into which the unit normal points.
+
+    It must lie so far off that rounding cannot bring it back: of the caster's differences, which grow with the
+    scene (its box's diagonal), and of the point itself, in the world and in an instance's space, which grow with
+    its coordinates. A fixed step, as Waechter and Binder have it (Ray Tracing Gems, 2019, chapter 6), is a wall's
+    thickness in a scene of millimetres, and nothing in one of kilometres.
+    """
+    step = diagonal * _OFFSET_OF_DIAGONAL + max(abs(px), max(abs(py), abs(pz))) * _OFFSET_OF_COORDINATE
+    return np.float32(px + nx * step), np.float32(py + ny * step), np.float32(pz + nz * step)
