@@ -18,7 +18,6 @@ from scenefold.render.bsdf_kernels import (
     coat_probability,
     evaluate,
     frame_of,
-    fresnel_schlick,
     luminance,
     sample_cosine,
     sample_visible_normal,
@@ -45,6 +44,7 @@ from scenefold.render.record_kernels import (
     write_path_ray,
     write_shadow_ray,
 )
+from scenefold.render.see_through_kernels import passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.texture_kernels import sample_texture
 
@@ -228,6 +228,18 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
         aovs[path, 6] = np.int32(min(depth_of(job, px, py, pz) / diagonal, 100.0) * AOV_UNIT + 0.5)
         aovs[path, 7] = np.int32(1)
 
+    # What the caster's filter lets pass is not shaded; what is shaded stands for the rest (see_through_kernels).
+    through, tint_r, tint_g, tint_b = 0.0, 0.0, 0.0, 0.0
+    if row[_TRANSMISSION] > 0.0 and metallic < 1.0:
+        share = passed_share(row, metallic, facing)
+        least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
+        left = 1.0 - share * least
+        if not left > 1e-9:
+            return made
+        r, g, b = r / left, g / left, b / left
+        if most > least:
+            through = share * (most - least)
+            tint_r, tint_g, tint_b = (base_r - least) / (most - least), (base_g - least) / (most - least), (base_b - least) / (most - least)
     emission_r, emission_g, emission_b = row[_EMISSION], row[_EMISSION + 1], row[_EMISSION + 2]
     if (front or row[_DOUBLE_SIDED] != 0.0) and emission_r + emission_g + emission_b > 0.0:
         weight = 1.0
@@ -247,7 +259,6 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     wox = -(dx * ax + dy * ay + dz * az)
     woy = -(dx * bx + dy * by + dz * bz)
     woz = -(dx * sx + dy * sy + dz * sz)
-    through = transmission * (1.0 - metallic) * (1.0 - fresnel_schlick(f0, woz))
     coat = coat_probability(woz, base_r, base_g, base_b, metallic, f0, transmission)
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, diagonal)
 
@@ -274,7 +285,7 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     lobe = uniform(key, bounce, DIMENSION_LOBE)
     u, v = uniform(key, bounce, DIMENSION_BSDF_U), uniform(key, bounce, DIMENSION_BSDF_V)
     if lobe < through:
-        r, g, b = r * base_r, g * base_g, b * base_b
+        r, g, b = r * tint_r, g * tint_g, b * tint_b
         fx, fy, fz = offset_origin(px, py, pz, -gx, -gy, -gz, diagonal)
         code_u, code_v, next_pdf = rays[i, 3], rays[i, 4], PDF_DELTA
     else:

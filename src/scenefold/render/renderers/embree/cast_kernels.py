@@ -9,61 +9,123 @@ Memory layouts are Embree 4's (rtcore_ray.h, rtcore_common.h), in 32-bit words:
     RTCRayHit   0 org 3 | 3 tnear | 4 dir 3 | 7 time | 8 tfar | 9 mask | 10 id | 11 flags
                 12 Ng 3 | 15 u | 16 v | 17 primID | 18 geomID | 19 instID | 20 instPrimID
     context     0 instID | 1 instPrimID | then ours: 4 best t | 5 instance | 6 group | 7 primitive
+                8-9 path key | 10 bounce and kind | 12-13 address of the table of array addresses
     arguments   0 flags | 1 feature mask | 2-3 context | 4-5 filter | 6-7 function
-    filter's    0-1 valid | 2-3 user | 4-5 context | 6-7 ray | 8-9 hit | 10 N
+    filter's    0-1 valid | 2-3 user data, 1 for groups with see-through triangles | 4-5 context | 6-7 ray | 8-9 hit | 10 N
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import cfunc, njit, types
+from numba import carray, cfunc, njit, types
 
 from scenefold.base.rays import KIND_SHADOW
 from scenefold.partition.kernels import exit_after, owner_ahead
-from scenefold.render.math_kernels import decode_direction
-from scenefold.render.record_kernels import end_of, kind_of, origin_of, set_t_done, t_done_of
+from scenefold.render.arrays import F32, F64, I64, U8, U16, U32, MaterialColumn, TextureColumn
+from scenefold.render.math_kernels import decode_direction, path_key
+from scenefold.render.record_kernels import end_of, kind_of, origin_of, path_of, set_t_done, t_done_of
 from scenefold.render.renderers.embree.memory_kernels import (
     call_with_3,
+    f32_at,
+    f64_at,
+    i64_at,
     load_f32,
     load_i64,
     load_u32,
     store_f32,
     store_u32,
+    u8_at,
+    u16_at,
+    u32_at,
 )
+from scenefold.render.see_through_kernels import skip_draw, skip_probability
 from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
 from scenefold.render.space_kernels import box_span, step_after, t_of_step
 
 WORKSPACE_WORDS = 64
-"""uint32 words of a caster's workspace: ray and hit at 0, context at 32, arguments at 48; 64-byte aligned."""
+"""uint32 words of a caster's workspace: ray and hit at 0, context at 32, arguments at 48 and 56; 64-byte aligned."""
 _CONTEXT = 32
 _ARGUMENTS = 48
+_SHADOW_ARGUMENTS = 56
 _NOBODY = np.uint32(0xFFFFFFFF)
 _INVOKE_ARGUMENT_FILTER = np.uint32(2)
 _STILL_OPEN = np.float32(1.0 + 2.0**-21)
 
 
+class FilterArrays(NamedTuple):
+    """What a filter reads of `SceneArrays`, under the same names."""
+
+    vertices: F32
+    uvs: F32
+    triangles: U32
+    triangle_material: U16
+    materials: F64
+    textures: I64
+    texels: U8
+    linear_of_srgb: F64
+
+
+ARRAY_ADDRESSES = 9
+"""Addresses of the arrays of `FilterArrays`, in order, and of `SceneArrays.group_first`."""
+_MATERIAL_WIDTH, _TEXTURE_WIDTH = MaterialColumn.WIDTH, TextureColumn.WIDTH
+
+
+@njit(error_model="numpy")
+def _passes(context, ray, hit, instance, group, primitive):  # type: ignore[no-untyped-def]
+    """Whether the ray passes this candidate as if it were not there."""
+    table = load_i64(context + 48)
+    many = 1 << 40
+    arrays = FilterArrays(
+        carray(f32_at(load_i64(table)), (many, 3)),
+        carray(f32_at(load_i64(table + 8)), (many, 2)),
+        carray(u32_at(load_i64(table + 16)), (many, 3)),
+        carray(u16_at(load_i64(table + 24)), (many,)),
+        carray(f64_at(load_i64(table + 32)), (many, _MATERIAL_WIDTH)),
+        carray(i64_at(load_i64(table + 40)), (many, _TEXTURE_WIDTH)),
+        carray(u8_at(load_i64(table + 48)), (many,)),
+        carray(f64_at(load_i64(table + 56)), (256,)),
+    )
+    triangle = load_i64(load_i64(table + 64) + np.int64(8) * np.int64(group)) + np.int64(primitive)
+    chance = skip_probability(
+        arrays,
+        triangle,
+        float(load_f32(hit + 12)),
+        float(load_f32(hit + 16)),
+        float(load_f32(ray + 16)),
+        float(load_f32(ray + 20)),
+        float(load_f32(ray + 24)),
+    )
+    if not chance > 0.0:
+        return False
+    key = np.uint64(load_i64(context + 32))
+    return skip_draw(key, load_u32(context + 40), instance, group, primitive) < chance
+
+
 @cfunc(types.void(types.int64), cache=True)
 def nearest_filter(arguments):  # type: ignore[no-untyped-def]
-    """Accept a candidate only if it precedes the best so far by (t, instance, group, primitive)."""
+    """Accept a candidate only if it precedes the best so far by (t, instance, group, primitive), and stops the ray."""
     context = load_i64(arguments + 16)
     ray = load_i64(arguments + 24)
     hit = load_i64(arguments + 32)
     t = load_f32(ray + 32)
     best = load_f32(context + 16)
     primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
+    # Geometry outside instances carries the largest id there is; adding one puts it first, as instance 0.
+    mine = np.uint32(instance + np.uint32(1))
     wins = t < best
     if t == best:
-        best_instance, best_group = load_u32(context + 20), load_u32(context + 24)
-        # Geometry outside instances carries the largest id there is; adding one puts it first, as instance 0.
-        mine, other = np.uint32(instance + np.uint32(1)), np.uint32(best_instance + np.uint32(1))
+        other, best_group = np.uint32(load_u32(context + 20) + np.uint32(1)), load_u32(context + 24)
         if mine != other:
             wins = mine < other
         elif group != best_group:
             wins = group < best_group
         else:
             wins = primitive < load_u32(context + 28)
+    if wins and load_i64(arguments + 8) != 0 and _passes(context, ray, hit, mine, group, primitive):
+        wins = False
     if wins:
         store_f32(context + 16, t)
         store_u32(context + 20, instance)
@@ -74,17 +136,30 @@ def nearest_filter(arguments):  # type: ignore[no-untyped-def]
         store_u32(load_i64(arguments), np.uint32(0))
 
 
+@cfunc(types.void(types.int64), cache=True)
+def shadow_filter(arguments):  # type: ignore[no-untyped-def]
+    """Let a shadow ray pass what is see-through; anything else ends it."""
+    if load_i64(arguments + 8) != 0:
+        context, hit = load_i64(arguments + 16), load_i64(arguments + 32)
+        primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
+        if _passes(context, load_i64(arguments + 24), hit, np.uint32(instance + np.uint32(1)), group, primitive):
+            store_u32(load_i64(arguments), np.uint32(0))
+
+
 @njit(error_model="numpy")
-def _prepare(workspace, filter_address):  # type: ignore[no-untyped-def]
-    """Arguments of the two queries: the nearest hit asks the filter, occlusion takes what comes first."""
+def _prepare(workspace, nearest, shadow, addresses):  # type: ignore[no-untyped-def]
+    """Arguments of the two queries. A shadow filter of 0 is none: occlusion takes what comes first."""
     base = workspace.ctypes.data
     workspace[:] = np.uint32(0)
     workspace[_CONTEXT] = _NOBODY
     workspace[_CONTEXT + 1] = _NOBODY
-    workspace[_ARGUMENTS + 1] = _NOBODY
     words = workspace.view(np.int64)
-    words[(_ARGUMENTS + 2) // 2] = base + _CONTEXT * 4
-    words[(_ARGUMENTS + 4) // 2] = filter_address
+    words[(_CONTEXT + 12) // 2] = addresses.ctypes.data
+    for arguments, function in ((_ARGUMENTS, nearest), (_SHADOW_ARGUMENTS, shadow)):
+        workspace[arguments] = _INVOKE_ARGUMENT_FILTER if function != 0 else np.uint32(0)
+        workspace[arguments + 1] = _NOBODY
+        words[(arguments + 2) // 2] = base + _CONTEXT * 4
+        words[(arguments + 4) // 2] = function
     return base
 
 
@@ -100,7 +175,9 @@ def _write_ray(workspace, reals, ox, oy, oz, dx, dy, dz, t_far):  # type: ignore
 def cast_batch(  # type: ignore[no-untyped-def]
     intersect,
     occluded,
-    filter_address,
+    nearest,
+    shadow,
+    addresses,
     scene_address,
     first_instance_id,
     workspace,
@@ -108,8 +185,8 @@ def cast_batch(  # type: ignore[no-untyped-def]
     family,
     cells,
     node,
-    low,
-    high,
+    job,
+    first_path,
     status,
     hit_uv,
     hit_ids,
@@ -117,20 +194,28 @@ def cast_batch(  # type: ignore[no-untyped-def]
     """Cast each ray to where it leaves this node's cell, or to what it hits before.
 
     rays uint32[n, 9], whose t_done is advanced; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]
-    (instance, group, primitive), both written for hits. `first_instance_id`: Embree's id of instance 1.
+    (instance, group, primitive), both written for hits. `first_instance_id`: Embree's id of instance 1. `nearest`
+    and `shadow` are the addresses of the two filters; `shadow` is 0 where nothing that is held is see-through, and
+    `addresses`, int64[ARRAY_ADDRESSES], says where the filters find their arrays.
     A path ray that is already done (65535) left the job's box before it met any cell: it is free at once.
     """
-    base = _prepare(workspace, filter_address)
+    base = _prepare(workspace, nearest, shadow, addresses)
     reals = workspace.view(np.float32)
-    arguments = base + _ARGUMENTS * 4
+    keys = workspace.view(np.uint64)
+    low, high = job.box_low, job.box_high
+    pixels = job.width * job.height
     for i in range(rays.shape[0]):
         step = t_done_of(rays, i)
         if step == 65535:
             status[i] = STATUS_FREE
             continue
         ox, oy, oz = origin_of(rays, i)
-        shadow = kind_of(rays, i) == KIND_SHADOW
-        if shadow:
+        if shadow != 0:
+            number = first_path + path_of(rays, i)
+            keys[(_CONTEXT + 8) // 2] = path_key(job.seed, job.frame, (number % pixels) * job.stride % pixels, number // pixels)
+            workspace[_CONTEXT + 10] = (rays[i, 8] >> np.uint32(8)) & np.uint32(0xFF)
+        is_shadow = kind_of(rays, i) == KIND_SHADOW
+        if is_shadow:
             ex, ey, ez = end_of(rays, i)
             fx, fy, fz = np.float32(ex - ox), np.float32(ey - oy), np.float32(ez - oz)
             t_in, t_out = 0.0, 1.0
@@ -144,22 +229,20 @@ def cast_batch(  # type: ignore[no-untyped-def]
         step = step_after(t_exit, t_in, t_out, step)
         t_limit = t_of_step(step, t_in, t_out)
         if step == 65535:
-            t_limit = 1.0 if shadow else math.inf
-        if shadow:
-            workspace[_ARGUMENTS] = np.uint32(0)
+            t_limit = 1.0 if is_shadow else math.inf
+        if is_shadow:
             _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, min(np.float32(t_limit * (1.0 + 2.0**-22)), np.float32(1.0)))
-            call_with_3(occluded, scene_address, base, arguments)
+            call_with_3(occluded, scene_address, base, base + _SHADOW_ARGUMENTS * 4)
             if reals[8] < np.float32(0.0):
                 status[i] = STATUS_DEAD
                 continue
         else:
-            workspace[_ARGUMENTS] = _INVOKE_ARGUMENT_FILTER
             reals[_CONTEXT + 4] = np.float32(math.inf)
             workspace[_CONTEXT + 5], workspace[_CONTEXT + 6], workspace[_CONTEXT + 7] = _NOBODY, _NOBODY, _NOBODY
             workspace[17], workspace[18], workspace[19] = _NOBODY, _NOBODY, _NOBODY
             # The search reaches a little past the limit; what it finds there is left to the next node.
             _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, np.float32(t_limit * (1.0 + 2.0**-20)))
-            call_with_3(intersect, scene_address, base, arguments)
+            call_with_3(intersect, scene_address, base, base + _ARGUMENTS * 4)
             if float(reals[_CONTEXT + 4]) <= t_limit and workspace[18] != _NOBODY:
                 status[i] = STATUS_HIT
                 hit_uv[i, 0], hit_uv[i, 1] = reals[15], reals[16]

@@ -11,6 +11,7 @@ import numpy as np
 
 from scenefold.render.contract import HeldScene
 from scenefold.render.renderers.embree.library import Device
+from scenefold.render.see_through_kernels import is_see_through
 
 
 class HeldGeometry:
@@ -22,11 +23,18 @@ class HeldGeometry:
         self._device = Device()
         self._top = self._device.new_scene()
         self._prototypes: dict[int, int] = {}
+        self.has_see_through = False
+        """Whether any held triangle may let rays pass: else shadow rays need no filter."""
+        see_through_materials = np.array([is_see_through(row) for row in arrays.materials])
         self.first_instance_id = int(arrays.group_first.shape[0])
         for held in scene.groups:
             target = self._top if held.prototype == 0 else self._prototype_scene(held.prototype)
             first = int(arrays.group_first[held.group])
-            self._device.add_triangles(target, held.group, arrays.vertices, arrays.triangles[first : first + held.triangles])
+            see_through = bool(see_through_materials[arrays.triangle_material[first : first + held.triangles]].any())
+            self.has_see_through = self.has_see_through or see_through
+            self._device.add_triangles(
+                target, held.group, arrays.vertices, arrays.triangles[first : first + held.triangles], int(see_through)
+            )
         for target in self._prototypes.values():
             self._device.commit(target)
         for instance, prototype in scene.instances:

@@ -45,6 +45,7 @@ _SIGNATURES: Final = {
         None,
         [_POINTER, ctypes.c_int, _UINT, ctypes.c_int, _POINTER, _SIZE, _SIZE, _SIZE],
     ),
+    "rtcSetGeometryUserData": (None, [_POINTER, _POINTER]),
     "rtcSetGeometryInstancedScene": (None, [_POINTER, _POINTER]),
     "rtcSetGeometryTransform": (None, [_POINTER, _UINT, ctypes.c_int, _POINTER]),
     "rtcCommitGeometry": (None, [_POINTER]),
@@ -123,10 +124,18 @@ class Device:
         self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
         return int(scene)
 
-    def add_triangles(self, scene: int, geometry_id: int, vertices: npt.NDArray[np.float32], triangles: npt.NDArray[np.uint32]) -> None:
+    def add_triangles(
+        self,
+        scene: int,
+        geometry_id: int,
+        vertices: npt.NDArray[np.float32],
+        triangles: npt.NDArray[np.uint32],
+        user_data: int = 0,
+    ) -> None:
         """Attach float32[n, 3] vertices and uint32[m, 3] triangles. Both are shared: the caller keeps them alive.
 
         `vertices` must be followed by at least four more readable bytes, since Embree loads four floats at once.
+        Filters are handed `user_data`.
         """
         assert vertices.dtype == np.float32 and vertices.flags.c_contiguous
         assert triangles.dtype == np.uint32 and triangles.flags.c_contiguous
@@ -134,6 +143,7 @@ class Device:
         geometry = library.rtcNewGeometry(self._device, _GEOMETRY_TRIANGLE)
         library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices))
         library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles))
+        library.rtcSetGeometryUserData(geometry, user_data)
         self._attach(scene, geometry, geometry_id)
 
     def add_instance(self, scene: int, geometry_id: int, prototype: int, matrix: npt.NDArray[np.float32]) -> None:

@@ -75,3 +75,48 @@ def store_f32(typingctx, address, value):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(types.int64, types.float32), codegen
+
+
+@intrinsic
+def f64_at(typingctx, address):  # type: ignore[no-untyped-def]
+    """A pointer to float64, for `numba.carray`."""
+    return _pointer_to(types.float64)
+
+
+@intrinsic
+def f32_at(typingctx, address):  # type: ignore[no-untyped-def]
+    """A pointer to float32."""
+    return _pointer_to(types.float32)
+
+
+@intrinsic
+def i64_at(typingctx, address):  # type: ignore[no-untyped-def]
+    """A pointer to int64."""
+    return _pointer_to(types.int64)
+
+
+@intrinsic
+def u32_at(typingctx, address):  # type: ignore[no-untyped-def]
+    """A pointer to uint32."""
+    return _pointer_to(types.uint32)
+
+
+@intrinsic
+def u16_at(typingctx, address):  # type: ignore[no-untyped-def]
+    """A pointer to uint16."""
+    return _pointer_to(types.uint16)
+
+
+@intrinsic
+def u8_at(typingctx, address):  # type: ignore[no-untyped-def]
+    """A pointer to uint8."""
+    return _pointer_to(types.uint8)
+
+
+def _pointer_to(element):  # type: ignore[no-untyped-def]
+    result = types.CPointer(element)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(args[0], context.get_value_type(result))
+
+    return result(types.int64), codegen

@@ -40,7 +40,9 @@ class EmbreeTracer:
         self._me = np.int32(me)
         self._intersect = np.int64(library.function_address("rtcIntersect1"))
         self._occluded = np.int64(library.function_address("rtcOccluded1"))
-        self._filter = np.int64(cast_kernels.nearest_filter.address)
+        self._nearest = np.int64(cast_kernels.nearest_filter.address)
+        self._shadow = np.int64(cast_kernels.shadow_filter.address if geometry.has_see_through else 0)
+        self._addresses = _addresses_of(arrays)
         self._workspace = _aligned_words(cast_kernels.WORKSPACE_WORDS)
         self._status = np.empty(CHUNK_RAYS, np.uint8)
         self._hit_uv = np.empty((CHUNK_RAYS, 2), np.float32)
@@ -87,7 +89,9 @@ class EmbreeTracer:
         cast_kernels.cast_batch(
             self._intersect,
             self._occluded,
-            self._filter,
+            self._nearest,
+            self._shadow,
+            self._addresses,
             np.int64(self._geometry.scene_address),
             np.uint32(self._geometry.first_instance_id),
             self._workspace,
@@ -95,8 +99,8 @@ class EmbreeTracer:
             self._family,
             self._cells,
             self._me,
-            job.box_low,
-            job.box_high,
+            job,
+            np.int64(first_path),
             status,
             self._hit_uv,
             self._hit_ids,
@@ -127,6 +131,14 @@ class EmbreeTracer:
         grouped = np.empty((count, RAY_WORDS), np.uint32)
         group_by_owner(rays, owners, count, first, grouped)
         return {node: grouped[first[node] : first[node + 1]] for node in range(self._nodes) if first[node] < first[node + 1]}
+
+
+def _addresses_of(arrays: SceneArrays) -> I64:
+    """Where the caster's filters find the arrays of a scene, which must outlive the tracer."""
+    fields = [getattr(arrays, name) for name in cast_kernels.FilterArrays._fields]
+    addresses: I64 = np.array([field.ctypes.data for field in (*fields, arrays.group_first)], np.int64)
+    assert len(addresses) == cast_kernels.ARRAY_ADDRESSES
+    return addresses
 
 
 def _aligned_words(count: int) -> U32:

@@ -1,0 +1,102 @@
+"""Surfaces that let rays pass: alpha (mask, blend) and thin transmission (specs/07-rays.md, See-through).
+
+A ray passes such a surface, unchanged, with a probability that follows from the surface and the angle alone: the
+caster's filter draws a number from (path, bounce, kind, instance, group, primitive) and skips the candidate, so a
+window costs no bounce, lets shadow rays through, and origin and density of the ray still weigh lights rightly.
+
+Only the grey part of a tint can be skipped that way, for a skipped candidate leaves no trace in the record. What
+a coloured glass adds in its stronger channels is a lobe of the shader: straight on, by a ray of its own.
+With opacity a, transmission q (after Fresnel) and tint c:
+
+    passes in the filter    1 - a + a q min(c)
+    shaded                  a (1 - q min(c)), of which straight on with tint  a q (c - min(c))
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from scenefold.render.arrays import MaterialColumn
+from scenefold.render.bsdf_kernels import fresnel_schlick
+from scenefold.render.math_kernels import mix64
+from scenefold.render.texture_kernels import sample_texture
+
+ALPHA_MASK = 1
+ALPHA_BLEND = 2
+
+_BASE, _METALLIC, _TRANSMISSION, _IOR = (
+    MaterialColumn.BASE,
+    MaterialColumn.METALLIC,
+    MaterialColumn.TRANSMISSION,
+    MaterialColumn.IOR,
+)
+_ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
+_BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE
+_WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
+
+
+@njit(error_model="numpy")
+def is_see_through(row):  # type: ignore[no-untyped-def]
+    """Whether anything can pass a material: float64[MaterialColumn.WIDTH]."""
+    return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and row[_METALLIC] < 1.0)
+
+
+@njit(error_model="numpy")
+def opacity(row, alpha):  # type: ignore[no-untyped-def]
+    """Of a material whose base colour has this alpha."""
+    if row[_ALPHA_MODE] == ALPHA_MASK:
+        return 1.0 if alpha >= row[_ALPHA_CUTOFF] else 0.0
+    if row[_ALPHA_MODE] == ALPHA_BLEND:
+        return min(max(alpha, 0.0), 1.0)
+    return 1.0
+
+
+@njit(error_model="numpy")
+def passed_share(row, metallic, cosine):  # type: ignore[no-untyped-def]
+    """q: how much of the light that meets the surface at this cosine passes straight on, before tint."""
+    ratio = (row[_IOR] - 1.0) / (row[_IOR] + 1.0)
+    return row[_TRANSMISSION] * (1.0 - metallic) * (1.0 - fresnel_schlick(ratio * ratio, cosine))
+
+
+@njit(error_model="numpy")
+def skip_probability(scene, triangle, u, v, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """The chance that a ray along d, in the triangle's own space, passes unchanged at barycentric (u, v)."""
+    row = scene.materials[int(scene.triangle_material[triangle])]
+    if not is_see_through(row):
+        return 0.0
+    i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
+    r, g, b, alpha, metallic = row[_BASE], row[_BASE + 1], row[_BASE + 2], row[_BASE + 3], row[_METALLIC]
+    base, rough = int(row[_BASE_TEXTURE]), int(row[_MR_TEXTURE])
+    if base >= 0 or rough >= 0:
+        w = 1.0 - u - v
+        tu = w * scene.uvs[i0, 0] + u * scene.uvs[i1, 0] + v * scene.uvs[i2, 0]
+        tv = w * scene.uvs[i0, 1] + u * scene.uvs[i1, 1] + v * scene.uvs[i2, 1]
+        wrap_s, wrap_t, nearest = int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0
+        if base >= 0:
+            tr, tg, tb, ta = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, base, tu, tv, wrap_s, wrap_t, nearest)
+            r, g, b, alpha = r * tr, g * tg, b * tb, alpha * ta
+        if rough >= 0:
+            _, _, tb, _ = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, rough, tu, tv, wrap_s, wrap_t, nearest)
+            metallic *= tb
+    a = opacity(row, alpha)
+    if not row[_TRANSMISSION] > 0.0:
+        return 1.0 - a
+    p = scene.vertices
+    x0, y0, z0 = float(p[i0, 0]), float(p[i0, 1]), float(p[i0, 2])
+    ux, uy, uz = p[i1, 0] - x0, p[i1, 1] - y0, p[i1, 2] - z0
+    vx, vy, vz = p[i2, 0] - x0, p[i2, 1] - y0, p[i2, 2] - z0
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    squared = (nx * nx + ny * ny + nz * nz) * (dx * dx + dy * dy + dz * dz)
+    cosine = abs(nx * dx + ny * dy + nz * dz) / math.sqrt(max(squared, 1e-60))
+    return 1.0 - a + a * passed_share(row, metallic, cosine) * min(r, min(g, b))
+
+
+@njit(error_model="numpy")
+def skip_draw(key, bounce_and_kind, instance, group, primitive):  # type: ignore[no-untyped-def]
+    """A number in [0, 1) for one candidate of one ray; equal wherever and however often it is asked for."""
+    name = mix64((np.uint64(instance) << np.uint64(32)) ^ np.uint64(primitive))
+    name = mix64(name + (np.uint64(group) << np.uint64(16)) + np.uint64(bounce_and_kind) + np.uint64(1))
+    return float(mix64(key ^ name) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
