@@ -40,6 +40,14 @@ class Links:
         self._nursery = nursery
         self._links: dict[Key, _Link] = {}
         self._quiet = QuietLog(logging.getLogger("scenefold.world.links"))
+        self._scopes: set[trio.CancelScope] = set()
+        self._is_closed = False
+
+    def close(self) -> None:
+        """End all channels."""
+        self._is_closed = True
+        for scope in self._scopes:
+            scope.cancel()
 
     async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
         """Ask the node at an address, connecting first if need be, within `timeout_s` seconds in all.
@@ -76,27 +84,37 @@ class Links:
     async def _keep(self, key: Key, link: _Link) -> None:
         """Connect, hold the channel as long as it lives, then forget it."""
         address, priority = key
-        try:
-            connection = await self._network.connect(address, priority)
-            async with open_channel(connection, address, self._quiet) as channel:
-                link.channel = channel
+        # Shielded: who is cancelled may want to say goodbye to a node, and its channel must not be gone by then.
+        with trio.CancelScope(shield=True) as scope:
+            self._scopes.add(scope)
+            if self._is_closed:
+                scope.cancel()
+            try:
+                connection = await self._network.connect(address, priority)
+                async with open_channel(connection, address, self._quiet) as channel:
+                    link.channel = channel
+                    link.settled.set()
+                    await channel.closed.wait()
+            except Unreachable as error:
+                link.failure = error
+            finally:
+                self._scopes.discard(scope)
+                if link.channel is None and link.failure is None:
+                    link.failure = Unreachable("the connections of this process are closed", where=address)
                 link.settled.set()
-                await channel.closed.wait()
-        except Unreachable as error:
-            link.failure = error
-        finally:
-            if link.channel is None and link.failure is None:
-                link.failure = Unreachable("the connections of this process are closed", where=address)
-            link.settled.set()
-            if self._links.get(key) is link:
-                del self._links[key]
+                if self._links.get(key) is link:
+                    del self._links[key]
 
 
 @asynccontextmanager
 async def open_links(world: World) -> AsyncIterator[Links]:
-    """A pool that closes its channels at the end."""
+    """A pool that closes its channels at the end, and not before, also when its user is cancelled."""
     async with background_tasks() as nursery:
-        yield Links(world.network, nursery)
+        links = Links(world.network, nursery)
+        try:
+            yield links
+        finally:
+            links.close()
 
 
 def _too_slow(address: str, timeout_s: float) -> Unreachable:
