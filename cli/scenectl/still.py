@@ -18,7 +18,7 @@ from scenectl.values import cluster_ports
 
 if TYPE_CHECKING:
     from scenectl.values import PortPair
-    from scenefold.client import Cluster, ImportReport
+    from scenefold.client import Cluster, ImportReport, PreparedImport
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.client import StillOptions, StillResult
 
@@ -68,14 +68,23 @@ def check_files(file: Path | None, *outputs: Path) -> None:
 
 async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any]:
     """Do the whole job and return its report (docs/reference/scenectl.md, *Report of an image*)."""
+    from scenefold.client import prepare_import
+    from scenefold.world import offline_world
+
     phases = Phases()
+    prepared: PreparedImport | None = None
     imported: ImportReport | None = None
+    if job.file is not None:
+        # Before any node is started: a file that cannot be used should not cost more than its reading.
+        with phases.time("read"):
+            prepared = await prepare_import(offline_world(), job.file, progress)
     async with _cluster(job, phases) as cluster:
-        if job.file is None:
+        if prepared is None:
             scene = await cluster.scenes.open(job.scene_name)
         else:
             with phases.time("import"):
-                scene, imported = await cluster.scenes.import_file(job.scene_name, job.file, progress)
+                scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
+                prepared = None  # The file's meshes need not stay in memory while the nodes render.
         from scenefold.render.client import render_still
 
         with phases.time("render"):

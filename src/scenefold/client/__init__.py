@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from scenefold.client.cluster import Cluster, ClusterStatus, NodeState
     from scenefold.client.connect import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
-    from scenefold.client.importing import ImportReport, scene_name_of
+    from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
     from scenefold.client.scene import Scene, SceneInfo
@@ -24,7 +24,7 @@ _HOMES = {
     "scenefold.client.cluster": "Cluster ClusterStatus NodeState",
     "scenefold.client.connect": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
-    "scenefold.client.importing": "ImportReport scene_name_of",
+    "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.reading": "open_scene_with_keys",
     "scenefold.client.scene": "Scene SceneInfo",
@@ -51,6 +51,7 @@ __all__ = [
     "ImportReport",
     "Keyring",
     "NodeState",
+    "PreparedImport",
     "ProgressCallback",
     "ProgressState",
     "Scene",
@@ -63,6 +64,7 @@ __all__ = [
     "connect",
     "create_cluster",
     "open_scene_with_keys",
+    "prepare_import",
     "profile_folder",
     "put_fresh",
     "scene_name_of",

@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import FIRST_POSITION, born, first_header, verify_header, writers_of
 from scenefold.client.calls import Calls
-from scenefold.client.importing import ImportReport, prepare_import, store_import
+from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.progress import ProgressCallback, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity
@@ -106,6 +106,12 @@ class Scenes:
         """
         checked_name(name, "scene")
         prepared = await prepare_import(self._calls.world, Path(path), progress)
+        return await self.import_prepared(name, prepared, progress)
+
+    async def import_prepared(
+        self, name: str, prepared: PreparedImport, progress: ProgressCallback = no_progress
+    ) -> tuple[Scene, ImportReport]:
+        """The second half of `import_file`, for a file that was read before there was a cluster."""
         scene = await self.open_or_create(name)
         return scene, await store_import(scene.access, prepared, progress)
 
