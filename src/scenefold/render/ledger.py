@@ -53,6 +53,7 @@ class PassLedger:
         self.state = PassState.OPEN
         self._first: list[Counts | None] = [None] * nodes
         self._second: list[Counts | None] = [None] * nodes
+        self._first_total = Counts()
 
     def report(self, node: int, counts: Counts) -> bool:
         """Take a node's counts; True if the second reading should begin now.
@@ -65,9 +66,11 @@ class PassLedger:
         return self.state is PassState.OPEN and self._total(self._first).is_settled and self._has_begun()
 
     def begin_collection(self) -> None:
-        """The second reading begins."""
+        """The second reading begins. What is reported from now on is no part of the first: it may be younger than
+        some of the second, and then the two would prove nothing."""
         assert self.state is PassState.OPEN
         self.state = PassState.COLLECTING
+        self._first_total = self._total(self._first)
         self._second = [None] * len(self._second)
 
     def collected(self, node: int, counts: Counts) -> PassState:
@@ -75,8 +78,8 @@ class PassLedger:
         assert self.state is PassState.COLLECTING
         self._second[node] = counts
         if all(reading is not None for reading in self._second):
-            first, second = self._total(self._first), self._total(self._second)
-            closed = first == second and second.is_settled
+            second = self._total(self._second)
+            closed = self._first_total == second and second.is_settled
             for index, reading in enumerate(self._second):
                 assert reading is not None
                 known = self._first[index]

@@ -60,7 +60,6 @@ class PassSums:
         expected = head + lit_count * (2 + 24) + seen_count * (2 + 4 * AOV_COLUMNS)
         if len(payload) != expected:
             raise PeerFault("sums of a pass have the wrong size", where=f"{len(payload)} bytes instead of {expected}")
-        self.counters[:] += np.frombuffer(payload, "<i8", COUNTERS, 8)
         at = head
         lit = np.frombuffer(payload, "<u2", lit_count, at)
         at += 2 * lit_count
@@ -69,6 +68,7 @@ class PassSums:
         for numbers in (lit, seen):
             if len(numbers) and (int(numbers[-1]) >= len(self.radiance) or (np.diff(numbers.astype(np.int64)) <= 0).any()):
                 raise PeerFault("sums of a pass name paths that it does not have")
+        self.counters[:] += np.frombuffer(payload, "<i8", COUNTERS, 8)
         self.radiance[lit] += np.frombuffer(payload, "<i8", 3 * lit_count, at).reshape(-1, 3)
         at += 24 * lit_count
         self.aovs[seen] += np.frombuffer(payload, "<i4", AOV_COLUMNS * seen_count, at).reshape(-1, AOV_COLUMNS)
