@@ -45,6 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _log.error("%s", error)
         _tell("failed", exit_code=code, what=error.what, where=error.where, remedy=error.remedy)
         return code
+    except Exception as error:  # noqa: BLE001  the last place that can tell the supervisor of a bug
+        leaf = _first_leaf(error)
+        _log.critical("internal error", exc_info=error)
+        _tell("failed", exit_code=FAILED, what=f"internal error, {type(leaf).__name__}: {leaf}", where="", remedy="")
+        return FAILED
     return DONE
 
 
@@ -83,6 +88,12 @@ def _tell(event: str, **details: Any) -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         _log.debug("nobody reads stdout any more")
+
+
+def _first_leaf(error: BaseException) -> BaseException:
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
 
 
 def _exit_code(error: ScenefoldError) -> int:

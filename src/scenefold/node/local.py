@@ -15,10 +15,10 @@ from pathlib import Path
 
 import trio
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import NODES_MAX
-from scenefold.node.process import NodeProcess
+from scenefold.node.process import NodeEnded, NodeProcess
 from scenefold.peer.settings import processors
 from scenefold.world import Ports, background_tasks
 from scenefold.world.profile import ClusterProfile
@@ -26,6 +26,8 @@ from scenefold.world.profile import ClusterProfile
 FIRST_ADDRESS = "127.0.0.2"
 START_S_MAX = 60.0
 """For all nodes to be ready and to know each other: 127 interpreters on two cores take about as long."""
+LAST_WORDS_S_MAX = 1.0
+"""From the end of a node's connections to the end of its process."""
 _PROFILE = "profile"
 
 
@@ -116,7 +118,7 @@ async def local_cluster(
         arguments = ["--threads", str(threads or max(1, processors() // count)), *options]
         if memory_bytes:
             arguments += ["--memory", str(memory_bytes)]
-        async with background_tasks() as nursery:
+        async with _nodes_end_with_the_block() as nursery:
             cluster = LocalCluster(place, known, arguments, nursery)
             for address in cluster.addresses:
                 cluster.start(address)
@@ -125,6 +127,35 @@ async def local_cluster(
     finally:
         if folder is None:
             shutil.rmtree(place, ignore_errors=True)
+
+
+@asynccontextmanager
+async def _nodes_end_with_the_block() -> AsyncIterator[trio.Nursery]:
+    """A nursery for nodes. If one ends by itself, that is the error, whatever else fails because of it."""
+    try:
+        async with background_tasks() as nursery:
+            try:
+                yield nursery
+            except (Unreachable, ExceptionGroup):
+                # A node that dies closes its connections first. Its own words, which come a moment later, tell more.
+                with trio.move_on_after(LAST_WORDS_S_MAX):
+                    await trio.sleep_forever()
+                raise
+    except NodeEnded as ended:
+        raise ended.error from None
+    except BaseExceptionGroup as group:
+        ends = group.subgroup(NodeEnded)
+        if ends is None:
+            raise
+        raise _first(ends).error from group
+
+
+def _first(group: BaseExceptionGroup[NodeEnded]) -> NodeEnded:
+    error: BaseException = group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    assert isinstance(error, NodeEnded)
+    return error
 
 
 def _profile(folder: Path, count: int, name: str, ports: Ports | None, first_address: str) -> ClusterProfile:

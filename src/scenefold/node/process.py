@@ -20,6 +20,14 @@ _UNREACHABLE = 3
 _WRONG_USAGE = 2
 
 
+class NodeEnded(Exception):
+    """A node ended without being told to. `error` says why, in the node's own words if it had any."""
+
+    def __init__(self, error: ScenefoldError) -> None:
+        super().__init__(str(error))
+        self.error = error
+
+
 class NodeProcess:
     """A node at an address of this machine. `run` it in a task; `ready`, `joined` and `ended` say how it stands."""
 
@@ -55,7 +63,7 @@ class NodeProcess:
                 await self._end(process)
             self.ended.set()
         if not self._expected_end:
-            raise self._error(process.returncode)
+            raise NodeEnded(self._error(process.returncode))
 
     async def stop(self) -> None:
         """Tell the node to stop (SIGTERM) and wait until it has."""
@@ -97,15 +105,19 @@ class NodeProcess:
     def _error(self, code: int | None) -> ScenefoldError:
         """The node's own words, or what can be said of a node that died without any."""
         if self._failure is None:
-            return LocalFault(
-                f"node {self.address} ended unexpectedly (exit code {code})",
-                where=str(self.log),
-                remedy="its last log lines say more",
-            )
-        what = f"node {self.address} cannot run: {self._failure.get('what', '')}"
+            words = f": {last_line}" if (last_line := _last_line(self.log)) else ""
+            return LocalFault(f"node {self.address} ended unexpectedly (exit code {code}){words}", where=str(self.log))
+        verb = "ended" if self.ready.is_set() else "cannot run"
+        what = f"node {self.address} {verb}: {self._failure.get('what', '')}"
         where, remedy = str(self._failure.get("where", "")), str(self._failure.get("remedy", ""))
         kinds = {_UNREACHABLE: Unreachable, _WRONG_USAGE: UsageFault}
         return kinds.get(code or 0, LocalFault)(what, where=where, remedy=remedy)
+
+
+def _last_line(log: Path) -> str:
+    """The last thing that the node wrote: with a crash of the interpreter it is all that there is."""
+    lines = log.read_bytes()[-EVENT_BYTES_MAX:].decode(errors="replace").strip().splitlines()
+    return lines[-1][:500] if lines else ""
 
 
 async def _events(stdout: trio.abc.ReceiveStream) -> AsyncIterator[dict[str, Any]]:

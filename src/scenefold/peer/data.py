@@ -76,31 +76,30 @@ class DataService:
 
     async def put(self, items: Sequence[PutItem]) -> list[PutOutcome]:
         """Verify and store; an outcome for each item, in order. What is stored is durable when this returns."""
-        outcomes: list[PutOutcome | None] = [None] * len(items)
-        ours: list[tuple[int, PutItem, KnownScene]] = []
         scenes = await self._scenes_of(items)
-        for index, item in enumerate(items):
-            owner = self._routing.owner_of(item.location)
-            scene = scenes[item.scene]
-            if owner != self._me:
-                outcomes[index] = PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner)
-            elif scene is None:
-                outcomes[index] = _refused(item, RejectReason.UNKNOWN_SCENE_OR_SPACE)
-            else:
-                ours.append((index, item, scene))
-        puts: list[tuple[int, PutItem, Put]] = []
-        for start in range(0, len(ours), VERIFY_BATCH):
-            batch = ours[start : start + VERIFY_BATCH]
-            verdicts = await self._world.workers.run("crypto", verify_all, [item for _, item, _ in batch], [scene for _, _, scene in batch])
-            for (index, item, _), verdict in zip(batch, verdicts, strict=True):
+        outcomes = [self._refused_unseen(item, scenes[item.scene]) for item in items]
+        open_ones = [index for index, outcome in enumerate(outcomes) if outcome is None]
+        puts: list[tuple[int, Put]] = []
+        for start in range(0, len(open_ones), VERIFY_BATCH):
+            batch = open_ones[start : start + VERIFY_BATCH]
+            claims = [(items[index], scenes[items[index].scene]) for index in batch]
+            verdicts = await self._world.workers.run("crypto", verify_all, claims)
+            for index, verdict in zip(batch, verdicts, strict=True):
                 if isinstance(verdict, Refused):
-                    outcomes[index] = _refused(item, verdict.reason)
+                    outcomes[index] = _outcome(items[index], verdict.reason)
                 else:
-                    puts.append((index, item, verdict))
-        results = await self._store.put([put for _, _, put in puts]) if puts else []
-        for (index, item, _), result in zip(puts, results, strict=True):
-            outcomes[index] = _refused(item, result.reason) if result.reason else PutOutcome(0, item.location, NodeId(0))
+                    puts.append((index, verdict))
+        results = await self._store.put([put for _, put in puts]) if puts else []
+        for (index, _), result in zip(puts, results, strict=True):
+            outcomes[index] = _outcome(items[index], result.reason)
         return [outcome for outcome in outcomes if outcome is not None]
+
+    def _refused_unseen(self, item: PutItem, scene: KnownScene | None) -> PutOutcome | None:
+        """The outcome of what need not be looked at: others' places, scenes that nobody knows."""
+        owner = self._routing.owner_of(item.location)
+        if owner != self._me:
+            return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner)
+        return _outcome(item, RejectReason.UNKNOWN_SCENE_OR_SPACE) if scene is None else None
 
     async def _scenes_of(self, items: Sequence[PutItem]) -> dict[SceneId, KnownScene | None]:
         scenes: dict[SceneId, KnownScene | None] = {}
@@ -246,8 +245,8 @@ async def _for_each_owner(
         raise errors[0]
 
 
-def _refused(item: PutItem, reason: RejectReason) -> PutOutcome:
-    return PutOutcome(reason, item.location, NodeId(0))
+def _outcome(item: PutItem, reason: RejectReason | None) -> PutOutcome:
+    return PutOutcome(reason or 0, item.location, NodeId(0))
 
 
 def _as_bytes(record: Record | None) -> RecordBytes | None:

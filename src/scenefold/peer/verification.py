@@ -69,12 +69,14 @@ def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
 
 
-def verify_all(items: Sequence[PutItem], scenes: Sequence[KnownScene]) -> list[Put | Refused]:
-    """Each item with its scene: the put, or why not. Some 60 microseconds an item."""
-    outcomes: list[Put | Refused] = []
-    for item, scene in zip(items, scenes, strict=True):
-        try:
-            outcomes.append(verified_put(item, scene))
-        except Refused as refusal:
-            outcomes.append(refusal)
-    return outcomes
+def verify_all(claims: Sequence[tuple[PutItem, KnownScene | None]]) -> list[Put | Refused]:
+    """Each item of its scene, which must be known: the put, or why not. Some 60 microseconds an item."""
+    return [_verdict(item, scene) for item, scene in claims]
+
+
+def _verdict(item: PutItem, scene: KnownScene | None) -> Put | Refused:
+    assert scene is not None
+    try:
+        return verified_put(item, scene)
+    except Refused as refusal:
+        return refusal

@@ -89,5 +89,5 @@ def test_an_epoch_below_the_floor_is_refused() -> None:
 
 def test_each_record_has_a_verdict_of_its_own() -> None:
     good, bad = ITEM, replace(ITEM, signature=bytes(64))
-    verdicts = verify_all([good, bad, good], [KNOWN] * 3)
+    verdicts = verify_all([(item, KNOWN) for item in (good, bad, good)])
     assert [isinstance(verdict, Refused) for verdict in verdicts] == [False, True, False]
