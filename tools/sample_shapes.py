@@ -108,7 +108,7 @@ def fluted_column(radius: float, height: float, flutes: int, around: int, along:
 
 
 def tube(path: Callable[[Array], Array], radius: float, along: int, around: int) -> Shape:
-    """A tube about a closed path of parameter 0 to 1."""
+    """A tube about a closed path of parameter 0 to 1. The angle runs so that triangles face outwards."""
 
     def of(u: Array, v: Array) -> Array:
         ahead, behind, here = path(u + _STEP), path(u - _STEP), path(u)
@@ -119,7 +119,7 @@ def tube(path: Callable[[Array], Array], radius: float, along: int, around: int)
         up = np.cross(side, forward)
         up /= np.linalg.norm(up, axis=-1, keepdims=True)
         angle = (2 * np.pi * v)[..., None]
-        return here + radius * (np.cos(angle) * up + np.sin(angle) * side)
+        return here + radius * (np.cos(angle) * up - np.sin(angle) * side)
 
     return surface(of, along, around)
 
