@@ -80,6 +80,9 @@ class SceneAccess:
             for found in await self.get([(wishes[index].space, wishes[index].location) for index in stale]):
                 if found is not None:
                     self.sequencer.saw(found.seq)
+        else:
+            remedy = "somebody else writes there all the time; try again"
+            raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
         return [outcome for outcome in placed if outcome is not None]
 
     async def get(self, keys: Sequence[tuple[SpaceId, Location]]) -> list[Opened | None]:

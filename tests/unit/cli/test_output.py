@@ -27,6 +27,20 @@ def test_plain_progress_is_at_most_a_line_a_second_and_never_misses_the_end() ->
     assert len(lines) == 4
 
 
+def test_on_a_terminal_there_are_bars() -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    stream = Terminal()
+    with Progress(stream=stream) as progress:
+        progress(ProgressState("read", 0, 1, "file"))
+        progress(ProgressState("geometry", 5, 40, "triangles"))
+        progress(ProgressState("geometry", 40, 40, "triangles"))
+    assert "geometry" in stream.getvalue()
+    assert "40/40" in stream.getvalue()
+
+
 def test_quiet_progress_says_nothing() -> None:
     stream = io.StringIO()
     with Progress(quiet=True, stream=stream) as progress:
