@@ -22,7 +22,7 @@ from scenefold.client.sealing import Draft, Opened, SceneIdentity, open_all, sea
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.versions import Sequencer
-from scenefold.crypto import SigningKey
+from scenefold.crypto import RecordHeader, SigningKey
 from scenefold.wire import PutItem, QueryRange, RejectRange, ReturnRange
 
 Result = TypeVar("Result")
@@ -171,9 +171,7 @@ class SceneAccess:
 
 def digest_of(item: PutItem) -> bytes:
     """The digest that `expect` speaks of."""
-    import hashlib
-
-    return hashlib.sha256(item.ciphertext).digest()
+    return RecordHeader.decode(item.header).digest
 
 
 def _is_stale(placed: Placed | None) -> bool:
