@@ -28,7 +28,7 @@ def still(
     depth: Annotated[int, Parameter(validator=Number(gte=1, lte=32))] = 8,
     sky: ColourOption | None = None,
     camera: str | None = None,
-    exposure: Annotated[float, Parameter(validator=Number(gte=-64, lte=64))] = 0.0,
+    exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
     threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
     ports: PortsOption | None = None,
     scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
@@ -65,7 +65,7 @@ def still(
     camera
         Name of the camera; by default the scene's first.
     exposure
-        Brightness of the PNG in stops; the EXR is not changed.
+        Brightness of the PNG in stops, by default as the image asks; the EXR is not changed.
     threads
         Threads that each node renders with, when no profile is given.
     ports

@@ -37,7 +37,7 @@ class StillJob:
     options: StillOptions
     exr: Path
     png: Path
-    exposure: float = 0.0
+    exposure: float | None = None
 
 
 @dataclass

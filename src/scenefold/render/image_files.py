@@ -14,6 +14,7 @@ clipped channel would turn an orange lamp yellow. It is for looking at; the EXR 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import tempfile
 from collections.abc import Callable, Mapping
@@ -28,6 +29,11 @@ Layer = NDArray[np.float32]
 
 SHOULDER_START = 0.6
 """Linear display value up to which the view transform changes nothing."""
+EXPOSED_QUANTILE = 0.85
+EXPOSED_TO = 0.6
+"""Automatic exposure brings this quantile of the lit pixels' luminance to this value."""
+EXPOSURE_LEFT_ALONE = 1.0
+"""Stops by which an image may be off before it is corrected."""
 WHITE_STOPS = 8.0
 """Stops above 1 at which a saturated colour has faded to white."""
 
@@ -54,11 +60,12 @@ def write_exr(path: Path, layers: Mapping[str, Layer], metadata: Mapping[str, st
     _write_atomically(path, write)
 
 
-def write_png(path: Path, beauty: Layer, exposure: float = 0.0) -> None:
-    """Write the beauty layer as 8-bit sRGB through the view transform; `exposure` in stops."""
+def write_png(path: Path, beauty: Layer, exposure: float | None = None) -> None:
+    """Write the beauty layer as 8-bit sRGB through the view transform; `exposure` in stops, None: as the image asks."""
     from PIL import Image
 
-    image = Image.fromarray(display_bytes(beauty, exposure))
+    stops = automatic_exposure(beauty) if exposure is None else exposure
+    image = Image.fromarray(display_bytes(beauty, stops))
     _write_atomically(path, lambda temporary: image.save(temporary, format="PNG"))
 
 
@@ -66,6 +73,20 @@ def image_sha256(beauty: Layer) -> str:
     """SHA-256 of the beauty layer as little-endian f32, H x W x 3, top row first; in hexadecimal."""
     assert beauty.shape[2:] == (3,), "the beauty layer is H x W x 3"
     return hashlib.sha256(np.ascontiguousarray(beauty, dtype="<f4").tobytes()).hexdigest()
+
+
+def automatic_exposure(beauty: Layer) -> float:
+    """Stops that bring the brighter part of an image to just below white; 0 for an image without light.
+
+    Scenes come in radiometric units of their authors' choice: a sun of 4,000 and a lamp of 1 both want to be seen.
+    An image that is well exposed as it is stays as it is.
+    """
+    light = np.nan_to_num(beauty.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0) @ np.array([0.2126, 0.7152, 0.0722])
+    lit = light[light > 0.0]
+    if not len(lit):
+        return 0.0
+    stops = math.log2(EXPOSED_TO / float(np.quantile(lit, EXPOSED_QUANTILE)))
+    return 0.0 if abs(stops) <= EXPOSURE_LEFT_ALONE else min(max(stops, -64.0), 64.0)
 
 
 def display_bytes(beauty: Layer, exposure: float = 0.0) -> NDArray[np.uint8]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenefold.base.errors import LocalFault
-from scenefold.render.image_files import check_writable, display_bytes, image_sha256, write_exr, write_png
+from scenefold.render.image_files import automatic_exposure, check_writable, display_bytes, image_sha256, write_exr, write_png
 
 
 def _layers() -> dict[str, np.ndarray]:
@@ -71,6 +71,15 @@ def test_bright_colours_fade_to_white_and_dark_ones_keep_their_hue() -> None:
     assert lamp.min() > 240
     brick = display_bytes(np.array([[[0.5, 0.1, 0.05]]], np.float32))[0, 0]
     assert tuple(brick) == (188, 89, 63)
+
+
+def test_a_scene_in_any_unit_is_shown_neither_black_nor_burnt_out() -> None:
+    picture = np.random.default_rng(5).uniform(0.02, 1.0, (30, 40, 3)).astype(np.float32)
+    assert automatic_exposure(picture) == 0.0, "a well exposed image is left alone"
+    for factor in (1e-4, 300.0, 4e6):
+        shown = display_bytes(picture * np.float32(factor), automatic_exposure(picture * np.float32(factor)))
+        assert 60 < float(np.median(shown)) < 220
+    assert automatic_exposure(np.zeros((4, 4, 3), np.float32)) == 0.0
 
 
 def test_what_is_no_number_is_shown_black() -> None:
