@@ -100,7 +100,7 @@ class NodeReader:
                 opened = await self.context.world.workers.run("crypto", _open, identity, keys, records)
                 payloads[start : start + len(keys)] = [None if one is None else one.payload for one in opened]
 
-        async with trio.open_nursery(strict_exception_groups=False) as nursery:
+        async with trio.open_nursery() as nursery:
             for start in range(0, len(locations), READ_BATCH):
                 nursery.start_soon(read, start)
         return payloads
