@@ -41,7 +41,7 @@ _CUTS = 4
 """An undecided box is cut into this many pieces a side: fewer boxes near edges of a cell are held for nothing."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def owner_ahead(family, data, x, y, z, dx, dy, dz):
     """Node into whose cell something at x, y, z flies that moves along d: int32.
 
@@ -55,13 +55,13 @@ def owner_ahead(family, data, x, y, z, dx, dy, dz):
     return np.int32(-1)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def owner_at(family, data, x, y, z):
     """Node whose cell holds x, y, z, the lowest node on a hull: int32."""
     return owner_ahead(family, data, x, y, z, 0.0, 0.0, 0.0)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def leave_after(family, data, node, ox, oy, oz, dx, dy, dz, t):
     """Where after t the ray o + s d leaves the node's cell, and into whose: (f64, int32), or (inf, -1) if never.
 
@@ -81,7 +81,7 @@ def leave_after(family, data, node, ox, oy, oz, dx, dy, dz, t):
     return t_exit, np.int32(target)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def exit_after(family, data, node, ox, oy, oz, dx, dy, dz, t):
     """The smallest t_exit >= t from which on the ray o + s d is outside the node's cell: f64, inf if never."""
     t_exit = math.inf
@@ -92,7 +92,7 @@ def exit_after(family, data, node, ox, oy, oz, dx, dy, dz, t):
     return max(t_exit, t)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def _facets(family, data, node):
     if family == _VORONOI:
         return _voronoi_facets(data, node)
@@ -101,7 +101,7 @@ def _facets(family, data, node):
     return 0
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def _separates(family, data, node, facet, lx, ly, lz, hx, hy, hz, dilation):
     if family == _VORONOI:
         return _voronoi_separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation)
@@ -110,7 +110,7 @@ def _separates(family, data, node, facet, lx, ly, lz, hx, hy, hz, dilation):
     return False
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def _is_apart(family, data, node, lx, ly, lz, hx, hy, hz, dilation):
     """Whether one half-space alone shows that the box misses the dilated cell."""
     count = _facets(family, data, node)
@@ -128,7 +128,7 @@ def _is_apart(family, data, node, lx, ly, lz, hx, hy, hz, dilation):
     return False
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def _edge(low, high, cut):
     """The cut-th of the planes that cut low..high into `_CUTS` pieces; the outer ones exactly low and high."""
     if cut == 0:
@@ -138,7 +138,7 @@ def _edge(low, high, cut):
     return min(max(low + (high - low) * (cut / _CUTS), low), high)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def cell_meets_box(family, data, node, lx, ly, lz, hx, hy, hz, dilation):
     """False only if the box misses the node's cell grown by `dilation`; True may be wrong, close to an edge.
 
@@ -168,7 +168,7 @@ def cell_meets_box(family, data, node, lx, ly, lz, hx, hy, hz, dilation):
     return False
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def owners(family: int, data: Floats, points: Floats, directions: Floats, found: Indices) -> None:
     """`owner_ahead` of n points: f64[n, 3] twice (or directions f64[0, 3] for `owner_at`) -> int32[n]."""
     still = directions.shape[0] == 0
@@ -181,7 +181,7 @@ def owners(family: int, data: Floats, points: Floats, directions: Floats, found:
             )
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def exits(
     family: int, data: Floats, origins: Floats, directions: Floats, t: Floats, nodes: Indices, t_exit: Floats, targets: Indices
 ) -> None:
@@ -201,7 +201,7 @@ def exits(
         )
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def overlaps(family: int, data: Floats, low: Floats, high: Floats, dilation: float, mask: npt.NDArray[np.bool_]) -> None:
     """`cell_meets_box` of N nodes and m boxes: f64[m, 3] twice -> bool[N, m]."""
     for i in range(low.shape[0]):

@@ -16,7 +16,7 @@ from numba import njit
 from scenefold.partition.box_kernels import ROUNDING, least_along, reach_along
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def owner(data, x, y, z, dx, dy, dz):
     """Node nearest to x, y, z; among equally near ones the nearest a little further along d, then the lowest."""
     best = 0
@@ -36,7 +36,7 @@ def owner(data, x, y, z, dx, dy, dz):
     return best
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def leave(data, node, ox, oy, oz, dx, dy, dz):
     """Where the line o + t d leaves the node's cell for good, and into whose: (t, node), (inf, -1) if nowhere.
 
@@ -67,12 +67,12 @@ def leave(data, node, ox, oy, oz, dx, dy, dz):
     return first, target
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def facets(data, node):
     return data.shape[0]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation):
     """Whether the whole box lies more than `dilation` beyond the half-space between node and node `facet`.
 

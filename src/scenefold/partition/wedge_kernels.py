@@ -23,7 +23,7 @@ from scenefold.partition.box_kernels import ROUNDING, least_along
 HEAD_ROWS = 3
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def _sector(data, x, y, dx, dy):
     """Node at x, y of the plane across the axis; on a hull that of a point slightly along d, else the lowest.
 
@@ -54,7 +54,7 @@ def _sector(data, x, y, dx, dy):
     return low
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def owner(data, x, y, z, dx, dy, dz):
     """Node whose wedge holds x, y, z; on a hull or on the axis the one a little further along d, then the lowest."""
     rx = x - data[0, 0]
@@ -69,7 +69,7 @@ def owner(data, x, y, z, dx, dy, dz):
     )
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def leave(data, node, ox, oy, oz, dx, dy, dz):
     """Where the line o + t d leaves the node's wedge for good, and into whose: (t, node), (inf, -1) if nowhere."""
     nodes = data.shape[0] - HEAD_ROWS
@@ -98,12 +98,12 @@ def leave(data, node, ox, oy, oz, dx, dy, dz):
     return t_up, _sector(data, u, v, 0.0, 0.0)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def facets(data, node):
     return 3 if data.shape[0] > HEAD_ROWS + 1 else 0
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation):
     """Whether the whole box lies more than `dilation` beyond a half-space that holds the wedge.
 

@@ -16,13 +16,13 @@ ALPHA_MIN = 1e-3
 """Smoother surfaces are rendered as this smooth: their density still fits the ray record's pdf code."""
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def luminance(r, g, b):  # type: ignore[no-untyped-def]
     """Rec. 709 luminance of a linear colour."""
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
     """Schlick's approximation of reflectance at an angle; glTF prescribes it."""
     m = min(max(1.0 - cosine, 0.0), 1.0)
@@ -30,7 +30,7 @@ def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
     return f0 + (1.0 - f0) * (m2 * m2 * m)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit vectors that make a right-handed frame with the unit normal (Duff et al., JCGT 2017)."""
     sign = 1.0 if nz >= 0.0 else -1.0
@@ -39,7 +39,7 @@ def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def sample_cosine(u, v):  # type: ignore[no-untyped-def]
     """A direction with density cos / pi."""
     s, c = sine_cosine_of_turns(v)
@@ -47,19 +47,19 @@ def sample_cosine(u, v):  # type: ignore[no-untyped-def]
     return r * c, r * s, math.sqrt(max(0.0, 1.0 - u))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _smith_lambda(x, y, z, alpha):  # type: ignore[no-untyped-def]
     return 0.5 * (math.sqrt(1.0 + alpha * alpha * (x * x + y * y) / (z * z)) - 1.0)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _ggx_density(z, alpha):  # type: ignore[no-untyped-def]
     a2 = alpha * alpha
     d = z * z * (a2 - 1.0) + 1.0
     return a2 / (PI * d * d)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
     """A microfacet normal as seen from (x, y, z), z > 0."""
     sx, sy, sz = alpha * x, alpha * y, z
@@ -84,7 +84,7 @@ def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
     return nx * scale, ny * scale, nz * scale
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0_dielectric, transmission, choose_coat):  # type: ignore[no-untyped-def]
     """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
 
@@ -111,7 +111,7 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     )
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def coat_probability(woz, base_r, base_g, base_b, metallic, f0_dielectric, transmission):  # type: ignore[no-untyped-def]
     """With which probability to sample the coat rather than the diffuse body: by their share of energy."""
     f_d = fresnel_schlick(f0_dielectric, woz)

@@ -10,7 +10,7 @@ _SQUARE_MAX = 9.0e18
 _RADIANCE_OF_UNIT = 1.0 / 4294967296.0
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _add_to_limbs(high, low, pixel, channel, value):  # type: ignore[no-untyped-def]
     """Add a signed 64-bit value to the 128-bit number (high int64, low uint64)."""
     before = low[pixel, channel]
@@ -20,7 +20,7 @@ def _add_to_limbs(high, low, pixel, channel, value):  # type: ignore[no-untyped-
     high[pixel, channel] += carry + (np.int64(-1) if value < 0 else np.int64(0))
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def add_pass(radiance, aovs, first_path, stride, high, low, square_high, square_low, samples, aov_sums):  # type: ignore[no-untyped-def]
     """Add a whole pass, summed per path over all nodes: int64[paths, 3] and int32[paths, 8].
 
@@ -43,7 +43,7 @@ def add_pass(radiance, aovs, first_path, stride, high, low, square_high, square_
                 aov_sums[pixel, column] += aovs[path, column]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def add_limbs(high, low, other_high, other_low):  # type: ignore[no-untyped-def]
     """Add 128-bit numbers, int64 and uint64 [n, 3], to others in place."""
     for row in range(high.shape[0]):

@@ -28,7 +28,7 @@ def scattering_stride(pixels: int) -> int:
     return stride
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def generate_pass(job, first_path, out):  # type: ignore[no-untyped-def]
     """Write the camera rays of paths first_path .. first_path + len(out) - 1 to out, uint32[n, 9].
 
@@ -64,7 +64,7 @@ def generate_pass(job, first_path, out):  # type: ignore[no-untyped-def]
         write_path_ray(out, i, fx, fy, fz, code_u, code_v, PDF_DELTA, white, i, KIND_CAMERA, 0, step)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def depth_of(job, px, py, pz):  # type: ignore[no-untyped-def]
     """How far a point is from the camera, or from its plane if the camera is orthographic."""
     camera = job.camera

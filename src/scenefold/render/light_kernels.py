@@ -24,13 +24,13 @@ _KIND, _POSITION, _DIRECTION, _COLOR = LightColumn.KIND, LightColumn.POSITION, L
 _COS_INNER, _COS_OUTER, _PROBABILITY = LightColumn.COS_INNER, LightColumn.COS_OUTER, LightColumn.PROBABILITY
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def sky_pdf(job):  # type: ignore[no-untyped-def]
     """Density per steradian with which next-event estimation asks for a sky direction above the surface."""
     return job.choose_sky * 0.5 * INVERSE_PI
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def emitter_pdf(job, radiance_r, radiance_g, radiance_b, squared_distance, cosine):  # type: ignore[no-untyped-def]
     """Density per steradian of sampling a point of an emitter that is seen at this distance and cosine.
 
@@ -40,14 +40,14 @@ def emitter_pdf(job, radiance_r, radiance_g, radiance_b, squared_distance, cosin
     return job.choose_emitter * power * squared_distance / cosine
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _far_end(px, py, pz, dx, dy, dz, job):  # type: ignore[no-untyped-def]
     """Where a direction leaves the job's box: the end of a shadow ray towards something infinitely far."""
     _, t_out = box_span(px, py, pz, dx, dy, dz, job.box_low, job.box_high)
     return px + dx * t_out, py + dy * t_out, pz + dz * t_out
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def sample_light(scene, job, key, bounce, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """A light sample for the point p whose geometric normal (to the viewer's side) is n.
 
@@ -75,7 +75,7 @@ def sample_light(scene, job, key, bounce, px, py, pz, nx, ny, nz):  # type: igno
     return _sample_emitter(scene, job, uniform(key, bounce, DIMENSION_ALIAS), u, v, px, py, pz)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped-def]
     lights = scene.punctual_lights
     last = lights.shape[0] - 1
@@ -105,7 +105,7 @@ def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped
     return True, wx, wy, wz, ex, ey, ez, r * falloff, g * falloff, b * falloff, 0.0
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-untyped-def]
     nothing = (False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     count = scene.emitter_threshold.shape[0]

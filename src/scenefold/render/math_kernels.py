@@ -4,6 +4,9 @@ libm, SVML and numpy's transcendentals differ between machines and versions, and
 on its length; so sine, cosine, exp2 and log2 are polynomials of our own, random numbers are hashes of what
 they are for, and the packed forms of the ray record (directions, throughput, pdf) are defined here, once.
 All functions are scalar device functions, inlined into the kernels that loop over batches.
+
+`_nrt=False`, here and in all kernels that allocate nothing: numba does not count references to the arrays that they
+are given (docs/decisions/0005-kernels-count-no-references.md).
 """
 
 from __future__ import annotations
@@ -73,7 +76,7 @@ assert cgutils is not None
 # Random numbers ------------------------------------------------------------------------------------------
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def mix64(value):  # type: ignore[no-untyped-def]
     """The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection of 64 bits that avalanches."""
     value = (value ^ (value >> np.uint64(30))) * _MIX_1
@@ -81,7 +84,7 @@ def mix64(value):  # type: ignore[no-untyped-def]
     return value ^ (value >> np.uint64(31))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def path_key(seed, frame, pixel, sample):  # type: ignore[no-untyped-def]
     """The key of one path: a function of what the path is, never of who traces it or when."""
     key = mix64(np.uint64(seed) + _GOLDEN)
@@ -89,7 +92,7 @@ def path_key(seed, frame, pixel, sample):  # type: ignore[no-untyped-def]
     return mix64(key + ((np.uint64(pixel) << np.uint64(32)) | np.uint64(sample)) * _GOLDEN)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def uniform(key, bounce, dimension):  # type: ignore[no-untyped-def]
     """A number in [0, 1), of 53 bits, for one dimension of one bounce of a path."""
     counter = np.uint64(bounce) * np.uint64(64) + np.uint64(dimension) + np.uint64(1)
@@ -99,7 +102,7 @@ def uniform(key, bounce, dimension):  # type: ignore[no-untyped-def]
 # Elementary functions ------------------------------------------------------------------------------------
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _sin_small(x):  # type: ignore[no-untyped-def]
     """sin on |x| <= pi/4, Taylor to x^15: error below 1e-16."""
     z = x * x
@@ -113,7 +116,7 @@ def _sin_small(x):  # type: ignore[no-untyped-def]
     return x + x * z * p
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _cos_small(x):  # type: ignore[no-untyped-def]
     """cos on |x| <= pi/4, Taylor to x^16."""
     z = x * x
@@ -128,7 +131,7 @@ def _cos_small(x):  # type: ignore[no-untyped-def]
     return 1.0 + z * p
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def sine_cosine_of_turns(turns):  # type: ignore[no-untyped-def]
     """(sin, cos) of an angle given in whole turns, 0 <= turns <= 1."""
     quarter = int(turns * 4.0 + 0.5)
@@ -144,7 +147,7 @@ def sine_cosine_of_turns(turns):  # type: ignore[no-untyped-def]
     return -c, s
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def log2_of(x):  # type: ignore[no-untyped-def]
     """Base-2 logarithm of a normal positive x; error below 1e-15 relative to the result's scale."""
     bits = f64_bits(x)
@@ -170,7 +173,7 @@ def log2_of(x):  # type: ignore[no-untyped-def]
     return exponent + 2.0 * y * p * LOG2_E
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def exp2_of(x):  # type: ignore[no-untyped-def]
     """2^x for -1000 <= x <= 1000."""
     whole = math.floor(x + 0.5)
@@ -193,7 +196,7 @@ def exp2_of(x):  # type: ignore[no-untyped-def]
     return p * f64_from_bits(np.uint64(int(whole) + 1023) << np.uint64(52))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def power_of(base, exponent):  # type: ignore[no-untyped-def]
     """base^exponent for base >= 0; 0 for base 0."""
     if base <= 0.0:
@@ -204,7 +207,7 @@ def power_of(base, exponent):  # type: ignore[no-untyped-def]
 # Directions: two 32-bit octahedral coordinates -----------------------------------------------------------
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _coordinate_code(x):  # type: ignore[no-untyped-def]
     scaled = (x * 0.5 + 0.5) * 4294967295.0 + 0.5
     if scaled <= 0.0:
@@ -214,7 +217,7 @@ def _coordinate_code(x):  # type: ignore[no-untyped-def]
     return np.uint32(np.uint64(scaled))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def encode_direction(x, y, z):  # type: ignore[no-untyped-def]
     """The octahedral code of a direction of any length > 0."""
     scale = 1.0 / (abs(x) + abs(y) + abs(z))
@@ -224,7 +227,7 @@ def encode_direction(x, y, z):  # type: ignore[no-untyped-def]
     return _coordinate_code(u), _coordinate_code(v)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def decode_direction(code_u, code_v):  # type: ignore[no-untyped-def]
     """The unit direction (f64) that a code stands for. The code is the truth: never pack the result again."""
     u = float(code_u) * (2.0 / 4294967295.0) - 1.0
@@ -242,18 +245,18 @@ _EXPONENT_BIAS = 256
 _COLOR_MAX = 8191.0 / 8192.0 * 2.0**255
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _exponent_above(x):  # type: ignore[no-untyped-def]
     """The smallest e with x < 2^e, for a normal positive x."""
     return int((f64_bits(x) >> np.uint64(52)) & np.uint64(0x7FF)) - 1022
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _power_of_two(e):  # type: ignore[no-untyped-def]
     return f64_from_bits(np.uint64(e + 1023) << np.uint64(52))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def encode_color(r, g, b, key, bounce, dimension):  # type: ignore[no-untyped-def]
     """48 bits of a colour >= 0, rounded at random so that its mean is exact; `dimension` to +2 are used.
 
@@ -281,7 +284,7 @@ def encode_color(r, g, b, key, bounce, dimension):  # type: ignore[no-untyped-de
     )
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def decode_color(code):  # type: ignore[no-untyped-def]
     """The colour (f64) of a 48-bit code."""
     mask = np.uint64(0x1FFF)
@@ -296,7 +299,7 @@ def decode_color(code):  # type: ignore[no-untyped-def]
 # Densities: log2 in steps of 1/1024 from -24 ---------------------------------------------------------------
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def encode_pdf(pdf):  # type: ignore[no-untyped-def]
     """The 16-bit code of a density per steradian; the ends of the range saturate."""
     if not pdf > 5.960464477539063e-08:
@@ -305,7 +308,7 @@ def encode_pdf(pdf):  # type: ignore[no-untyped-def]
     return min(code, 65534)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def decode_pdf(code):  # type: ignore[no-untyped-def]
     """The density that a code below 65535 stands for."""
     return exp2_of(float(code) * (1.0 / 1024.0) - 24.0)

@@ -38,13 +38,13 @@ _BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLI
 _WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def is_see_through(row):  # type: ignore[no-untyped-def]
     """Whether anything can pass a material: float64[MaterialColumn.WIDTH]."""
     return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and row[_METALLIC] < 1.0)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def opacity(row, alpha):  # type: ignore[no-untyped-def]
     """Of a material whose base colour has this alpha."""
     if row[_ALPHA_MODE] == ALPHA_MASK:
@@ -54,14 +54,14 @@ def opacity(row, alpha):  # type: ignore[no-untyped-def]
     return 1.0
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def passed_share(row, metallic, cosine):  # type: ignore[no-untyped-def]
     """q: how much of the light that meets the surface at this cosine passes straight on, before tint."""
     ratio = (row[_IOR] - 1.0) / (row[_IOR] + 1.0)
     return row[_TRANSMISSION] * (1.0 - metallic) * (1.0 - fresnel_schlick(ratio * ratio, cosine))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def skip_probability(scene, triangle, u, v, dx, dy, dz):  # type: ignore[no-untyped-def]
     """The chance that a ray along d, in the triangle's own space, passes unchanged at barycentric (u, v)."""
     row = scene.materials[int(scene.triangle_material[triangle])]
@@ -94,7 +94,7 @@ def skip_probability(scene, triangle, u, v, dx, dy, dz):  # type: ignore[no-unty
     return 1.0 - a + a * passed_share(row, metallic, cosine) * min(r, min(g, b))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def skip_draw(key, bounce_and_kind, instance, group, primitive):  # type: ignore[no-untyped-def]
     """A number in [0, 1) for one candidate of one ray; equal wherever and however often it is asked for."""
     name = mix64((np.uint64(instance) << np.uint64(32)) ^ np.uint64(primitive))

@@ -21,13 +21,13 @@ def linear_of_srgb() -> np.ndarray:  # type: ignore[type-arg]
     return table
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def sine_cosine(radians):  # type: ignore[no-untyped-def]
     """(sin, cos) of an angle, 0 <= radians <= 2 pi."""
     return sine_cosine_of_turns(radians / (2.0 * PI))
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def emitter_power(corners, radiance):  # type: ignore[no-untyped-def]
     """Sum of luminance x area over emissive triangles, float32[n, 3, 3] and float32[n, 3], in order."""
     total = 0.0

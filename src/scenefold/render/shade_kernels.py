@@ -87,7 +87,7 @@ _BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLI
 _WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
     """Add a contribution to its path, in whole units of 2^-32, so that any order gives the same sum."""
     total = r + g + b
@@ -102,7 +102,7 @@ def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
     sums[path, 2] += np.int64(b * SUM_UNIT + 0.5)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _surface(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     """World point, geometric normal by winding, shading normal, and texture coordinates of a hit."""
     i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
@@ -146,7 +146,7 @@ def _surface(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     return px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _material(scene, material, tu, tv):  # type: ignore[no-untyped-def]
     """Base colour, metallic and roughness with their textures applied."""
     row = scene.materials[material]
@@ -163,7 +163,7 @@ def _material(scene, material, tu, tv):  # type: ignore[no-untyped-def]
     return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, out):  # type: ignore[no-untyped-def]
     """Shade a cast batch; returns how many new rays were written to `out`.
 
@@ -194,7 +194,7 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
     return made
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_code, sums, aovs, counters, out, made):  # type: ignore[no-untyped-def]
     bounce = bounce_of(rays, i)
     ox, oy, oz = origin_of(rays, i)

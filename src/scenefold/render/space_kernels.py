@@ -16,7 +16,7 @@ _OFFSET_OF_DIAGONAL = 2.0**-18
 _OFFSET_OF_COORDINATE = 2.0**-20
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _slab(origin, direction, low, high, t_in, t_out):  # type: ignore[no-untyped-def]
     if abs(direction) < 1e-30:
         if origin < low or origin > high:
@@ -27,7 +27,7 @@ def _slab(origin, direction, low, high, t_in, t_out):  # type: ignore[no-untyped
     return max(t_in, min(t_a, t_b)), min(t_out, max(t_a, t_b))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def box_span(ox, oy, oz, dx, dy, dz, low, high):  # type: ignore[no-untyped-def]
     """(t_in, t_out) of the ray in the box, from t = 0 on; t_in > t_out if it misses."""
     t_in, t_out = _slab(ox, dx, low[0], high[0], 0.0, math.inf)
@@ -35,13 +35,13 @@ def box_span(ox, oy, oz, dx, dy, dz, low, high):  # type: ignore[no-untyped-def]
     return _slab(oz, dz, low[2], high[2], t_in, t_out)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def t_of_step(step, t_in, t_out):  # type: ignore[no-untyped-def]
     """Where along the ray step k of its span lies."""
     return t_in + (t_out - t_in) * (step / _STEPS)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def step_after(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
     """The first step at or behind t, at least one past `step`, at most 65535: so a ray always gets on."""
     if not t < t_out:
@@ -53,14 +53,14 @@ def step_after(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
     return min(max(following, step + 1), 65535)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def diagonal_of_box(low, high):  # type: ignore[no-untyped-def]
     """The length of a box's diagonal."""
     x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-def]
     """The f32 origin of a ray that leaves the surface point on the side into which the unit normal points.
 

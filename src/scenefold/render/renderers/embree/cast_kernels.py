@@ -146,7 +146,7 @@ def shadow_filter(arguments):  # type: ignore[no-untyped-def]
             store_u32(load_i64(arguments), np.uint32(0))
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _prepare(workspace, nearest, shadow, addresses):  # type: ignore[no-untyped-def]
     """Arguments of the two queries. A shadow filter of 0 is none: occlusion takes what comes first."""
     base = workspace.ctypes.data
@@ -163,7 +163,7 @@ def _prepare(workspace, nearest, shadow, addresses):  # type: ignore[no-untyped-
     return base
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
 def _write_ray(workspace, reals, ox, oy, oz, dx, dy, dz, t_far):  # type: ignore[no-untyped-def]
     reals[0], reals[1], reals[2], reals[3] = ox, oy, oz, np.float32(0.0)
     reals[4], reals[5], reals[6], reals[7] = dx, dy, dz, np.float32(0.0)
@@ -171,7 +171,7 @@ def _write_ray(workspace, reals, ox, oy, oz, dx, dy, dz, t_far):  # type: ignore
     workspace[9], workspace[10], workspace[11] = _NOBODY, np.uint32(0), np.uint32(0)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def cast_batch(  # type: ignore[no-untyped-def]
     intersect,
     occluded,
@@ -254,7 +254,7 @@ def cast_batch(  # type: ignore[no-untyped-def]
         status[i] = STATUS_FREE if step == 65535 else STATUS_FORWARD
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def find_owners(rays, family, cells, low, high, me, owners):  # type: ignore[no-untyped-def]
     """Which node casts each ray next: the owner of the place up to which it is done.
 
