@@ -7,6 +7,7 @@ plain values only, packed by the wire's strict codec, so its bytes are equal whe
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +23,10 @@ ALGORITHMS = ("bounded-radial", "voronoi")
 SIDE_MAX = 16_384
 SAMPLES_MAX = 1 << 20
 DEPTH_MAX = 32
+SEED_MAX = 2**63 - 1
+SKY_MAX = 1e9
 SYMMETRIC_KEY_BYTES = 24
+HASH_BYTES = 32
 _CAMERA_NUMBERS = 16
 
 
@@ -49,13 +53,13 @@ class RenderOptions:
             ("width", self.width, 1, SIDE_MAX),
             ("height", self.height, 1, SIDE_MAX),
             ("samples", self.samples, 1, SAMPLES_MAX),
-            ("seed", self.seed, 0, 2**63 - 1),
+            ("seed", self.seed, 0, SEED_MAX),
             ("depth", self.depth, 1, DEPTH_MAX),
         )
         for name, value, least, most in bounds:
             if not least <= value <= most:
                 raise UsageFault(f"{name} is {value}", remedy=f"give a whole number from {least} to {most}")
-        if len(self.sky) != 3 or not all(0.0 <= channel <= 1e9 for channel in self.sky):
+        if len(self.sky) != 3 or not all(0.0 <= channel <= SKY_MAX for channel in self.sky):
             raise UsageFault("the sky is no colour", remedy="give three numbers from 0 to 1e9, as in 0.5,0.6,0.7")
         if self.algorithm not in ALGORITHMS:
             raise UsageFault(f"there is no algorithm {self.algorithm!r}", remedy=f"choose one of {', '.join(ALGORITHMS)}")
@@ -126,35 +130,46 @@ class Job:
 
     @classmethod
     def _from_map(cls, document: Any) -> Job:
-        width, height = (int(side) for side in document["size"])
+        width, height = (_whole(side, 1, SIDE_MAX) for side in document["size"])
         job = cls(
-            id=int(document["id"]),
-            scene=SceneId(int(document["scene"])),
-            genesis=bytes(document["genesis"]),
-            symmetric_key=bytes(document["symmetric_key"]),
-            key_epoch=int(document["key_epoch"]),
-            content=bytes(document["content"]),
-            numeric_class=str(document["numeric_class"]),
+            id=_whole(document["id"], 0, 2**64 - 1),
+            scene=SceneId(_whole(document["scene"], 0, 2**32 - 1)),
+            genesis=_exactly(document["genesis"], HASH_BYTES),
+            symmetric_key=_exactly(document["symmetric_key"], SYMMETRIC_KEY_BYTES),
+            key_epoch=_whole(document["key_epoch"], 0, 2**32 - 1),
+            content=_exactly(document["content"], HASH_BYTES),
+            numeric_class=_text(document["numeric_class"]),
             width=width,
             height=height,
-            samples=int(document["samples"]),
-            seed=int(document["seed"]),
-            frame=int(document["frame"]),
-            depth=int(document["depth"]),
+            samples=_whole(document["samples"], 1, SAMPLES_MAX),
+            seed=_whole(document["seed"], 0, SEED_MAX),
+            frame=_whole(document["frame"], 0, 2**32 - 1),
+            depth=_whole(document["depth"], 1, DEPTH_MAX),
             sky=struct.unpack("<3d", document["sky"]),
             camera=struct.unpack(f"<{_CAMERA_NUMBERS}d", document["camera"]),
-            nodes=tuple(NodeId(int(node)) for node in document["nodes"]),
+            nodes=tuple(NodeId(_whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
             partition=Partition.from_document(document["partition"]),
         )
-        within = (
-            0 < job.width <= SIDE_MAX
-            and 0 < job.height <= SIDE_MAX
-            and 0 < job.samples <= SAMPLES_MAX
-            and 0 < job.depth <= DEPTH_MAX
-            and 0 < len(job.nodes) <= NODES_MAX
-            and job.partition.nodes == len(job.nodes)
-            and len(job.symmetric_key) == SYMMETRIC_KEY_BYTES
-        )
-        if not within:
-            raise ValueError("a number is out of its range")
+        if not 0 < len(job.nodes) <= NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
+            raise ValueError("nodes and partition do not fit together")
+        if not all(0.0 <= channel <= SKY_MAX for channel in job.sky) or not all(map(math.isfinite, job.camera)):
+            raise ValueError("the sky is no colour, or the camera no camera")
         return job
+
+
+def _whole(value: object, least: int, most: int) -> int:
+    if type(value) is not int or not least <= value <= most:
+        raise ValueError(f"a whole number from {least} to {most} is expected")
+    return value
+
+
+def _exactly(value: object, length: int) -> bytes:
+    if not isinstance(value, bytes) or len(value) != length:
+        raise ValueError(f"{length} bytes are expected")
+    return value
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError("a text is expected")
+    return value

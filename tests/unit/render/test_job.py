@@ -1,0 +1,132 @@
+"""If this fails, nodes of one job render different things, or a foreign document makes a node do what it should not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import PeerFault, UsageFault
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.partition import Partition
+from scenefold.render.job import ALGORITHMS, Job, RenderOptions
+from scenefold.wire import pack_value, unpack_value
+
+JOB = Job(
+    id=2**63 + 5,
+    scene=SceneId(3),
+    genesis=bytes(range(32)),
+    symmetric_key=bytes(range(24)),
+    key_epoch=2,
+    content=bytes(32),
+    numeric_class="embree-4.3.3-avx2-embreex-4.3.3",
+    width=640,
+    height=360,
+    samples=64,
+    seed=2**63 - 1,
+    frame=0,
+    depth=8,
+    sky=(0.1, 0.2, 1e-300),
+    camera=tuple(float(number) / 7 for number in range(16)),
+    nodes=(NodeId(0x7F000002), NodeId(0x7F000003)),
+    partition=Partition.voronoi([[0, 0, 0], [1, 2, 3]]),
+)
+DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")  # type: ignore[assignment]
+
+
+def test_a_job_round_trips_to_the_bit() -> None:
+    assert Job.from_bytes(JOB.to_bytes()) == JOB
+    assert Job.from_bytes(JOB.to_bytes()).to_bytes() == JOB.to_bytes()
+    assert JOB.plan.paths == 640 * 360 * 64
+
+
+@pytest.mark.parametrize("key", sorted(DOCUMENT))
+def test_every_entry_is_needed(key: str) -> None:
+    with pytest.raises(PeerFault):
+        Job.from_bytes(pack_value({name: value for name, value in DOCUMENT.items() if name != key}))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("size", [0, 360]),
+        ("size", [640]),
+        ("size", [640, 360, 1]),
+        ("size", [-1, 360]),
+        ("size", [100_000, 360]),
+        ("size", 640),
+        ("samples", 0),
+        ("samples", 2**40),
+        ("depth", 0),
+        ("depth", 33),
+        ("seed", -1),
+        ("seed", 2**63),
+        ("frame", -1),
+        ("id", -1),
+        ("nodes", []),
+        ("nodes", [1]),
+        ("nodes", [5, 5]),
+        ("nodes", [2**32, 1]),
+        ("nodes", None),
+        ("symmetric_key", bytes(16)),
+        ("genesis", bytes(31)),
+        ("content", bytes(31)),
+        ("sky", bytes(8)),
+        ("sky", b"\xff" * 24),
+        ("camera", bytes(8)),
+        ("camera", b"\xff" * 128),
+        ("partition", {}),
+        ("partition", {"epoch": 1}),
+        ("partition", None),
+        ("numeric_class", 5),
+    ],
+)
+def test_what_makes_no_sense_is_refused(key: str, value: object) -> None:
+    with pytest.raises(PeerFault):
+        Job.from_bytes(pack_value({**DOCUMENT, key: value}))
+
+
+@given(st.binary(max_size=200))
+def test_noise_is_refused(noise: bytes) -> None:
+    with pytest.raises(PeerFault):
+        Job.from_bytes(noise)
+
+
+@given(st.integers(0, len(JOB.to_bytes()) - 1), st.integers(1, 255))
+def test_a_damaged_document_is_refused_or_another_job(place: int, damage: int) -> None:
+    raw = bytearray(JOB.to_bytes())
+    raw[place] ^= damage
+    try:
+        found = Job.from_bytes(bytes(raw))
+    except PeerFault:
+        return
+    assert found != JOB
+
+
+def test_options_are_checked_one_by_one() -> None:
+    good = RenderOptions()
+    good.check()
+    for algorithm in ALGORITHMS:
+        replace(good, algorithm=algorithm).check()
+    wrong: list[dict[str, Any]] = [
+        {"width": 0},
+        {"height": -5},
+        {"width": 16_385},
+        {"samples": 0},
+        {"seed": -1},
+        {"seed": 2**63},
+        {"depth": 0},
+        {"depth": 33},
+        {"sky": (0.0, 0.0)},
+        {"sky": (0.0, -1.0, 0.0)},
+        {"sky": (0.0, float("nan"), 0.0)},
+        {"sky": (float("inf"), 0.0, 0.0)},
+        {"algorithm": "tiles"},
+    ]
+    for options in wrong:
+        with pytest.raises(UsageFault) as caught:
+            replace(good, **options).check()
+        assert caught.value.remedy
