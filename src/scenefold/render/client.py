@@ -165,6 +165,7 @@ def _report(state: dict[str, Any]) -> dict[str, Any]:
         "cell_visits": sum(casts),
         "rays_passed": passed,
         "rays_passed_per_path": passed / paths,
+        "packets_passed": sum(int(node["packets_sent"]) for node in nodes),
         "bytes_passed": passed * RAY_BYTES,
         "efficiency": sum(casts) / (len(casts) * max(casts)) if max(casts) else 1.0,
         "contributions_not_finite": sum(int(node["not_finite"]) for node in nodes),

@@ -138,6 +138,11 @@ class Member:
                 nursery.start_soon(self._trace, index, tracer)
 
     @property
+    def packets_sent(self) -> int:
+        """Packets of rays that this node sent."""
+        return sum(outbox.frames_sent for outbox in self._outboxes.values())
+
+    @property
     def closed(self) -> int:
         """How many of its own passes this node has closed."""
         return self._own.closed
@@ -178,6 +183,8 @@ class Member:
                 continue
             work = self._queue.take()
             if work is None:
+                for outbox in self._outboxes.values():
+                    outbox.hurry()
                 changed = self._changed
                 await changed.wait()
                 continue

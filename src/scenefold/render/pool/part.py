@@ -111,6 +111,7 @@ class Part:
                 "casts": statistics.casts,
                 "shadow_casts": statistics.shadow_casts,
                 "rays_sent": statistics.rays_sent,
+                "packets_sent": self._member.packets_sent,
                 "rays_received": statistics.rays_received,
                 "busy_seconds": statistics.busy_seconds,
                 "not_finite": statistics.counters[1],
