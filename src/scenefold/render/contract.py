@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import metadata
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from scenefold.base.errors import LocalFault
 from scenefold.partition import Partition
@@ -88,6 +88,15 @@ class Renderer(Protocol):
 
     def open(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> OpenScene:
         """Build what tracing needs (trees, tables). Called in a worker thread; LocalFault if it cannot be."""
+        ...
+
+
+@runtime_checkable
+class MeasuredRenderer(Renderer, Protocol):
+    """A renderer that can also tell how fast it is (`scenectl bench render`). No renderer needs to."""
+
+    def measure(self, held: HeldScene, numbers: JobNumbers, partition: Partition, repetitions: int, rays_max: int) -> dict[str, Any]:
+        """Trace a job of one node in this thread and time it; the report's fields are in docs/reference/scenectl.md."""
         ...
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from scenefold.partition import Partition
 from scenefold.render.arrays import JobNumbers
 from scenefold.render.contract import HeldScene, Tracer
@@ -36,3 +38,9 @@ class EmbreeRenderer:
     def open(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
         """See `Renderer`."""
         return EmbreeScene(held, numbers, partition, me)
+
+    def measure(self, held: HeldScene, numbers: JobNumbers, partition: Partition, repetitions: int, rays_max: int) -> dict[str, Any]:
+        """See `MeasuredRenderer`."""
+        from scenefold.render.renderers.embree.measuring import measure
+
+        return measure(held, numbers, partition, repetitions, rays_max)

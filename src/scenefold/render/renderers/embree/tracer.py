@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition
-from scenefold.render.arrays import I64, U32, JobNumbers, SceneArrays
+from scenefold.render.arrays import I64, U8, U32, JobNumbers, SceneArrays
 from scenefold.render.contract import Advanced
 from scenefold.render.generate_kernels import generate_pass
 from scenefold.render.pass_sums import PassSums
@@ -84,8 +84,14 @@ class EmbreeTracer:
 
     def _step(self, batch: U32, first_path: int, sums: PassSums) -> tuple[int, int]:
         """Cast and shade a chunk; returns (new rays, new and forwarded rays) now in `_out`, owners in `_owners`."""
-        job = self._job
         status = self._status[: len(batch)]
+        self._cast(batch, first_path, status)
+        made = self._shade(batch, first_path, status, sums)
+        kept = take_forwarded(batch, status, self._out, made)
+        self._find_owners(self._out[:kept], self._owners)
+        return made, int(kept)
+
+    def _cast(self, batch: U32, first_path: int, status: U8) -> None:
         cast_kernels.cast_batch(
             self._intersect,
             self._occluded,
@@ -99,28 +105,28 @@ class EmbreeTracer:
             self._family,
             self._cells,
             self._me,
-            job,
+            self._job,
             np.int64(first_path),
             status,
             self._hit_uv,
             self._hit_ids,
         )
+
+    def _shade(self, batch: U32, first_path: int, status: U8, sums: PassSums) -> int:
         made = shade_batch(
             batch,
             status,
             self._hit_uv,
             self._hit_ids,
             self._arrays,
-            job,
+            self._job,
             np.int64(first_path),
             sums.radiance,
             sums.aovs,
             sums.counters,
             self._out,
         )
-        kept = take_forwarded(batch, status, self._out, made)
-        self._find_owners(self._out[:kept], self._owners)
-        return int(made), int(kept)
+        return int(made)
 
     def _find_owners(self, rays: U32, owners: npt.NDArray[np.int32]) -> None:
         job = self._job

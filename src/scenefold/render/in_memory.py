@@ -1,0 +1,96 @@
+"""A scene file without a cluster: its records in a dictionary, and a job of one node over them.
+
+For measurements and tests of renderers. Everything between file and pixels is the same code as on a node,
+apart from store and network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.ids import NodeId, SceneId, SpaceId
+from scenefold.base.location import Location
+from scenefold.partition import make_partition
+from scenefold.render.job import SYMMETRIC_KEY_BYTES, Job, RenderOptions
+from scenefold.render.numbers import camera_numbers, job_box
+from scenefold.render.pool.share import LoadedShare, load_share, read_tables
+from scenefold.scene.importers import plan_import, read_scene
+from scenefold.world import Workers
+
+LANE = "render"
+
+
+class RecordsInMemory:
+    """A `SceneReader` over a file's records."""
+
+    def __init__(self, file: Path) -> None:
+        self._records: dict[tuple[SpaceId, Location], bytes] = {}
+        plan = plan_import(read_scene(file))
+        for phase in plan.phases():
+            for item in phase:
+                place: Location | None = item.location
+                while place is not None and (item.space, place) in self._records:
+                    place = place.next()
+                assert place is not None
+                if place != item.location:
+                    plan.moved(item, place)
+                self._records[item.space, place] = item.payload
+
+    async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
+        """See `SceneReader`."""
+        return [self._records.get((space, location)) for location in locations]
+
+
+@dataclass(frozen=True, slots=True)
+class OneNodeJob:
+    """A job whose only node holds the whole scene."""
+
+    job: Job
+    loaded: LoadedShare
+
+
+async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, workers: Workers) -> OneNodeJob:
+    """Read a scene file and make a job of one node over it; LocalFault if the file cannot be used."""
+    options.check()
+    reader = await workers.run(LANE, RecordsInMemory, file)
+    tables = await read_tables(reader, workers)
+    camera = tables.camera(options.camera)
+    if camera is None:
+        raise LocalFault(f"the scene has no camera {options.camera!r}", where=str(file), remedy="choose one that it has")
+    rotation = np.asarray(camera.matrix, np.float64)
+    low, high = job_box(tables)
+    partition = make_partition(
+        "voronoi" if options.algorithm == "voronoi" else "bounded-radial",
+        1,
+        np.stack((low, high)),
+        rotation[:3, 3],
+        -rotation[:3, 2],
+        rotation[:3, 1],
+        (low + high)[None] * 0.5,
+        np.ones(1),
+    )
+    job = Job(
+        id=1,
+        scene=SceneId(1),
+        genesis=bytes(32),
+        symmetric_key=bytes(SYMMETRIC_KEY_BYTES),
+        key_epoch=0,
+        content=tables.document.content,
+        numeric_class=numeric_class,
+        width=options.width,
+        height=options.height,
+        samples=options.samples,
+        seed=options.seed,
+        frame=0,
+        depth=options.depth,
+        sky=options.sky,
+        camera=camera_numbers(camera, options.width, options.height),
+        nodes=(NodeId(1),),
+        partition=partition,
+    )
+    return OneNodeJob(job, await load_share(reader, workers, job, 0))
