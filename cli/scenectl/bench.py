@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
-from scenectl.values import PortPair, PortsOption, cluster_ports
+from scenectl.values import (
+    HD_QUARTER,
+    ONE_AND_FIVE,
+    ColourOption,
+    NodeCountsOption,
+    PortPair,
+    PortsOption,
+    SizeOption,
+    cluster_ports,
+)
 
 app = App(name="bench", help="Measure, as the project's own documentation does.", help_format="plaintext")
 
@@ -97,28 +105,66 @@ def store(
 @app.command
 def render(
     *,
-    file: Path | None = None,
+    scene: str = "sample",
+    size: SizeOption = HD_QUARTER,
     samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 16,
+    depth: Annotated[int, Parameter(validator=Number(gte=1, lte=32))] = 8,
+    seed: Annotated[int, Parameter(validator=Number(gte=0, lt=2**32))] = 1,
+    sky: ColourOption | None = None,
+    camera: str | None = None,
+    algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
+    nodes: NodeCountsOption = ONE_AND_FIVE,
+    repetitions: Annotated[int, Parameter(validator=Number(gte=1, lte=100))] = 3,
+    ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:
-    """Measure paths and rays a second on one node against the bare Embree rate, and CPU seconds of 5 nodes against 1.
+    """Measure paths and rays a second on one thread against the bare Embree rate, and what more nodes cost.
 
-    Example: scenectl bench render --file bmw27.glb --samples 16
+    Example: scenectl bench render --scene cornell --size 512x512 --samples 64 --nodes 1,5
 
     Parameters
     ----------
-    file
-        Scene file; by default the sample scene.
+    scene
+        Scene file; or `sample`, the scene that the project brings along; or `cornell`, the Cornell box.
+    size
+        Width and height in pixels.
     samples
         Paths for each pixel.
+    depth
+        Most segments of a path, the camera ray being the first.
+    seed
+        Seed of the random numbers.
+    sky
+        Colour of a uniform sky as R,G,B, linear; without it there is none, and only the scene's own lights shine.
+    camera
+        Name of the camera; by default the scene's first.
+    algorithm
+        How space is divided among the nodes.
+    nodes
+        Sizes of the clusters to compare, as 1,5; `none` measures one thread only.
+    repetitions
+        How often everything on one thread is measured; the median counts.
+    ports
+        Ports of the nodes, LOW,HIGH; by default 17349,17350.
     """
-    from scenefold.render.bench import bench_render, bench_text
-
+    from scenectl.bench_render import RenderBench, bench_render, bench_text
     from scenectl.progress import Progress
     from scenectl.running import run
+    from scenefold.render.client import StillOptions
 
+    options = StillOptions(
+        width=size.width,
+        height=size.height,
+        samples=samples,
+        seed=seed,
+        depth=depth,
+        algorithm=algorithm,
+        sky=None if sky is None else sky.rgb,
+        camera=camera,
+    )
+    bench = RenderBench(scene=scene, options=options, nodes=nodes.all, repetitions=repetitions, ports=ports)
     with Progress(quiet=output.json) as progress:
-        result = run(bench_render, file, samples, progress)
+        result = run(bench_render, bench, progress)
     emit(output, result, bench_text(result))
 
 

@@ -180,6 +180,25 @@ class Place:
         return self.digits
 
 
+@dataclass(frozen=True)
+class NodeCounts:
+    """Sizes of clusters: 1,5; or none."""
+
+    all: tuple[int, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        if text.strip().lower() == "none":
+            return cls(())
+        parts = [part.strip() for part in text.split(",")]
+        if not all(_is_digits(part) and 1 <= int(part) <= NODES_MAX for part in parts):
+            raise ValueError(f"sizes of clusters are numbers from 1 to {NODES_MAX}, such as 1,5, or none, not {text!r}")
+        return cls(tuple(int(part) for part in parts))
+
+    def __str__(self) -> str:
+        return ",".join(str(count) for count in self.all) or "none"
+
+
 LINE_START = Place("0")
 LINE_END = Place("f")
 
@@ -205,12 +224,14 @@ class SpaceNumber:
 
 
 HD_QUARTER = Size(640, 360)
+ONE_AND_FIVE = NodeCounts((1, 5))
 
 SizeOption = Annotated[Size, _ONE_WORD]
 ColourOption = Annotated[Colour, _ONE_WORD]
 AddressOption = Annotated[Address, _ONE_WORD]
 AddressesOption = Annotated[Addresses, _ONE_WORD]
 PortsOption = Annotated[PortPair, _ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
+NodeCountsOption = Annotated[NodeCounts, _ONE_WORD]
 PlaceOption = Annotated[Place, _ONE_WORD]
 SpaceOption = Annotated[SpaceNumber, _ONE_WORD]
 
