@@ -103,6 +103,9 @@ REQUESTS_HANDLED_MAX = 64
 """Requests of one connection that are handled at a time; beyond it nothing more is read from it."""
 REQUEST_BYTES_HANDLED_MAX = 4 * FRAME_BYTES_MAX
 """Bytes of those requests: memory that one connection can bind."""
+BULK_ANSWERS_MAX = 4
+"""Of those requests, the ones at a time whose answer may be as large as a frame: a peer that asks for much and reads
+nothing binds these, each as a packet and as its bytes."""
 SEND_STALL_S_MAX = 30.0
 """Seconds without any progress in sending, after which a peer counts as gone."""
 

@@ -82,6 +82,8 @@ class Packet:
     """What all packets have: a number, an id that joins request and reply, and the sender's mini status."""
 
     TYPE: ClassVar[int] = 0
+    BULK_ANSWER: ClassVar[bool] = False
+    """Whether the answer may be about as large as a frame, so that few of them may be made at a time."""
     request_id: int = 0
     """Chosen by the asker, repeated in the reply; 0 where no reply is awaited."""
     mini_status: MiniStatus | None = None

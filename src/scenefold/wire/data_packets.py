@@ -166,6 +166,7 @@ class QueryRange(Packet):
     """Which locations between `first` and `last`, both included, hold a record?"""
 
     TYPE: ClassVar[int] = 16
+    BULK_ANSWER: ClassVar[bool] = True
     scene: SceneId
     space: SpaceId
     first: Location
@@ -212,6 +213,7 @@ class PutManyReply(Packet):
 @dataclass(frozen=True, slots=True)
 class GetMany(Packet):
     TYPE: ClassVar[int] = 34
+    BULK_ANSWER: ClassVar[bool] = True
     scene: SceneId
     position: int
     keys: tuple[RecordKey, ...]

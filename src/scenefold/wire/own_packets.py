@@ -25,6 +25,7 @@ class Fault(Packet):
 @dataclass(frozen=True, slots=True)
 class ListScenes(Packet):
     TYPE: ClassVar[int] = 37
+    BULK_ANSWER: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, slots=True)

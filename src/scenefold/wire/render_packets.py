@@ -94,6 +94,7 @@ class MergeFilm(Packet):
     """Send me your film of this job."""
 
     TYPE: ClassVar[int] = 55
+    BULK_ANSWER: ClassVar[bool] = True
     job: int
 
 
@@ -109,6 +110,7 @@ class FilmPart(Packet):
 @dataclass(frozen=True, slots=True)
 class FetchImage(Packet):
     TYPE: ClassVar[int] = 57
+    BULK_ANSWER: ClassVar[bool] = True
     job: int
     offset: int
 

@@ -233,6 +233,7 @@ class RequestSceneLog(Packet):
     """`genesis` empty: whatever scene has this id here."""
 
     TYPE: ClassVar[int] = 5
+    BULK_ANSWER: ClassVar[bool] = True
     scene: SceneId
     genesis: bytes
     have: int

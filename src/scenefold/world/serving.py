@@ -1,7 +1,7 @@
 """Many requests on one connection, the answering side.
 
 Each packet that arrives is handled in a task of its own, a bounded number and a bounded volume at a time; beyond that
-nothing more is read, so the peer's sending stops by itself. What goes wrong with one request is answered with a Fault;
+nothing more is read, so the peer's sending stops by itself. Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault;
 what breaks the framing ends the connection, after a Fault that says so.
 """
 
@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from contextlib import AsyncExitStack
 from dataclasses import replace
 
 import trio
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
-from scenefold.base.limits import REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
+from scenefold.base.limits import BULK_ANSWERS_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
 from scenefold.world.outbox import Outbox
@@ -52,6 +53,7 @@ class _Serving:
         self._handler = handler
         self._outbox = Outbox(connection)
         self._budget = Budget(REQUESTS_HANDLED_MAX, REQUEST_BYTES_HANDLED_MAX)
+        self._bulk_slots = trio.CapacityLimiter(BULK_ANSWERS_MAX)
         self._malformed = 0
 
     async def run(self) -> None:
@@ -100,18 +102,20 @@ class _Serving:
                 pass
 
     async def _handle(self, frame: bytes) -> None:
-        try:
-            answer = await self._answer_to(frame)
+        async with AsyncExitStack() as held:
+            held.callback(self._budget.give_back, len(frame))
+            answer = await self._answer_to(frame, held)
             if answer is not None:
                 await self._answer(answer)
-        finally:
-            self._budget.give_back(len(frame))
 
-    async def _answer_to(self, frame: bytes) -> Packet | None:
+    async def _answer_to(self, frame: bytes, held: AsyncExitStack) -> Packet | None:
+        """The answer to a packet. `held` keeps what must stay taken until the answer has left."""
         number = 0
         try:
             packet = decode_packet(frame)
             number = packet.request_id
+            if packet.BULK_ANSWER:
+                await held.enter_async_context(self._bulk_slots)
             answer = await self._handler(packet, self._connection.peer)
         except MalformedPacket as error:
             self._malformed += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import pytest
 import trio
@@ -12,7 +13,7 @@ import trio.testing
 from conformance.world.logs import logged
 from conformance.world.makers import Worlds
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable
-from scenefold.base.limits import REQUESTS_HANDLED_MAX, REQUESTS_IN_FLIGHT_MAX
+from scenefold.base.limits import BULK_ANSWERS_MAX, REQUESTS_HANDLED_MAX, REQUESTS_IN_FLIGHT_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, ListScenes, Packet, RequestPublicKey, SendRays, decode_packet, encode_frame, frame
 from scenefold.world import Channel, Connection, Links, Priority, open_channel, open_links, serve_connection
@@ -155,6 +156,31 @@ async def test_a_cancelled_request_frees_its_slot(worlds: Worlds) -> None:
                 await trio.testing.wait_all_tasks_blocked(0.01)
                 nursery.cancel_scope.cancel()
         await channel.request(ListScenes(request_id=0, mini_status=None), LONG_S)
+
+
+async def test_who_asks_for_much_and_reads_nothing_binds_few_large_answers(worlds: Worlds) -> None:
+    asked = 0
+
+    async def list_scenes(packet: Packet, _peer: str) -> Packet:
+        nonlocal asked
+        if not isinstance(packet, ListScenes):
+            return packet
+        asked += 1
+        return rays(7 << 20)
+
+    async with node(worlds, list_scenes):
+        greedy = await connect(worlds)
+        for number in range(1, REQUESTS_HANDLED_MAX):
+            await greedy.send(encode_frame(ListScenes(request_id=number)))
+        # What the transport itself takes up lets a few more through.
+        await trio.testing.wait_all_tasks_blocked(0.3)
+        assert 0 < asked <= BULK_ANSWERS_MAX + 4
+        await greedy.send(encode_frame(replace(ask(1), request_id=99)))
+        reader, answered = FrameReader(), 0
+        while answered < REQUESTS_HANDLED_MAX:
+            answered += len(reader.feed(await greedy.receive(1 << 20)))
+        assert asked == REQUESTS_HANDLED_MAX - 1
+        await greedy.aclose()
 
 
 async def test_a_lost_connection_fails_all_that_wait(worlds: Worlds) -> None:
