@@ -23,7 +23,7 @@ from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.versions import Sequencer
 from scenefold.crypto import RecordHeader, SigningKey
-from scenefold.wire import PutItem, QueryRange, RejectRange, ReturnRange
+from scenefold.wire import EXPECT_ABSENT, PutItem, QueryRange, RejectRange, ReturnRange
 
 Result = TypeVar("Result")
 
@@ -61,8 +61,8 @@ class SceneAccess:
     async def put(self, wishes: Sequence[Wish]) -> list[Placed]:
         """Seal, send, and wait until every record is durable or refused for its version.
 
-        Unconditional wishes are given a higher version and sent again if a newer one was there. Refused for any
-        other reason than a stale version; Unreachable if an owner stays away.
+        A wish that may replace what is there is given a higher version and sent again if a newer one was there.
+        Refused for any other reason than a stale version; Unreachable if an owner stays away.
         """
         placed: list[Placed | None] = [None] * len(wishes)
         pending = list(range(len(wishes)))
@@ -73,13 +73,14 @@ class SceneAccess:
                 if outcome.reason not in (0, RejectReason.STALE_VERSION):
                     raise self._refused(outcome.reason, item)
                 placed[index] = Placed(outcome.reason, digest_of(item), outcome.node)
-            stale = [index for index in pending if _is_stale(placed[index]) and wishes[index].expect is None]
+            stale = [index for index in pending if _is_stale(placed[index]) and wishes[index].expect != EXPECT_ABSENT]
             if not stale:
                 break
-            pending = stale
-            for found in await self.get([(wishes[index].space, wishes[index].location) for index in stale]):
-                if found is not None:
-                    self.sequencer.saw(found.seq)
+            there = await self.get([(wishes[index].space, wishes[index].location) for index in stale])
+            # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
+            pending = [index for index, found in zip(stale, there, strict=True) if _may_replace(wishes[index], found)]
+            if not pending:
+                break
         else:
             remedy = "somebody else writes there all the time; try again"
             raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
@@ -93,6 +94,7 @@ class SceneAccess:
         for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):
             part = [keys[index] for index in batch], [records[index] for index in batch]
             opened += await self.in_crypto_lane(open_all, self.identity, *part)
+        self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
         return opened
 
     async def locations(self, space: SpaceId, first: Location, last: Location) -> AsyncIterator[Location]:
@@ -172,6 +174,11 @@ class SceneAccess:
 def digest_of(item: PutItem) -> bytes:
     """The digest that `expect` speaks of."""
     return RecordHeader.decode(item.header).digest
+
+
+def _may_replace(wish: Wish, there: Opened | None) -> bool:
+    """Whether a wish that was refused for its version wants what is there now replaced."""
+    return wish.expect is None or (there is not None and there.digest == wish.expect)
 
 
 def _is_stale(placed: Placed | None) -> bool:

@@ -43,18 +43,19 @@ class Space:
     async def put_many(self, items: Iterable[tuple[Location, bytes]]) -> None:
         """Store many records, replacing what is there; all are durable when this returns.
 
-        In parallel to all owners. If it raises, some may be stored: putting them again is safe.
+        In parallel to all owners; of several payloads for one place the last one stays. If it raises, some may be stored: putting them again is safe.
         """
-        batch: list[Wish] = []
+        batch: dict[Location, Wish] = {}
         size = 0
         for location, payload in items:
-            batch.append(Wish(self.id, location, payload))
+            # Frames of one call overtake each other, so each place is in it once: the last of its payloads counts.
+            batch[location] = Wish(self.id, location, payload)
             size += len(payload)
             if size >= _BATCH_BYTES:
-                await self._access.put(batch)
-                batch, size = [], 0
+                await self._access.put(list(batch.values()))
+                batch, size = {}, 0
         if batch:
-            await self._access.put(batch)
+            await self._access.put(list(batch.values()))
 
     async def put_fresh(self, items: Sequence[tuple[Location, bytes]]) -> list[Location]:
         """Store records at free places, at the wanted ones or next along the line; gives where they are."""

@@ -103,6 +103,29 @@ async def test_expectations_are_judged(autojump_clock: MockClock) -> None:
     assert await space.get(FIRST) == b"three"
 
 
+async def test_an_expected_version_is_replaced_whatever_the_clock_says(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    ahead, behind, reader = (_scene(nodes) for _ in range(3))
+    ahead.access.sequencer.saw(2**62)
+    digest = await ahead.space(FILES).put(FIRST, b"from a clock that is ahead")
+    digest = await behind.space(FILES).put(FIRST, b"in its stead", expect=digest)
+    with pytest.raises(Refused, match="another version"):
+        await behind.space(FILES).put(FIRST, b"too late", expect=bytes(32))
+    assert await reader.space(FILES).get(FIRST) == b"in its stead"
+    before = len(nodes.asked)
+    await reader.space(FILES).put(FIRST, b"last", expect=digest)
+    assert len(nodes.asked) == before + 1, "what was read is known to be older"
+
+
+async def test_of_several_payloads_for_one_place_the_last_one_stays(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    await space.put_many([(FIRST, b"first"), *ITEMS[1:], (FIRST, b"last")])
+    assert await space.get(FIRST) == b"last"
+    sent = [item for _, packet in nodes.asked if isinstance(packet, PutMany) for item in packet.items]
+    assert [item.location for item in sent].count(FIRST) == 1
+
+
 async def test_fresh_records_overwrite_nothing_and_equal_ones_are_kept(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     scene = _scene(nodes)
