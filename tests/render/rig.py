@@ -18,11 +18,12 @@ from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.partition import Partition, make_partition
 from scenefold.render.arrays import F32, I32, I64, U32
 from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
-from scenefold.render.contract import HeldGroup, HeldScene, OpenScene
+from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Tracer
 from scenefold.render.film import Film
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_numbers
 from scenefold.render.pass_sums import PassSums
+from scenefold.render.renderers.embree.cast_kernels import find_owners
 from scenefold.render.renderers.embree.renderer import EmbreeRenderer
 from scenefold.scene.importers import atoms, prototypes
 from scenefold.scene.importers.plan import ImportPlan
@@ -115,7 +116,9 @@ class Rig:
             for group in share.groups
         }
         textures = worn_textures(self.tables, groups)
-        tiles = {number: [decode_tile(self._records[TEXTURES, place]) for place in self.tables.textures[number].tiles] for number in textures}
+        tiles = {
+            number: [decode_tile(self._records[TEXTURES, place]) for place in self.tables.textures[number].tiles] for number in textures
+        }
         table = self.tables.groups
         return HeldScene(
             scene_arrays(self.tables, groups, tiles),
@@ -138,6 +141,16 @@ class Rig:
         """The whole job."""
         return self.run(self.job(algorithm, nodes, partition, **options))
 
+    def fly(self, job: Job, rays: U32) -> PassSums:
+        """Only these rays, each of a path of its own, from where they are."""
+        numbers, owners = job_numbers(job, self.tables), np.empty(len(rays), np.int32)
+        partition, zero = job.partition, np.int32(0)
+        find_owners(rays, np.int32(partition.family), partition.kernel_data(), numbers.box_low, numbers.box_high, zero, owners)
+        with self.opened(job) as scenes:
+            flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays))
+            flight.land({int(node): rays[owners == node] for node in np.unique(owners)})
+            return flight.total
+
     def run(self, job: Job, shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> Rendered:
         """The whole job; with `shuffle`, batches are mixed and cut into pieces of at most `piece` rays."""
         nodes, plan = len(job.nodes), job.plan
@@ -149,34 +162,52 @@ class Rig:
             for number in range(plan.count):
                 first, count = plan.first_path(number), plan.size(number)
                 assert count <= PASS_PATHS_MAX
-                sums = [PassSums.zeros(count) for _ in tracers]
-                waiting = tracers[number % nodes].generate(first, count)
-                created, retired, hops = count, 0, 0
-                while waiting:
-                    hops += 1
-                    assert hops <= HOPS_MAX, "rays fly to and fro"
-                    leaving: dict[int, list[U32]] = {}
-                    for node, rays in waiting.items():
-                        for batch in _pieces(rays, shuffle, piece):
-                            outcome = tracers[node].advance(batch, first, sums[node])
-                            created, retired = created + outcome.created, retired + outcome.retired
-                            casts += outcome.casts
-                            for target, some in outcome.leaving.items():
-                                assert target != node
-                                leaving.setdefault(target, []).append(some.copy())
-                                passed += len(some)
-                    waiting = {node: np.concatenate(batches) for node, batches in leaving.items()}
-                assert created == retired
-                total = PassSums.zeros(count)
-                for each in sums:
-                    total.add_bytes(each.to_bytes())
-                film.add(total, first, stride)
-                radiance.append(total.radiance)
-                aovs.append(total.aovs)
-                counters += total.counters
+                flight = Flight(tracers, first, count)
+                flight.land(tracers[number % nodes].generate(first, count), shuffle, piece)
+                film.add(flight.total, first, stride)
+                radiance.append(flight.total.radiance)
+                aovs.append(flight.total.aovs)
+                counters += flight.total.counters
+                passed, casts = passed + flight.passed, casts + flight.casts
         held = tuple(len(share_of(self.tables, job.partition, me).groups) for me in range(nodes))
         layers = film.layers(diagonal_of(*job_box(self.tables)))
         return Rendered(np.concatenate(radiance), np.concatenate(aovs), film, layers, counters, passed, casts, held)
+
+
+class Flight:
+    """One pass in the air."""
+
+    def __init__(self, tracers: list[Tracer], first: int, count: int) -> None:
+        self._tracers, self._first, self._count = tracers, first, count
+        self._sums = [PassSums.zeros(count) for _ in tracers]
+        self.passed = self.casts = 0
+
+    def land(self, waiting: dict[int, U32], shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> None:
+        """Hand rays over until none is left."""
+        created, retired, hops = sum(len(rays) for rays in waiting.values()), 0, 0
+        while waiting:
+            hops += 1
+            assert hops <= HOPS_MAX, "rays fly to and fro"
+            leaving: dict[int, list[U32]] = {}
+            for node, rays in waiting.items():
+                for batch in _pieces(rays, shuffle, piece):
+                    outcome = self._tracers[node].advance(batch, self._first, self._sums[node])
+                    created, retired = created + outcome.created, retired + outcome.retired
+                    self.casts += outcome.casts
+                    for target, some in outcome.leaving.items():
+                        assert target != node
+                        leaving.setdefault(target, []).append(some.copy())
+                        self.passed += len(some)
+            waiting = {node: np.concatenate(batches) for node, batches in leaving.items()}
+        assert created == retired
+
+    @property
+    def total(self) -> PassSums:
+        """All nodes' sums, as they travel."""
+        total = PassSums.zeros(self._count)
+        for each in self._sums:
+            total.add_bytes(each.to_bytes())
+        return total
 
 
 def _pieces(rays: U32, shuffle: np.random.Generator | None, piece: int) -> Iterator[U32]:

@@ -133,7 +133,8 @@ def room(scale: float = 1.0, camera: Camera | None = None, shift: object = (0.0,
         grid((-0.3, 0.98, -0.3), (0.6, 0, 0), (0, 0, 0.6), 1, lamp),
     ]
     things = [[ball((0, 0, 0), 1.0, 8, gold, smooth=True)], [ball((0, 0, 0), 1.0, 6, glass)]]
-    whole = moved(*np.asarray(shift, np.float64), scale)
+    x, y, z = np.asarray(shift, np.float64)
+    whole = moved(x, y, z, scale)
     placed = [
         (0, moved(0, 0, 0)),
         (1, moved(-0.5, -0.7, -0.4, 0.3)),

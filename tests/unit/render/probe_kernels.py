@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -49,7 +51,7 @@ _color_of, _pdf_of, _origin_of, _end_of, _set_t_done = (
 
 
 @njit(cache=True, error_model="numpy")
-def elementary(x, turns):
+def elementary(x: Any, turns: Any) -> Any:
     """[n, 4]: sine and cosine of turns, log2 and exp2 of x."""
     out = np.empty((x.size, 4))
     for i in range(x.size):
@@ -59,7 +61,7 @@ def elementary(x, turns):
 
 
 @njit(cache=True, error_model="numpy")
-def powers(base, exponent):
+def powers(base: Any, exponent: Any) -> Any:
     """base^exponent"""
     out = np.empty(base.size)
     for i in range(base.size):
@@ -68,7 +70,7 @@ def powers(base, exponent):
 
 
 @njit(cache=True, error_model="numpy")
-def direction_codes(vectors):
+def direction_codes(vectors: Any) -> Any:
     """uint32[n, 2]"""
     out = np.empty((vectors.shape[0], 2), np.uint32)
     for i in range(vectors.shape[0]):
@@ -77,7 +79,7 @@ def direction_codes(vectors):
 
 
 @njit(cache=True, error_model="numpy")
-def directions(codes):
+def directions(codes: Any) -> Any:
     """f64[n, 3]"""
     out = np.empty((codes.shape[0], 3))
     for i in range(codes.shape[0]):
@@ -86,7 +88,7 @@ def directions(codes):
 
 
 @njit(cache=True, error_model="numpy")
-def color_codes(colors, keys):
+def color_codes(colors: Any, keys: Any) -> Any:
     """uint64[n] of f64[n, 3], rounded with these keys."""
     out = np.empty(keys.size, np.uint64)
     for i in range(keys.size):
@@ -95,7 +97,7 @@ def color_codes(colors, keys):
 
 
 @njit(cache=True, error_model="numpy")
-def colors(codes):
+def colors(codes: Any) -> Any:
     """f64[n, 3]"""
     out = np.empty((codes.size, 3))
     for i in range(codes.size):
@@ -104,7 +106,7 @@ def colors(codes):
 
 
 @njit(cache=True, error_model="numpy")
-def pdf_codes(densities):
+def pdf_codes(densities: Any) -> Any:
     """int64[n]"""
     out = np.empty(densities.size, np.int64)
     for i in range(densities.size):
@@ -113,7 +115,7 @@ def pdf_codes(densities):
 
 
 @njit(cache=True, error_model="numpy")
-def pdfs(codes):
+def pdfs(codes: Any) -> Any:
     """f64[n]"""
     out = np.empty(codes.size)
     for i in range(codes.size):
@@ -122,7 +124,7 @@ def pdfs(codes):
 
 
 @njit(cache=True, error_model="numpy")
-def path_keys(seed, frame, pixels, samples):
+def path_keys(seed: Any, frame: Any, pixels: Any, samples: Any) -> Any:
     """uint64[n]"""
     out = np.empty(pixels.size, np.uint64)
     for i in range(pixels.size):
@@ -131,7 +133,7 @@ def path_keys(seed, frame, pixels, samples):
 
 
 @njit(cache=True, error_model="numpy")
-def uniforms(keys, bounce, dimension):
+def uniforms(keys: Any, bounce: Any, dimension: Any) -> Any:
     """f64[n]"""
     out = np.empty(keys.size)
     for i in range(keys.size):
@@ -140,20 +142,20 @@ def uniforms(keys, bounce, dimension):
 
 
 @njit(cache=True, error_model="numpy")
-def write_path(rays, i, origin, codes, pdf, color, path, kind, bounce, step):
+def write_path(rays: Any, i: Any, origin: Any, codes: Any, pdf: Any, color: Any, path: Any, kind: Any, bounce: Any, step: Any) -> Any:
     """Write one path ray."""
     _write_path_ray(rays, i, origin[0], origin[1], origin[2], codes[0], codes[1], pdf, color, path, kind, bounce, step)
 
 
 @njit(cache=True, error_model="numpy")
-def write_shadow(rays, i, origin, end, color, path, kind, bounce, step):
+def write_shadow(rays: Any, i: Any, origin: Any, end: Any, color: Any, path: Any, kind: Any, bounce: Any, step: Any) -> Any:
     """Write one shadow ray, and its step after that."""
     _write_shadow_ray(rays, i, origin[0], origin[1], origin[2], end[0], end[1], end[2], color, path, kind, bounce)
     _set_t_done(rays, i, step)
 
 
 @njit(cache=True, error_model="numpy")
-def read_fields(rays, i):
+def read_fields(rays: Any, i: Any) -> Any:
     """(kind, bounce, step, path, colour code, pdf code, origin, end)"""
     return (
         _kind_of(rays, i),
@@ -168,7 +170,7 @@ def read_fields(rays, i):
 
 
 @njit(cache=True, error_model="numpy")
-def spans(origins, ways, low, high):
+def spans(origins: Any, ways: Any, low: Any, high: Any) -> Any:
     """f64[n, 2]: t_in, t_out"""
     out = np.empty((origins.shape[0], 2))
     for i in range(origins.shape[0]):
@@ -178,20 +180,20 @@ def spans(origins, ways, low, high):
 
 
 @njit(cache=True, error_model="numpy")
-def next_step(t, t_in, t_out, step):
+def next_step(t: Any, t_in: Any, t_out: Any, step: Any) -> Any:
     """(the step after t, where it lies)"""
     following = _step_after(t, t_in, t_out, step)
     return following, _t_of_step(following, t_in, t_out)
 
 
 @njit(cache=True, error_model="numpy")
-def place_of_step(step, t_in, t_out):
+def place_of_step(step: Any, t_in: Any, t_out: Any) -> Any:
     """Where a step lies."""
     return _t_of_step(step, t_in, t_out)
 
 
 @njit(cache=True, error_model="numpy")
-def offsets(points, normals, diagonal):
+def offsets(points: Any, normals: Any, diagonal: Any) -> Any:
     """f32[n, 3]"""
     out = np.empty((points.shape[0], 3), np.float32)
     for i in range(points.shape[0]):
@@ -201,7 +203,7 @@ def offsets(points, normals, diagonal):
 
 
 @njit(cache=True, error_model="numpy")
-def texture_samples(textures, texels, linear_of_srgb, texture, uvs, wrap_s, wrap_t, nearest):
+def texture_samples(textures: Any, texels: Any, linear_of_srgb: Any, texture: Any, uvs: Any, wrap_s: Any, wrap_t: Any, nearest: Any) -> Any:
     """f64[n, 4]"""
     out = np.empty((uvs.shape[0], 4))
     for i in range(uvs.shape[0]):
@@ -212,7 +214,7 @@ def texture_samples(textures, texels, linear_of_srgb, texture, uvs, wrap_s, wrap
 
 
 @njit(cache=True, error_model="numpy")
-def frames(normals):
+def frames(normals: Any) -> Any:
     """f64[n, 2, 3]"""
     out = np.empty((normals.shape[0], 2, 3))
     for i in range(normals.shape[0]):
@@ -222,7 +224,7 @@ def frames(normals):
 
 
 @njit(cache=True, error_model="numpy")
-def evaluations(wo, wi, base, metallic, alpha, f0, transmission, choose_coat):
+def evaluations(wo: Any, wi: Any, base: Any, metallic: Any, alpha: Any, f0: Any, transmission: Any, choose_coat: Any) -> Any:
     """f64[n, 4]: value and density for directions f64[n, 3], towards f64[n, 3]."""
     out = np.empty((wi.shape[0], 4))
     for i in range(wi.shape[0]):
@@ -246,7 +248,7 @@ def evaluations(wo, wi, base, metallic, alpha, f0, transmission, choose_coat):
 
 
 @njit(cache=True, error_model="numpy")
-def scattered(wo, alpha, choose_coat, numbers):
+def scattered(wo: Any, alpha: Any, choose_coat: Any, numbers: Any) -> Any:
     """Directions f64[n, 3] drawn as the shader does, from f64[n, 3]: lobe, u, v."""
     out = np.empty((numbers.shape[0], 3))
     for i in range(numbers.shape[0]):
@@ -261,7 +263,7 @@ def scattered(wo, alpha, choose_coat, numbers):
 
 
 @njit(cache=True, error_model="numpy")
-def light_samples(scene, job, keys, point, normal):
+def light_samples(scene: Any, job: Any, keys: Any, point: Any, normal: Any) -> Any:
     """f64[n, 11]: found, direction, end, radiance by probability, density."""
     out = np.empty((keys.size, 11))
     for i in range(keys.size):
@@ -275,6 +277,6 @@ def light_samples(scene, job, keys, point, normal):
 
 
 @njit(cache=True, error_model="numpy")
-def emitter_density(job, radiance, squared, cosine):
+def emitter_density(job: Any, radiance: Any, squared: Any, cosine: Any) -> Any:
     """The density with which a point of an emitter is sampled."""
     return _emitter_pdf(job, radiance[0], radiance[1], radiance[2], squared, cosine)

@@ -34,7 +34,7 @@ JOB = Job(
     nodes=(NodeId(0x7F000002), NodeId(0x7F000003)),
     partition=Partition.voronoi([[0, 0, 0], [1, 2, 3]]),
 )
-DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")  # type: ignore[assignment]
+DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
 
 
 def test_a_job_round_trips_to_the_bit() -> None:

@@ -6,6 +6,8 @@ and overtake one another. Chance plays the scheduler, and Hypothesis plays chanc
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -100,7 +102,7 @@ class ToyPool:
 
     def step(self) -> bool:
         """Do one of the things that can happen; False if nothing can."""
-        moves = [(self.trace, node) for node in self.nodes if self.waiting[node]]
+        moves: list[tuple[Callable[[int], None], int]] = [(self.trace, node) for node in self.nodes if self.waiting[node]]
         moves += [(self.receive, place) for place in range(len(self.rays))]
         moves += [(self.hear, place) for place in range(len(self.reports))]
         moves += [(self.answer, place) for place in range(len(self.asked))]

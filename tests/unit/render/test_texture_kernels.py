@@ -91,5 +91,5 @@ def test_coordinates_from_far_outside_read_nothing_foreign(nearest: bool) -> Non
     finite = np.isfinite(uvs).all(axis=1)
     pixel, row = TEXELS[OFFSETS[1] : OFFSETS[1] + 4].copy(), np.array([[0, 1, 1, 1]], np.int64)
     for wraps in itertools.product((0, 1, 2), repeat=2):
-        found = probe.texture_samples(row, pixel, LINEAR, 0, uvs, *wraps, nearest)
+        found = probe.texture_samples(row, pixel, LINEAR, 0, uvs, wraps[0], wraps[1], nearest)
         assert np.abs(found[finite] - slow_lookup(1, 0.5, 0.5, (0, 0), nearest)).max() < 1e-9, "there is one pixel to read"

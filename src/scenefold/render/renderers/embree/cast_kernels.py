@@ -2,14 +2,15 @@
 
 Embree is called once a ray, through its address. Which hit wins must not depend on what else a node holds,
 and Embree leaves equal distances to the order of its tree; so a filter compares every candidate itself by
-(t, instance, group, primitive), and keeps the search open a few units in the last place behind the best,
-so that no candidate of the same t is culled before it was compared.
+(t, instance, group, primitive), and keeps the search open a little behind the best, so that no candidate of
+the same t is culled before it was compared. What only some trees find is refused (own_box_kernels.py); t is
+never less than where the ray enters the triangle's box, for the boxes above are culled by that.
 
 Memory layouts are Embree 4's (rtcore_ray.h, rtcore_common.h), in 32-bit words:
     RTCRayHit   0 org 3 | 3 tnear | 4 dir 3 | 7 time | 8 tfar | 9 mask | 10 id | 11 flags
                 12 Ng 3 | 15 u | 16 v | 17 primID | 18 geomID | 19 instID | 20 instPrimID
     context     0 instID | 1 instPrimID | then ours: 4 best t | 5 instance | 6 group | 7 primitive
-                8-9 path key | 10 bounce and kind | 12-13 address of the table of array addresses
+                8-9 path key | 10 bounce and kind | 11 pad of the search | 12-13 address of the table of array addresses
     arguments   0 flags | 1 feature mask | 2-3 context | 4-5 filter | 6-7 function
     filter's    0-1 valid | 2-3 user data, 1 for groups with see-through triangles | 4-5 context | 6-7 ray | 8-9 hit | 10 N
 """
@@ -41,6 +42,7 @@ from scenefold.render.renderers.embree.memory_kernels import (
     u16_at,
     u32_at,
 )
+from scenefold.render.renderers.embree.own_box_kernels import own_box_entry
 from scenefold.render.see_through_kernels import skip_draw, skip_probability
 from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
 from scenefold.render.space_kernels import box_span, step_after, t_of_step
@@ -53,6 +55,8 @@ _SHADOW_ARGUMENTS = 56
 _NOBODY = np.uint32(0xFFFFFFFF)
 _INVOKE_ARGUMENT_FILTER = np.uint32(2)
 _STILL_OPEN = np.float32(1.0 + 2.0**-21)
+_PAD = 2.0**-20
+"""Of the largest coordinate: by so much an instance's box in the world may be off its place by rounding."""
 
 
 class FilterArrays(NamedTuple):
@@ -110,9 +114,10 @@ def nearest_filter(arguments):  # type: ignore[no-untyped-def]
     context = load_i64(arguments + 16)
     ray = load_i64(arguments + 24)
     hit = load_i64(arguments + 32)
-    t = load_f32(ray + 32)
     best = load_f32(context + 16)
     primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
+    entry = own_box_entry(load_i64(context + 48), ray, group, primitive)
+    t = max(load_f32(ray + 32), np.float32(entry))
     # Geometry outside instances carries the largest id there is; adding one puts it first, as instance 0.
     mine = np.uint32(instance + np.uint32(1))
     wins = t < best
@@ -124,6 +129,7 @@ def nearest_filter(arguments):  # type: ignore[no-untyped-def]
             wins = group < best_group
         else:
             wins = primitive < load_u32(context + 28)
+    wins = wins and entry >= 0.0
     if wins and load_i64(arguments + 8) != 0 and _passes(context, ray, hit, mine, group, primitive):
         wins = False
     if wins:
@@ -131,24 +137,27 @@ def nearest_filter(arguments):  # type: ignore[no-untyped-def]
         store_u32(context + 20, instance)
         store_u32(context + 24, group)
         store_u32(context + 28, primitive)
-        store_f32(ray + 32, t * _STILL_OPEN)
+        store_f32(ray + 32, t * _STILL_OPEN + load_f32(context + 44))
     else:
         store_u32(load_i64(arguments), np.uint32(0))
 
 
 @cfunc(types.void(types.int64), cache=True)
 def shadow_filter(arguments):  # type: ignore[no-untyped-def]
-    """Let a shadow ray pass what is see-through; anything else ends it."""
-    if load_i64(arguments + 8) != 0:
-        context, hit = load_i64(arguments + 16), load_i64(arguments + 32)
-        primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
-        if _passes(context, load_i64(arguments + 24), hit, np.uint32(instance + np.uint32(1)), group, primitive):
-            store_u32(load_i64(arguments), np.uint32(0))
+    """Let a shadow ray pass what is see-through, or found in some trees only; anything else ends it."""
+    context, ray, hit = load_i64(arguments + 16), load_i64(arguments + 24), load_i64(arguments + 32)
+    primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
+    entry = own_box_entry(load_i64(context + 48), ray, group, primitive)
+    stops = 0.0 <= entry <= 1.0
+    if stops and load_i64(arguments + 8) != 0:
+        stops = not _passes(context, ray, hit, np.uint32(instance + np.uint32(1)), group, primitive)
+    if not stops:
+        store_u32(load_i64(arguments), np.uint32(0))
 
 
 @njit(error_model="numpy", _nrt=False)
 def _prepare(workspace, nearest, shadow, addresses):  # type: ignore[no-untyped-def]
-    """Arguments of the two queries. A shadow filter of 0 is none: occlusion takes what comes first."""
+    """Arguments of the two queries, each with its filter."""
     base = workspace.ctypes.data
     workspace[:] = np.uint32(0)
     workspace[_CONTEXT] = _NOBODY
@@ -156,7 +165,7 @@ def _prepare(workspace, nearest, shadow, addresses):  # type: ignore[no-untyped-
     words = workspace.view(np.int64)
     words[(_CONTEXT + 12) // 2] = addresses.ctypes.data
     for arguments, function in ((_ARGUMENTS, nearest), (_SHADOW_ARGUMENTS, shadow)):
-        workspace[arguments] = _INVOKE_ARGUMENT_FILTER if function != 0 else np.uint32(0)
+        workspace[arguments] = _INVOKE_ARGUMENT_FILTER
         workspace[arguments + 1] = _NOBODY
         words[(arguments + 2) // 2] = base + _CONTEXT * 4
         words[(arguments + 4) // 2] = function
@@ -178,6 +187,7 @@ def cast_batch(  # type: ignore[no-untyped-def]
     nearest,
     shadow,
     addresses,
+    see_through,
     scene_address,
     first_instance_id,
     workspace,
@@ -195,8 +205,8 @@ def cast_batch(  # type: ignore[no-untyped-def]
 
     rays uint32[n, 9], whose t_done is advanced; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]
     (instance, group, primitive), both written for hits. `first_instance_id`: Embree's id of instance 1. `nearest`
-    and `shadow` are the addresses of the two filters; `shadow` is 0 where nothing that is held is see-through, and
-    `addresses`, int64[ARRAY_ADDRESSES], says where the filters find their arrays.
+    and `shadow` are the addresses of the two filters, and `addresses`, int64[ARRAY_ADDRESSES], says where these find
+    their arrays; `see_through` is 0 where nothing that is held lets rays pass.
     A path ray that is already done (65535) left the job's box before it met any cell: it is free at once.
     """
     base = _prepare(workspace, nearest, shadow, addresses)
@@ -204,13 +214,17 @@ def cast_batch(  # type: ignore[no-untyped-def]
     keys = workspace.view(np.uint64)
     low, high = job.box_low, job.box_high
     pixels = job.width * job.height
+    reach = 0.0
+    for axis in range(3):
+        reach = max(reach, max(abs(low[axis]), abs(high[axis])))
+    pad = np.float32(reach * _PAD)
     for i in range(rays.shape[0]):
         step = t_done_of(rays, i)
         if step == 65535:
             status[i] = STATUS_FREE
             continue
         ox, oy, oz = origin_of(rays, i)
-        if shadow != 0:
+        if see_through != 0:
             number = first_path + path_of(rays, i)
             keys[(_CONTEXT + 8) // 2] = path_key(job.seed, job.frame, (number % pixels) * job.stride % pixels, number // pixels)
             workspace[_CONTEXT + 10] = (rays[i, 8] >> np.uint32(8)) & np.uint32(0xFF)
@@ -240,8 +254,9 @@ def cast_batch(  # type: ignore[no-untyped-def]
             reals[_CONTEXT + 4] = np.float32(math.inf)
             workspace[_CONTEXT + 5], workspace[_CONTEXT + 6], workspace[_CONTEXT + 7] = _NOBODY, _NOBODY, _NOBODY
             workspace[17], workspace[18], workspace[19] = _NOBODY, _NOBODY, _NOBODY
+            reals[_CONTEXT + 11] = pad
             # The search reaches a little past the limit; what it finds there is left to the next node.
-            _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, np.float32(t_limit * (1.0 + 2.0**-20)))
+            _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, np.float32(t_limit * (1.0 + 2.0**-20) + pad))
             call_with_3(intersect, scene_address, base, base + _ARGUMENTS * 4)
             if float(reals[_CONTEXT + 4]) <= t_limit and workspace[18] != _NOBODY:
                 status[i] = STATUS_HIT

@@ -3,15 +3,23 @@
 Groups of prototype 0 are triangle geometries of the top scene itself, each under its group number. Every other
 prototype is a scene of its own, attached once for each of its instances; so an instance is always
 intersected in its prototype's space, with the matrix as it was stored.
+
+Embree rounds an instance's box when it carries that into the world, so that rays which only touch the instance
+would meet it or miss it by what of it is held. Two triangles without area, a little outside, widen each prototype.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from scenefold.render.arrays import F32
 from scenefold.render.contract import HeldScene
 from scenefold.render.renderers.embree.library import Device
 from scenefold.render.see_through_kernels import is_see_through
+
+_ROUNDING = 2.0**-19
+"""Sixteen units of the last place of f32: more than carrying a box into the world can lose."""
+_MARGIN_TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
 
 
 class HeldGeometry:
@@ -24,7 +32,7 @@ class HeldGeometry:
         self._top = self._device.new_scene()
         self._prototypes: dict[int, int] = {}
         self.has_see_through = False
-        """Whether any held triangle may let rays pass: else shadow rays need no filter."""
+        """Whether any held triangle may let rays pass: else nobody needs to draw numbers for that."""
         see_through_materials = np.array([is_see_through(row) for row in arrays.materials])
         self.first_instance_id = int(arrays.group_first.shape[0])
         for held in scene.groups:
@@ -35,7 +43,9 @@ class HeldGeometry:
             self._device.add_triangles(
                 target, held.group, arrays.vertices, arrays.triangles[first : first + held.triangles], int(see_through)
             )
-        for target in self._prototypes.values():
+        self._margins: list[F32] = []
+        for prototype, target in self._prototypes.items():
+            self._widen(prototype, target)
             self._device.commit(target)
         for instance, prototype in scene.instances:
             if prototype in self._prototypes:
@@ -52,6 +62,27 @@ class HeldGeometry:
     def close(self) -> None:
         """Free all trees."""
         self._device.release(self._top, *self._prototypes.values())
+
+    def _widen(self, prototype: int, target: int) -> None:
+        arrays, first = self._scene.arrays, self._scene.arrays.group_first
+        rows = [
+            arrays.triangles[first[held.group] : first[held.group] + held.triangles]
+            for held in self._scene.groups
+            if held.prototype == prototype
+        ]
+        corners = arrays.vertices[np.concatenate(rows).ravel()].astype(np.float64)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        reach, room = np.maximum(np.abs(low), np.abs(high)), 0.0
+        for instance, other in self._scene.instances:
+            if other == prototype:
+                matrix = arrays.instance_matrices[instance]
+                rounding = _ROUNDING * float((np.abs(matrix[:, :3]) @ reach + np.abs(matrix[:, 3])).max())
+                room = max(room, rounding * float(np.abs(np.linalg.inv(matrix[:, :3])).sum(axis=1).max()))
+        room += _ROUNDING * float(reach.max())
+        margin = np.zeros((7, 3), np.float32)  # one row more than is used: Embree loads four floats at once
+        margin[:3], margin[3:6] = low - room, high + room
+        self._margins.append(margin)
+        self._device.add_triangles(target, self.first_instance_id, margin[:6], _MARGIN_TRIANGLES)
 
     def _prototype_scene(self, prototype: int) -> int:
         if prototype not in self._prototypes:

@@ -41,7 +41,8 @@ class EmbreeTracer:
         self._intersect = np.int64(library.function_address("rtcIntersect1"))
         self._occluded = np.int64(library.function_address("rtcOccluded1"))
         self._nearest = np.int64(cast_kernels.nearest_filter.address)
-        self._shadow = np.int64(cast_kernels.shadow_filter.address if geometry.has_see_through else 0)
+        self._shadow = np.int64(cast_kernels.shadow_filter.address)
+        self._see_through = np.int64(geometry.has_see_through)
         self._addresses = _addresses_of(arrays)
         self._workspace = _aligned_words(cast_kernels.WORKSPACE_WORDS)
         self._status = np.empty(CHUNK_RAYS, np.uint8)
@@ -98,6 +99,7 @@ class EmbreeTracer:
             self._nearest,
             self._shadow,
             self._addresses,
+            self._see_through,
             np.int64(self._geometry.scene_address),
             np.uint32(self._geometry.first_instance_id),
             self._workspace,
