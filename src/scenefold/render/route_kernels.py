@@ -4,28 +4,36 @@ from __future__ import annotations
 
 from numba import njit
 
+from scenefold.base.rays import RAY_WORDS
 from scenefold.render.shade_kernels import STATUS_FORWARD
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(error_model="numpy", _nrt=False)
+def _copy(target, at, source, i):  # type: ignore[no-untyped-def]
+    """One record, word by word: numba's assignment of rows is several times slower, and may allocate."""
+    for word in range(RAY_WORDS):
+        target[at, word] = source[i, word]
+
+
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def take_forwarded(rays, status, out, made):  # type: ignore[no-untyped-def]
     """Append the batch's forwarded rays to `out` behind its `made` new ones; returns the new count."""
     for i in range(rays.shape[0]):
         if status[i] == STATUS_FORWARD:
-            out[made] = rays[i]
+            _copy(out, made, rays, i)
             made += 1
     return made
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def split_by_owner(rays, owners, me, stack, top, leaving, leaving_owner, left):  # type: ignore[no-untyped-def]
     """Push my rays on the stack, append the others to `leaving`; returns the new (top, left)."""
     for i in range(rays.shape[0]):
         if owners[i] == me:
-            stack[top] = rays[i]
+            _copy(stack, top, rays, i)
             top += 1
         else:
-            leaving[left] = rays[i]
+            _copy(leaving, left, rays, i)
             leaving_owner[left] = owners[i]
             left += 1
     return top, left
@@ -42,5 +50,5 @@ def group_by_owner(leaving, leaving_owner, left, first, grouped):  # type: ignor
     place = first.copy()
     for i in range(left):
         owner = leaving_owner[i]
-        grouped[place[owner]] = leaving[i]
+        _copy(grouped, place[owner], leaving, i)
         place[owner] += 1
