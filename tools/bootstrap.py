@@ -295,6 +295,16 @@ def bring_up(root: str, wanted: str, extras: List[str]) -> None:
     pip_install(root, ["--no-build-isolation", "-e", ".[%s]" % ",".join(extras) if extras else "."])
     with open(stamp_path, "w", encoding="utf-8") as file:
         json.dump(stamp, file)
+    warm_kernels(root)
+
+
+def warm_kernels(root: str) -> None:
+    """Compile the kernels once, so that the nodes of the first cluster need not all do it. Only comfort: it may fail."""
+    say("compiling the render kernels, half a minute")
+    with open(os.path.join(root, ".venv", "bootstrap.log"), "ab") as file:
+        command = [venv_python(root), "-m", "scenefold.render.warm"]
+        if subprocess.call(command, cwd=root, stdout=file, stderr=subprocess.STDOUT, env=clean_environment()):
+            say("they will be compiled at the first render instead (why: .venv/bootstrap.log)")
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
