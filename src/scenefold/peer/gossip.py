@@ -7,7 +7,8 @@ table is complete within a round trip and not only after a few minutes of luck.
 A datagram counts if it is signed with the registered key of its sender, and a status in it if it is signed with that of
 the node that it describes, whoever passes it on. All else is dropped, counted, and logged at most once a minute. There
 is no replay window: a status that does not rise has no effect, and an answer goes to the registered address of who
-asked, so a repeated datagram gains nothing. And a node whose folder was made anew begins its counters anew.
+asked, so a repeated datagram gains little; so that a small one repeated is no flood of large ones, who asks again and
+again is answered only so often. And a node whose folder was made anew begins its counters anew.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ ROUND_S = 1.0
 KNOCK_S_MIN = 0.1
 KNOCK_S_MAX = 2.0
 """A node that is not heard yet is asked again after 0.1 s, then ever more slowly."""
+ANSWER_S_MIN = 0.05
+"""Time between two answers to one node, which asks every KNOCK_S_MIN at most."""
 
 _log = logging.getLogger("scenefold.peer.gossip")
 
@@ -67,6 +70,7 @@ class Gossip:
         self._seeds = [seed for seed in seeds if seed != self._me]
         self._news = trio.Condition()
         self._quiet = QuietLog(_log)
+        self._answered_at: dict[NodeId, float] = {}
         self.dropped = 0
         """Datagrams and statuses that did not verify, since the start."""
 
@@ -141,14 +145,21 @@ class Gossip:
                 self._drop(source, "forged", f"a datagram is dropped: {problem}")
                 continue
             if isinstance(packet, PingBroadcast):
-                await self._hear(packet, source)
+                await self._hear(packet, sender, source)
             elif isinstance(packet, RequestState):
-                await datagrams.send(self._page(packet.request_id, sender), address_of(sender))
-                if sender in self._roster.unheard():
-                    # It lives, but has said nothing of itself yet. It has heard us by then, so this ends here.
-                    await datagrams.send(self._sealed(RequestState(request_id=1)), address_of(sender))
+                await self._tell(sender, packet.request_id, datagrams)
             else:
                 self._drop(source, "unexpected", f"a {type(packet).__name__} has no business here")
+
+    async def _tell(self, sender: NodeId, request_id: int, datagrams: Datagrams) -> None:
+        now = self._world.clock.now()
+        if now - self._answered_at.get(sender, now - ANSWER_S_MIN) < ANSWER_S_MIN:
+            return
+        self._answered_at[sender] = now
+        await datagrams.send(self._page(request_id, sender), address_of(sender))
+        if sender in self._roster.unheard():
+            # It lives, but has said nothing of itself yet. It has heard us by then, so this ends here.
+            await datagrams.send(self._sealed(RequestState(request_id=1)), address_of(sender))
 
     def _opened(self, data: bytes) -> tuple[NodeId, Packet]:
         datagram = parse_datagram(data)
@@ -160,8 +171,8 @@ class Gossip:
     def _sealed(self, packet: Packet, target: NodeId = EVERYBODY) -> bytes:
         return sign_datagram(self._own.key, self._own.me, self._own.next(), encode_packet(packet), target=target)
 
-    async def _hear(self, packet: PingBroadcast, source: Endpoint) -> None:
-        heard = [status.node for status in packet.statuses if self._take(status, source)]
+    async def _hear(self, packet: PingBroadcast, sender: NodeId, source: Endpoint) -> None:
+        heard = [status.node for status in packet.statuses if self._take(status, sender, source)]
         if packet.request_id == 0 and heard:
             # Answers to RequestState are no throw of the dice, so they say nothing about who stayed silent.
             self._roster.count_broadcast(heard)
@@ -169,14 +180,15 @@ class Gossip:
             async with self._news:
                 self._news.notify_all()
 
-    def _take(self, status: Status, source: Endpoint) -> bool:
-        if not self._roster.rises(status):
+    def _take(self, status: Status, sender: NodeId, source: Endpoint) -> bool:
+        relayed = status.node != sender
+        if not self._roster.rises(status, relayed=relayed):
             return False
         problem = self._problem_of(status)
         if problem:
             self._drop(source, "status", f"a status of {address_of(status.node)} is dropped: {problem}")
             return False
-        return self._roster.hear(status, self._world.clock.now())
+        return self._roster.hear(status, self._world.clock.now(), relayed=relayed)
 
     def _problem_of(self, status: Status) -> str:
         """Why a status must not count; empty if it may."""

@@ -8,7 +8,9 @@ anybody's clock. A node hears its own broadcasts too: otherwise one that is left
 
 A peer is heard when a status of its own arrives, from itself or relayed, with a risen Lamport time. What it says in
 its requests (MiniStatus) counts likewise, since the connection is authenticated. A status under another incarnation
-is that of a node whose folder was made anew: it is taken, and the old incarnation never comes back.
+is that of a node whose folder was made anew: it is taken, and the old incarnation never comes back. Relayed, it is taken
+only once the incarnation that we know has fallen silent: who was away for long may relay one that is long gone, and a
+node that was restarted meanwhile does not know that.
 
 Signatures are not judged here: whoever calls `hear` has verified them. `rises` says beforehand whether the work of
 verifying is worth it.
@@ -51,16 +53,18 @@ class Roster:
         """N: members, this node included."""
         return len(self._peers) + 1
 
-    def rises(self, status: Status) -> bool:
+    def rises(self, status: Status, *, relayed: bool = False) -> bool:
         """Whether hearing this status would count: a registered peer, and newer than what is known of it."""
         peer = self._peers.get(status.node)
         if peer is None or status.incarnation in peer.past:
             return False
-        return self._is_newcomer(peer, status) or status.lamport > peer.lamport
+        if self._is_newcomer(peer, status):
+            return not relayed or peer.status is None or not self.is_believed_alive(status.node)
+        return status.lamport > peer.lamport
 
-    def hear(self, status: Status, now: float) -> bool:
-        """Take a verified status at local time `now`; False if it does not count."""
-        if not self.rises(status):
+    def hear(self, status: Status, now: float, *, relayed: bool = False) -> bool:
+        """Take a verified status at local time `now`, `relayed` by another node or not; False if it does not count."""
+        if not self.rises(status, relayed=relayed):
             return False
         peer = self._peers[status.node]
         if peer.status is not None and self._is_newcomer(peer, status):

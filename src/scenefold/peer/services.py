@@ -23,7 +23,7 @@ from scenefold.peer.scenes import Scenes
 from scenefold.peer.settings import NodeSettings
 from scenefold.peer.status import OwnStatus
 from scenefold.store import Store
-from scenefold.world import Connection, Links, Priority, World, serve_connection
+from scenefold.world import Connection, Links, Priority, QuietLog, World, serve_connection
 from scenefold.world.profile import ClusterProfile
 
 LOAD_S = 1.0
@@ -60,6 +60,7 @@ class PeerServices:
         data.register(handlers)
         Members(own, roster, routing, scenes, keys).register(handlers)
         seeds = settings.seeds or profile.seeds
+        self._quiet = QuietLog(_log)
         self._is_seed = member.address in seeds
         self._gossip = Gossip(world, own, roster, routing, keys, seeds)
         self.context = NodeContext(
@@ -93,7 +94,7 @@ class PeerServices:
             task_status.started()
 
     async def _serve(self, connection: Connection) -> None:
-        await serve_connection(connection, self.context.handlers.handle)
+        await serve_connection(connection, self.context.handlers.handle, self._quiet)
 
     async def _join(self) -> None:
         await self._gossip.somebody_heard()

@@ -11,7 +11,7 @@ import trio
 
 from conformance.world.makers import RealWorlds
 from scenefold.base.errors import Unreachable
-from scenefold.wire import ListScenes
+from scenefold.wire import RequestTable
 from scenefold.world import Priority, open_links
 
 NODE = """
@@ -59,7 +59,7 @@ async def test_a_node_that_is_killed_is_noticed_at_once(tmp_path: Path) -> None:
 
             async def ask() -> None:
                 with pytest.raises(Unreachable) as caught:
-                    await links.request(worlds.address(0), Priority.LOW, ListScenes(request_id=0, mini_status=None), 60.0)
+                    await links.request(worlds.address(0), Priority.LOW, RequestTable(request_id=0, mini_status=None), 60.0)
                 failures.append(caught.value)
 
             with trio.fail_after(30):

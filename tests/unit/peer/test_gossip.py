@@ -230,6 +230,25 @@ async def test_a_repeated_status_is_no_sign_of_life(autojump_clock: trio.testing
         assert them.of(0).gossip.dropped == 0
 
 
+async def test_a_repeated_question_is_no_flood_of_answers(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(2) as them:
+        await them.start(0)
+        friend = them.of(1)
+        question = sign_datagram(friend.key, friend.own.me, 1, encode_packet(RequestState(request_id=1)))
+        await trio.testing.wait_all_tasks_blocked()
+        before = len(them.ether.sent)
+        for _ in range(200):
+            them.ether.send(question, "127.0.0.3", "127.0.0.2")
+            await trio.testing.wait_all_tasks_blocked()
+        answers = sum(data != question and len(data) > 2 * len(question) for data in them.ether.sent[before:])
+        assert answers == 1
+        await trio.sleep(1.0)
+        before = len(them.ether.sent)
+        them.ether.send(question, "127.0.0.3", "127.0.0.2")
+        await trio.testing.wait_all_tasks_blocked()
+        assert any(len(data) > 2 * len(question) for data in them.ether.sent[before:])
+
+
 async def test_nobody_waits_for_a_node_that_is_alone(autojump_clock: trio.testing.MockClock) -> None:
     async with village(1, seeds=("127.0.0.2",)) as them:
         await them.start(0)

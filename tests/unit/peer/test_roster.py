@@ -99,6 +99,16 @@ def test_a_node_made_anew_is_taken_and_its_past_never_again() -> None:
     assert roster.hear(status_of(PEER, 2, b"b" * 16), 3.0)
 
 
+def test_a_relayed_past_does_not_depose_who_is_alive() -> None:
+    roster = a_roster()
+    roster.hear(status_of(PEER, 1, b"b" * 16), 0.0)
+    assert not roster.hear(status_of(PEER, 2000, b"a" * 16), 1.0, relayed=True)
+    assert roster.hear(status_of(PEER, 2, b"b" * 16), 2.0)
+    for _ in range(100):
+        roster.count_broadcast([])
+    assert roster.hear(status_of(PEER, 1, b"c" * 16), 3.0, relayed=True), "the one that we knew has fallen silent"
+
+
 def test_the_past_is_bounded() -> None:
     roster = a_roster()
     for index in range(PAST_INCARNATIONS_MAX + 10):

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from scenefold.world.quiet import SILENCE_S, SOURCES_MAX, QuietLog
+from scenefold.world.quiet import LINES_MAX, SILENCE_S, SOURCES_MAX, QuietLog
 
 
 def test_one_line_a_minute_for_each_source_and_kind(caplog: pytest.LogCaptureFixture) -> None:
@@ -22,5 +22,17 @@ def test_one_line_a_minute_for_each_source_and_kind(caplog: pytest.LogCaptureFix
 def test_memory_is_bounded() -> None:
     quiet = QuietLog(logging.getLogger("test"), logging.DEBUG)
     for number in range(3 * SOURCES_MAX):
-        assert quiet.say(0.0, str(number), "kind", "text")
+        quiet.say(0.0, str(number), "kind", "text")
     assert len(quiet._said) <= SOURCES_MAX
+
+
+def test_sources_without_number_write_few_lines(caplog: pytest.LogCaptureFixture) -> None:
+    quiet = QuietLog(logging.getLogger("test"), logging.INFO)
+    with caplog.at_level(logging.INFO):
+        said = [quiet.say(number / 1000, str(number), "kind", "text") for number in range(1000)]
+        assert said == [True] * LINES_MAX + [False] * (1000 - LINES_MAX)
+        assert quiet.say(SILENCE_S, "999", "kind", "text")
+    assert caplog.messages[LINES_MAX:] == [
+        f"{1000 - LINES_MAX} complaints like these, of many sources, were left out",
+        "999: text (and 1 times more since the last line)",
+    ]
