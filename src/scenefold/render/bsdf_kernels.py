@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from scenefold.render.math_kernels import INVERSE_PI, PI, sine_cosine_of_turns
+from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
 
 ALPHA_MIN = 1e-3
 """Smoother surfaces are rendered as this smooth: their density still fits the ray record's pdf code."""
@@ -45,18 +45,6 @@ def sample_cosine(u, v):  # type: ignore[no-untyped-def]
     s, c = sine_cosine_of_turns(v)
     r = math.sqrt(u)
     return r * c, r * s, math.sqrt(max(0.0, 1.0 - u))
-
-
-@njit(error_model="numpy", _nrt=False)
-def _smith_lambda(x, y, z, alpha):  # type: ignore[no-untyped-def]
-    return 0.5 * (math.sqrt(1.0 + alpha * alpha * (x * x + y * y) / (z * z)) - 1.0)
-
-
-@njit(error_model="numpy", _nrt=False)
-def _ggx_density(z, alpha):  # type: ignore[no-untyped-def]
-    a2 = alpha * alpha
-    d = z * z * (a2 - 1.0) + 1.0
-    return a2 / (PI * d * d)
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -96,10 +84,14 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     scale = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
     hx, hy, hz = hx * scale, hy * scale, hz * scale
     cosine = wox * hx + woy * hy + woz * hz
-    density = _ggx_density(hz, alpha)
-    lambda_o, lambda_i = _smith_lambda(wox, woy, woz, alpha), _smith_lambda(wix, wiy, wiz, alpha)
-    coat = density / (4.0 * woz * wiz * (1.0 + lambda_o + lambda_i))
-    coat_pdf = density / (4.0 * woz * (1.0 + lambda_o))
+    # D / (4 o i (1 + L_o + L_i)) and D / (4 o (1 + L_o)), Smith's L being (root / cosine - 1) / 2, over one division.
+    a2 = alpha * alpha
+    d = hz * hz * (a2 - 1.0) + 1.0
+    root_o = math.sqrt(woz * woz + a2 * (wox * wox + woy * woy))
+    root_i = math.sqrt(wiz * wiz + a2 * (wix * wix + wiy * wiy))
+    one, both = woz + root_o, root_o * wiz + root_i * woz
+    common = a2 * (0.5 * INVERSE_PI) / (d * d * one * both)
+    coat, coat_pdf = common * one, common * both
     f_d = fresnel_schlick(f0_dielectric, cosine)
     body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * INVERSE_PI
     pdf = choose_coat * coat_pdf + (1.0 - choose_coat) * wiz * INVERSE_PI
