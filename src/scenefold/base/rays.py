@@ -47,6 +47,8 @@ assert PATH_RAY.itemsize == SHADOW_RAY.itemsize == RAY_BYTES
 KIND_CAMERA = 0
 KIND_BOUNCE = 1
 KIND_SHADOW = 2
+KIND_POINT_SHADOW = 3
+"""Towards a punctual light, which no other ray can find: panes that it passes tint it (specs/07-rays.md)."""
 
 BOUNCE_MAX = 31
 """Five bits."""

@@ -100,7 +100,7 @@ def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped
     if lights[index, _KIND] == 1.0:
         cosine = -(wx * lx + wy * ly + wz * lz)
         inner, outer = lights[index, _COS_INNER], lights[index, _COS_OUTER]
-        angular = min(max((cosine - outer) / max(inner - outer, 1e-4), 0.0), 1.0)
+        angular = min(max((cosine - outer) / max(inner - outer, 1e-3), 0.0), 1.0)
         falloff *= angular * angular
     return True, wx, wy, wz, ex, ey, ez, r * falloff, g * falloff, b * falloff, 0.0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from scenefold.base.rays import KIND_POINT_SHADOW, KIND_SHADOW
 from scenefold.render.math_kernels import f32_bits, f32_from_bits
 
 _U16 = np.uint32(0xFFFF)
@@ -15,6 +16,28 @@ _U8 = np.uint32(0xFF)
 def kind_of(rays, i):  # type: ignore[no-untyped-def]
     """One of the KIND_ values."""
     return int((rays[i, 8] >> np.uint32(8)) & np.uint32(7))
+
+
+@njit(error_model="numpy", _nrt=False)
+def is_shadow_ray(rays, i):  # type: ignore[no-untyped-def]
+    """Whether this is a shadow ray of either kind."""
+    kind = kind_of(rays, i)
+    return kind == KIND_SHADOW or kind == KIND_POINT_SHADOW
+
+
+@njit(error_model="numpy", _nrt=False)
+def keep_channels(rays, i, channels):  # type: ignore[no-untyped-def]
+    """Set the channels of the colour that are not among `channels` (bits 0 to 2) to 0; whether any light is left.
+
+    Exact, and the same in any order and however often it is done.
+    """
+    code = color_code_of(rays, i)
+    for channel in range(3):
+        if (channels >> channel) & 1 == 0:
+            code &= ~(np.uint64(0x1FFF) << np.uint64(13 * channel))
+    rays[i, 6] = np.uint32(code & np.uint64(0xFFFFFFFF))
+    rays[i, 7] = (rays[i, 7] & ~_U16) | np.uint32(code >> np.uint64(32))
+    return code & np.uint64(0x7FFFFFFFFF) != np.uint64(0)
 
 
 @njit(error_model="numpy", _nrt=False)

@@ -10,6 +10,9 @@ With opacity a, transmission q (after Fresnel) and tint c:
 
     passes in the filter    1 - a + a q min(c)
     shaded                  a (1 - q min(c)), of which straight on with tint  a q (c - min(c))
+
+No other ray finds a punctual light, though, so a shadow ray towards one must carry the tint itself: of its three
+channels those pass for which the number drawn is below 1 - a + a q c, and the others are set to 0 in the record.
 """
 
 from __future__ import annotations
@@ -55,6 +58,15 @@ def opacity(row, alpha):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False)
+def is_surely_opaque(row):  # type: ignore[no-untyped-def]
+    """Whether alpha hides nothing of a material anywhere; next-event estimation asks no other emitters.
+
+    It would have to know alpha at the point that it samples, and the texels there are held elsewhere.
+    """
+    return row[_ALPHA_MODE] == 0.0 or (row[_BASE_TEXTURE] < 0.0 and opacity(row, row[_BASE + 3]) >= 1.0)
+
+
+@njit(error_model="numpy", _nrt=False)
 def passed_share(row, metallic, cosine):  # type: ignore[no-untyped-def]
     """q: how much of the light that meets the surface at this cosine passes straight on, before tint."""
     ratio = (row[_IOR] - 1.0) / (row[_IOR] + 1.0)
@@ -62,11 +74,40 @@ def passed_share(row, metallic, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False)
-def skip_probability(scene, triangle, u, v, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """The chance that a ray along d, in the triangle's own space, passes unchanged at barycentric (u, v)."""
+def cosine_at(scene, triangle, matrix, normal_matrix, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """The cosine, in the world, at which a ray along d meets a triangle; d is in the triangle's own space.
+
+    matrix f64[3, 4] and normal_matrix f64[3, 3] are its instance's: angles change where scales differ.
+    """
+    i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
+    p, m, k = scene.vertices, matrix, normal_matrix
+    x0, y0, z0 = float(p[i0, 0]), float(p[i0, 1]), float(p[i0, 2])
+    ux, uy, uz = p[i1, 0] - x0, p[i1, 1] - y0, p[i1, 2] - z0
+    vx, vy, vz = p[i2, 0] - x0, p[i2, 1] - y0, p[i2, 2] - z0
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    nx, ny, nz = (
+        k[0, 0] * nx + k[0, 1] * ny + k[0, 2] * nz,
+        k[1, 0] * nx + k[1, 1] * ny + k[1, 2] * nz,
+        k[2, 0] * nx + k[2, 1] * ny + k[2, 2] * nz,
+    )
+    dx, dy, dz = (
+        m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz,
+        m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz,
+        m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz,
+    )
+    squared = (nx * nx + ny * ny + nz * nz) * (dx * dx + dy * dy + dz * dz)
+    return abs(nx * dx + ny * dy + nz * dz) / math.sqrt(max(squared, 1e-60))
+
+
+@njit(error_model="numpy", _nrt=False)
+def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
+    """Which shares (red, green, blue) of light that meets a triangle at barycentric (u, v) pass straight on.
+
+    The least of the three is the chance with which a ray that carries all channels passes unchanged.
+    """
     row = scene.materials[int(scene.triangle_material[triangle])]
     if not is_see_through(row):
-        return 0.0
+        return 0.0, 0.0, 0.0
     i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
     r, g, b, alpha, metallic = row[_BASE], row[_BASE + 1], row[_BASE + 2], row[_BASE + 3], row[_METALLIC]
     base, rough = int(row[_BASE_TEXTURE]), int(row[_MR_TEXTURE])
@@ -83,15 +124,9 @@ def skip_probability(scene, triangle, u, v, dx, dy, dz):  # type: ignore[no-unty
             metallic *= tb
     a = opacity(row, alpha)
     if not row[_TRANSMISSION] > 0.0:
-        return 1.0 - a
-    p = scene.vertices
-    x0, y0, z0 = float(p[i0, 0]), float(p[i0, 1]), float(p[i0, 2])
-    ux, uy, uz = p[i1, 0] - x0, p[i1, 1] - y0, p[i1, 2] - z0
-    vx, vy, vz = p[i2, 0] - x0, p[i2, 1] - y0, p[i2, 2] - z0
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    squared = (nx * nx + ny * ny + nz * nz) * (dx * dx + dy * dy + dz * dz)
-    cosine = abs(nx * dx + ny * dy + nz * dz) / math.sqrt(max(squared, 1e-60))
-    return 1.0 - a + a * passed_share(row, metallic, cosine) * min(r, min(g, b))
+        return 1.0 - a, 1.0 - a, 1.0 - a
+    passed = a * passed_share(row, metallic, cosine)
+    return 1.0 - a + passed * r, 1.0 - a + passed * g, 1.0 - a + passed * b
 
 
 @njit(error_model="numpy", _nrt=False)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_SHADOW, PDF_DELTA
+from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIND_SHADOW, PDF_DELTA
 from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import (
     ALPHA_MIN,
@@ -37,6 +37,7 @@ from scenefold.render.math_kernels import (
 from scenefold.render.record_kernels import (
     bounce_of,
     color_code_of,
+    is_shadow_ray,
     kind_of,
     origin_of,
     path_of,
@@ -44,7 +45,7 @@ from scenefold.render.record_kernels import (
     write_path_ray,
     write_shadow_ray,
 )
-from scenefold.render.see_through_kernels import passed_share
+from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.texture_kernels import sample_texture
 
@@ -173,13 +174,14 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
     """
     made = 0
     for i in range(rays.shape[0]):
-        if kind_of(rays, i) == KIND_SHADOW:
+        shadow = is_shadow_ray(rays, i)
+        if shadow:
             counters[COUNT_SHADOW_RAYS] += 1
         if status[i] == STATUS_FORWARD or status[i] == STATUS_DEAD:
             continue
         path = path_of(rays, i)
         r, g, b = decode_color(color_code_of(rays, i))
-        if kind_of(rays, i) == KIND_SHADOW:
+        if shadow:
             _add(sums, counters, path, r, g, b)
             continue
         pdf_code = pdf_code_of(rays, i)
@@ -243,7 +245,7 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     emission_r, emission_g, emission_b = row[_EMISSION], row[_EMISSION + 1], row[_EMISSION + 2]
     if (front or row[_DOUBLE_SIDED] != 0.0) and emission_r + emission_g + emission_b > 0.0:
         weight = 1.0
-        if pdf_code != PDF_DELTA and facing > 1e-6:
+        if pdf_code != PDF_DELTA and facing > 1e-6 and is_surely_opaque(row):
             pdf, other = decode_pdf(pdf_code), emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
             weight = pdf * pdf / (pdf * pdf + other * other)
         _add(sums, counters, path, r * emission_r * weight, g * emission_g * weight, b * emission_b * weight)
@@ -278,7 +280,8 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
             counters[COUNT_NOT_FINITE] += 1
         elif cr + cg + cb > 0.0:
             code = encode_color(cr, cg, cb, key, bounce, DIMENSION_CONTRIBUTION)
-            write_shadow_ray(out, made, fx, fy, fz, np.float32(ex), np.float32(ey), np.float32(ez), code, path, KIND_SHADOW, bounce)
+            kind = KIND_SHADOW if light_pdf > 0.0 else KIND_POINT_SHADOW
+            write_shadow_ray(out, made, fx, fy, fz, np.float32(ex), np.float32(ey), np.float32(ez), code, path, kind, bounce)
             made += 1
 
     # The path goes on: straight through, off the coat, or off the diffuse body.

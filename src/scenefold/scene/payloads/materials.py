@@ -57,6 +57,18 @@ class Material:
         return any(channel > 0 for channel in self.emissive)
 
     @property
+    def is_sampled_light(self) -> bool:
+        """Whether its triangles stand in the light table: they shine, and alpha hides nothing of them.
+
+        Where alpha is less than 1, and how much, only the texture says, which a node that samples lights may not hold.
+        """
+        alpha = self.base_color[3]
+        if self.alpha_mode == AlphaMode.OPAQUE:
+            return self.shines
+        whole = alpha >= self.alpha_cutoff if self.alpha_mode == AlphaMode.MASK else alpha >= 1.0
+        return self.shines and whole and self.base_color_texture < 0
+
+    @property
     def textured(self) -> bool:
         return self.base_color_texture >= 0 or self.metallic_roughness_texture >= 0
 

@@ -11,6 +11,7 @@ Memory layouts are Embree 4's (rtcore_ray.h, rtcore_common.h), in 32-bit words:
                 12 Ng 3 | 15 u | 16 v | 17 primID | 18 geomID | 19 instID | 20 instPrimID
     context     0 instID | 1 instPrimID | then ours: 4 best t | 5 instance | 6 group | 7 primitive
                 8-9 path key | 10 bounce and kind | 11 pad of the search | 12-13 address of the table of array addresses
+                14 channels that a shadow ray still carries | 15 Embree's id of instance 1
     arguments   0 flags | 1 feature mask | 2-3 context | 4-5 filter | 6-7 function
     filter's    0-1 valid | 2-3 user data, 1 for groups with see-through triangles | 4-5 context | 6-7 ray | 8-9 hit | 10 N
 """
@@ -23,11 +24,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import carray, cfunc, njit, types
 
-from scenefold.base.rays import KIND_SHADOW
+from scenefold.base.rays import KIND_POINT_SHADOW
 from scenefold.partition.kernels import exit_after, owner_ahead
 from scenefold.render.arrays import F32, F64, I64, U8, U16, U32, MaterialColumn, TextureColumn
 from scenefold.render.math_kernels import decode_direction, path_key
-from scenefold.render.record_kernels import end_of, kind_of, origin_of, path_of, set_t_done, t_done_of
+from scenefold.render.record_kernels import end_of, is_shadow_ray, keep_channels, origin_of, path_of, set_t_done, t_done_of
 from scenefold.render.renderers.embree.memory_kernels import (
     call_with_3,
     f32_at,
@@ -43,7 +44,7 @@ from scenefold.render.renderers.embree.memory_kernels import (
     u32_at,
 )
 from scenefold.render.renderers.embree.own_box_kernels import own_box_entry
-from scenefold.render.see_through_kernels import skip_draw, skip_probability
+from scenefold.render.see_through_kernels import cosine_at, pass_shares, skip_draw
 from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
 from scenefold.render.space_kernels import box_span, step_after, t_of_step
 
@@ -53,6 +54,7 @@ _CONTEXT = 32
 _ARGUMENTS = 48
 _SHADOW_ARGUMENTS = 56
 _NOBODY = np.uint32(0xFFFFFFFF)
+_ALL_CHANNELS = 7
 _INVOKE_ARGUMENT_FILTER = np.uint32(2)
 _STILL_OPEN = np.float32(1.0 + 2.0**-21)
 _PAD = 2.0**-20
@@ -72,14 +74,14 @@ class FilterArrays(NamedTuple):
     linear_of_srgb: F64
 
 
-ARRAY_ADDRESSES = 9
-"""Addresses of the arrays of `FilterArrays`, in order, and of `SceneArrays.group_first`."""
+ARRAY_ADDRESSES = 11
+"""Addresses of the arrays of `FilterArrays`, in order, and of group_first, instance_matrices and instance_normals."""
 _MATERIAL_WIDTH, _TEXTURE_WIDTH = MaterialColumn.WIDTH, TextureColumn.WIDTH
 
 
 @njit(error_model="numpy")
-def _passes(context, ray, hit, instance, group, primitive):  # type: ignore[no-untyped-def]
-    """Whether the ray passes this candidate as if it were not there."""
+def _passing_channels(context, ray, hit, instance, group, primitive):  # type: ignore[no-untyped-def]
+    """In which channels (bits 0 to 2) the ray passes this candidate as if it were not there."""
     table = load_i64(context + 48)
     many = 1 << 40
     arrays = FilterArrays(
@@ -93,19 +95,17 @@ def _passes(context, ray, hit, instance, group, primitive):  # type: ignore[no-u
         carray(f64_at(load_i64(table + 56)), (256,)),
     )
     triangle = load_i64(load_i64(table + 64) + np.int64(8) * np.int64(group)) + np.int64(primitive)
-    chance = skip_probability(
-        arrays,
-        triangle,
-        float(load_f32(hit + 12)),
-        float(load_f32(hit + 16)),
-        float(load_f32(ray + 16)),
-        float(load_f32(ray + 20)),
-        float(load_f32(ray + 24)),
-    )
-    if not chance > 0.0:
-        return False
+    matrices = carray(f64_at(load_i64(table + 72)), (many, 3, 4))
+    normals = carray(f64_at(load_i64(table + 80)), (many, 3, 3))
+    number = np.int64(instance) - np.int64(load_u32(context + 60)) if instance != 0 else np.int64(0)
+    dx, dy, dz = float(load_f32(ray + 16)), float(load_f32(ray + 20)), float(load_f32(ray + 24))
+    cosine = cosine_at(arrays, triangle, matrices[number], normals[number], dx, dy, dz)
+    r, g, b = pass_shares(arrays, triangle, float(load_f32(hit + 12)), float(load_f32(hit + 16)), cosine)
+    if not max(r, max(g, b)) > 0.0:
+        return 0
     key = np.uint64(load_i64(context + 32))
-    return skip_draw(key, load_u32(context + 40), instance, group, primitive) < chance
+    drawn = skip_draw(key, load_u32(context + 40), instance, group, primitive)
+    return (1 if drawn < r else 0) | (2 if drawn < g else 0) | (4 if drawn < b else 0)
 
 
 @cfunc(types.void(types.int64), cache=True)
@@ -130,7 +130,7 @@ def nearest_filter(arguments):  # type: ignore[no-untyped-def]
         else:
             wins = primitive < load_u32(context + 28)
     wins = wins and entry >= 0.0
-    if wins and load_i64(arguments + 8) != 0 and _passes(context, ray, hit, mine, group, primitive):
+    if wins and load_i64(arguments + 8) != 0 and _passing_channels(context, ray, hit, mine, group, primitive) == _ALL_CHANNELS:
         wins = False
     if wins:
         store_f32(context + 16, t)
@@ -150,7 +150,12 @@ def shadow_filter(arguments):  # type: ignore[no-untyped-def]
     entry = own_box_entry(load_i64(context + 48), ray, group, primitive)
     stops = 0.0 <= entry <= 1.0
     if stops and load_i64(arguments + 8) != 0:
-        stops = not _passes(context, ray, hit, np.uint32(instance + np.uint32(1)), group, primitive)
+        channels = _passing_channels(context, ray, hit, np.uint32(instance + np.uint32(1)), group, primitive)
+        left = load_u32(context + 56) & np.uint32(channels)
+        tints = (load_u32(context + 40) & np.uint32(7)) == np.uint32(KIND_POINT_SHADOW)
+        stops = left == np.uint32(0) if tints else channels != _ALL_CHANNELS
+        if tints and not stops:
+            store_u32(context + 56, left)
     if not stops:
         store_u32(load_i64(arguments), np.uint32(0))
 
@@ -212,6 +217,7 @@ def cast_batch(  # type: ignore[no-untyped-def]
     base = _prepare(workspace, nearest, shadow, addresses)
     reals = workspace.view(np.float32)
     keys = workspace.view(np.uint64)
+    workspace[_CONTEXT + 15] = np.uint32(first_instance_id)
     low, high = job.box_low, job.box_high
     pixels = job.width * job.height
     reach = 0.0
@@ -228,7 +234,7 @@ def cast_batch(  # type: ignore[no-untyped-def]
             number = first_path + path_of(rays, i)
             keys[(_CONTEXT + 8) // 2] = path_key(job.seed, job.frame, (number % pixels) * job.stride % pixels, number // pixels)
             workspace[_CONTEXT + 10] = (rays[i, 8] >> np.uint32(8)) & np.uint32(0xFF)
-        is_shadow = kind_of(rays, i) == KIND_SHADOW
+        is_shadow = is_shadow_ray(rays, i)
         if is_shadow:
             ex, ey, ez = end_of(rays, i)
             fx, fy, fz = np.float32(ex - ox), np.float32(ey - oy), np.float32(ez - oz)
@@ -246,8 +252,12 @@ def cast_batch(  # type: ignore[no-untyped-def]
             t_limit = 1.0 if is_shadow else math.inf
         if is_shadow:
             _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, min(np.float32(t_limit * (1.0 + 2.0**-22)), np.float32(1.0)))
+            workspace[_CONTEXT + 14] = np.uint32(_ALL_CHANNELS)
             call_with_3(occluded, scene_address, base, base + _SHADOW_ARGUMENTS * 4)
-            if reals[8] < np.float32(0.0):
+            dead = reals[8] < np.float32(0.0)
+            if not dead and workspace[_CONTEXT + 14] != np.uint32(_ALL_CHANNELS):
+                dead = not keep_channels(rays, i, workspace[_CONTEXT + 14])
+            if dead:
                 status[i] = STATUS_DEAD
                 continue
         else:
@@ -282,7 +292,7 @@ def find_owners(rays, family, cells, low, high, me, owners):  # type: ignore[no-
             continue
         ox, oy, oz = origin_of(rays, i)
         x, y, z = float(ox), float(oy), float(oz)
-        if kind_of(rays, i) == KIND_SHADOW:
+        if is_shadow_ray(rays, i):
             ex, ey, ez = end_of(rays, i)
             dx, dy, dz = float(np.float32(ex - ox)), float(np.float32(ey - oy)), float(np.float32(ez - oz))
             t = t_of_step(step, 0.0, 1.0)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from scenefold.base.rays import KIND_SHADOW
 from scenefold.render.math_kernels import decode_direction
-from scenefold.render.record_kernels import end_of, kind_of, origin_of
+from scenefold.render.record_kernels import end_of, is_shadow_ray, origin_of
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
@@ -15,7 +14,7 @@ def unpack_rays(rays, origins, directions, is_shadow):  # type: ignore[no-untype
     """rays uint32[n, 9] -> float32[n, 3] twice and bool[n]. A shadow ray's direction reaches from origin to end."""
     for i in range(rays.shape[0]):
         ox, oy, oz = origin_of(rays, i)
-        is_shadow[i] = kind_of(rays, i) == KIND_SHADOW
+        is_shadow[i] = is_shadow_ray(rays, i)
         if is_shadow[i]:
             ex, ey, ez = end_of(rays, i)
             dx, dy, dz = np.float32(ex - ox), np.float32(ey - oy), np.float32(ez - oz)
