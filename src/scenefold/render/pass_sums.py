@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from scenefold.base.errors import PeerFault
-from scenefold.render.arrays import I32, I64
+from scenefold.render.arrays import I32, I64, U16
+from scenefold.render.sums_kernels import add_rows, pack_rows
 
 AOV_COLUMNS = 8
 COUNTERS = 3
@@ -38,16 +41,16 @@ class PassSums:
 
     def to_bytes(self) -> bytes:
         """Only the paths that have something: counts, their numbers, their rows, for radiance and for AOVs."""
-        lit = np.flatnonzero(self.radiance.any(axis=1))
-        seen = np.flatnonzero(self.aovs[:, AOV_COLUMNS - 1])
+        lit, radiance = _rows(self.radiance, 0, 3)
+        seen, aovs = _rows(self.aovs, AOV_COLUMNS - 1, AOV_COLUMNS)
         return b"".join(
             (
                 struct.pack("<II", len(lit), len(seen)),
                 self.counters.astype("<i8").tobytes(),
-                lit.astype("<u2").tobytes(),
-                seen.astype("<u2").tobytes(),
-                self.radiance[lit].astype("<i8").tobytes(),
-                self.aovs[seen].astype("<i4").tobytes(),
+                lit.astype("<u2", copy=False).tobytes(),
+                seen.astype("<u2", copy=False).tobytes(),
+                radiance.astype("<i8", copy=False).tobytes(),
+                aovs.astype("<i4", copy=False).tobytes(),
             )
         )
 
@@ -66,9 +69,21 @@ class PassSums:
         seen = np.frombuffer(payload, "<u2", seen_count, at)
         at += 2 * seen_count
         for numbers in (lit, seen):
-            if len(numbers) and (int(numbers[-1]) >= len(self.radiance) or (np.diff(numbers.astype(np.int64)) <= 0).any()):
+            if len(numbers) and (int(numbers[-1]) >= len(self.radiance) or (numbers[1:] <= numbers[:-1]).any()):
                 raise PeerFault("sums of a pass name paths that it does not have")
         self.counters[:] += np.frombuffer(payload, "<i8", COUNTERS, 8)
-        self.radiance[lit] += np.frombuffer(payload, "<i8", 3 * lit_count, at).reshape(-1, 3)
+        # Copies, because a payload's numbers may lie at any address.
+        add_rows(self.radiance, lit.astype(np.uint16), np.frombuffer(payload, "<i8", 3 * lit_count, at).astype(np.int64).reshape(-1, 3))
         at += 24 * lit_count
-        self.aovs[seen] += np.frombuffer(payload, "<i4", AOV_COLUMNS * seen_count, at).reshape(-1, AOV_COLUMNS)
+        aovs = np.frombuffer(payload, "<i4", AOV_COLUMNS * seen_count, at).astype(np.int32).reshape(-1, AOV_COLUMNS)
+        add_rows(self.aovs, seen.astype(np.uint16), aovs)
+
+
+_Whole = TypeVar("_Whole", np.int32, np.int64)
+
+
+def _rows(table: npt.NDArray[_Whole], first: int, last: int) -> tuple[U16, npt.NDArray[_Whole]]:
+    """The paths with anything in columns first..last - 1, and their rows."""
+    paths, rows = np.empty(len(table), np.uint16), np.empty_like(table)
+    count = pack_rows(table, first, last, paths, rows)
+    return paths[:count], rows[:count]
