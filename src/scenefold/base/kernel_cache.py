@@ -27,8 +27,8 @@ _SOURCES = Path(__file__).resolve().parent.parent
 _IMPORT = re.compile(rb"^\s*(?:from\s+(scenefold[\w.]*)\s+import\s+([^\n(]+|\([^)]*\))|import\s+(scenefold[\w.]*))", re.MULTILINE)
 _FOLDERS_KEPT = 4
 """States whose code is kept: a few branches, or versions, used in turn."""
-_UNTOUCHED_S = 24 * 3600.0
-"""Younger folders are never pruned: a process that still runs may write to one."""
+_UNTOUCHED_S = 3600.0
+"""Younger folders stay: whoever edits kernels goes back and forth. (numba makes a folder anew that went away.)"""
 
 _log = logging.getLogger("scenefold.kernels")
 
