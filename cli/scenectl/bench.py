@@ -6,8 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from cyclopts import App, Parameter
-from cyclopts.validators import Number
+from cyclopts import App
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
 from scenectl.values import (
@@ -19,6 +18,7 @@ from scenectl.values import (
     PortsOption,
     SizeOption,
     cluster_ports,
+    whole,
 )
 
 app = App(name="bench", help="Measure, as the project's own documentation does.", help_format="plaintext")
@@ -27,7 +27,7 @@ app = App(name="bench", help="Measure, as the project's own documentation does."
 @app.command
 def curve(
     *,
-    points: Annotated[int, Parameter(validator=Number(gte=1, lte=100_000_000))] = 1_000_000,
+    points: Annotated[int, whole(1, 100_000_000)] = 1_000_000,
     output: Output = PLAIN,
 ) -> None:
     """Measure encoding and decoding of the space-filling curves, in points a second on one thread.
@@ -71,9 +71,9 @@ def curve(
 @app.command
 def store(
     *,
-    records: Annotated[int, Parameter(validator=Number(gte=1, lte=1_000_000))] = 1000,
-    record_bytes: Annotated[int, Parameter(validator=Number(gte=1, lte=60 * 1024))] = 60 * 1024,
-    nodes: Annotated[int, Parameter(validator=Number(gte=1, lte=127))] = 3,
+    records: Annotated[int, whole(1, 1_000_000)] = 1000,
+    record_bytes: Annotated[int, whole(1, 60 * 1024)] = 60 * 1024,
+    nodes: Annotated[int, whole(1, 127)] = 3,
     ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -107,14 +107,14 @@ def render(
     *,
     scene: str = "sample",
     size: SizeOption = HD_QUARTER,
-    samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 16,
-    depth: Annotated[int, Parameter(validator=Number(gte=1, lte=32))] = 8,
-    seed: Annotated[int, Parameter(validator=Number(gte=0, lt=2**32))] = 1,
+    samples: Annotated[int, whole(1, 1_048_576)] = 16,
+    depth: Annotated[int, whole(1, 32)] = 8,
+    seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
     sky: ColourOption | None = None,
     camera: str | None = None,
     algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
     nodes: NodeCountsOption = ONE_AND_FIVE,
-    repetitions: Annotated[int, Parameter(validator=Number(gte=1, lte=100))] = 3,
+    repetitions: Annotated[int, whole(1, 100)] = 3,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
-from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text
-from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceOption
+from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceOption, whole
 
 app = App(name="data", help="Read and write single records of a scene.", help_format="plaintext")
 
@@ -123,7 +122,7 @@ def ls(
     scene: SceneOption,
     first: PlaceOption = LINE_START,
     last: PlaceOption = LINE_END,
-    limit: Annotated[int, Parameter(validator=Number(gte=1))] = 1000,
+    limit: Annotated[int, whole(1, 2**63 - 1)] = 1000,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """List locations that hold records, in the order of the line.

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
-from cyclopts.validators import Number
 
 from scenectl.output import PLAIN, Output, emit
-from scenectl.values import HD_QUARTER, PortsOption, SizeOption
+from scenectl.values import HD_QUARTER, PortsOption, SizeOption, whole
 
 app = App(name="demo", help_format="plaintext", help_epilogue="Example: scenectl demo --output demo-output")
 
@@ -19,8 +18,8 @@ app = App(name="demo", help_format="plaintext", help_epilogue="Example: scenectl
 def demo(
     *,
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("demo-output"),
-    nodes: Annotated[int, Parameter(validator=Number(gte=1, lte=127))] = 5,
-    samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
+    nodes: Annotated[int, whole(1, 127)] = 5,
+    samples: Annotated[int, whole(1, 1_048_576)] = 64,
     size: SizeOption = HD_QUARTER,
     ports: PortsOption | None = None,
     output: Output = PLAIN,

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
-from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit_event
-from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports
+from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
 
 app = App(name="node", help="Run nodes.", help_format="plaintext")
 
-Count = Annotated[int, Parameter(validator=Number(gte=1, lte=127))]
+Count = Annotated[int, whole(1, 127)]
 
 
 @app.command(name="run")
@@ -24,8 +23,8 @@ def run_(
     address: Annotated[AddressOption, Parameter(env_var="SCENEFOLD_ADDRESS")],
     data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
     seeds: Annotated[AddressesOption | None, Parameter(env_var="SCENEFOLD_SEEDS")] = None,
-    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
-    memory: Annotated[int, Parameter(env_var="SCENEFOLD_MEMORY", validator=Number(gte=0))] = 0,
+    threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
+    memory: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_MEMORY")] = 0,
     log_level: Literal["debug", "info", "warning", "error"] = "info",
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -77,7 +76,7 @@ def local(
     /,
     *,
     folder: Path | None = None,
-    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
+    threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
-from scenectl.values import HD_QUARTER, ColourOption, PortsOption, SizeOption
+from scenectl.values import HD_QUARTER, ColourOption, PortsOption, SizeOption, whole
 
 app = App(name="render", help="Render images.", help_format="plaintext")
 
@@ -19,17 +19,17 @@ def still(
     file: Path | None = None,
     /,
     *,
-    nodes: Annotated[int, Parameter(env_var="SCENEFOLD_NODES", validator=Number(gte=1, lte=127))] = 5,
+    nodes: Annotated[int, whole(1, 127, env_var="SCENEFOLD_NODES")] = 5,
     algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
-    samples: Annotated[int, Parameter(validator=Number(gte=1, lte=1_048_576))] = 64,
+    samples: Annotated[int, whole(1, 1_048_576)] = 64,
     size: SizeOption = HD_QUARTER,
-    seed: Annotated[int, Parameter(validator=Number(gte=0, lt=2**32))] = 1,
-    depth: Annotated[int, Parameter(validator=Number(gte=1, lte=32))] = 8,
+    seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
+    depth: Annotated[int, whole(1, 32)] = 8,
     sky: ColourOption | None = None,
     camera: str | None = None,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
-    threads: Annotated[int | None, Parameter(env_var="SCENEFOLD_THREADS", validator=Number(gte=1, lte=1024))] = None,
+    threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
     output: ProfileOutput = DEFAULT_PROFILE,
@@ -75,15 +75,16 @@ def still(
     """
     from scenectl.progress import Progress
     from scenectl.running import run
-    from scenectl.still import StillJob, check_files, make_still, report_text
+    from scenectl.still import StillJob, check_files, make_still, png_beside, report_text
     from scenefold.base.errors import UsageFault
+    from scenefold.world.keyring import checked_name
 
     if file is None and (scene is None or output.profile is None):
         raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
-    if to.suffix.lower() == ".png":
-        raise UsageFault("the output is the EXR file", where=f"-o {to}", remedy="name it .exr; the PNG is written beside it")
-    png = to.with_suffix(".png")
+    png = png_beside(to)
     check_files(file, to, png)
+    name = scene or scene_name_of(file)
+    checked_name(name, "scene")
     from scenefold.render.client import StillOptions
 
     options = StillOptions(
@@ -99,7 +100,7 @@ def still(
     options.checked()
     job = StillJob(
         file=file,
-        scene_name=scene or scene_name_of(file),
+        scene_name=name,
         profile=output.profile,
         nodes=nodes,
         threads=threads,

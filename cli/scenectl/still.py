@@ -55,6 +55,15 @@ class Phases:
             self.seconds[name] = round(self.seconds.get(name, 0.0) + time.monotonic() - begun, 3)
 
 
+def png_beside(exr: Path) -> Path:
+    """Where the PNG goes; UsageFault if the output is not named as the EXR file that it will be."""
+    from scenefold.base.errors import UsageFault
+
+    if exr.suffix.lower() != ".exr":
+        raise UsageFault("the output is an EXR file", where=f"-o {exr}", remedy="give it a name that ends in .exr; a PNG goes beside it")
+    return exr.with_suffix(".png")
+
+
 def check_files(file: Path | None, *outputs: Path) -> None:
     """Find what would fail only after minutes of work: a missing file, an output that cannot be written."""
     from scenefold.base.errors import LocalFault
@@ -78,6 +87,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         # Before any node is started: a file that cannot be used should not cost more than its reading.
         with phases.time("read"):
             prepared = await prepare_import(offline_world(), job.file, progress)
+        prepared.check_camera(job.options.camera)
     async with _cluster(job, phases) as cluster:
         if prepared is None:
             scene = await cluster.scenes.open(job.scene_name)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self
 
 from cyclopts import Parameter, Token
+from cyclopts.validators import Number
 
 from scenefold.base.ids import SPACE_ID_MAX
 from scenefold.base.limits import NODES_MAX
@@ -234,6 +235,18 @@ PortsOption = Annotated[PortPair, _ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS"
 NodeCountsOption = Annotated[NodeCounts, _ONE_WORD]
 PlaceOption = Annotated[Place, _ONE_WORD]
 SpaceOption = Annotated[SpaceNumber, _ONE_WORD]
+
+
+def whole(least: int, most: int, *, env_var: str | None = None) -> Parameter:
+    """An option that is a whole number from `least` to `most`; cyclopts alone would round 1.5."""
+    return Parameter(converter=_whole_number, validator=Number(gte=least, lte=most), env_var=env_var)
+
+
+def _whole_number(_kind: Any, tokens: Sequence[Token]) -> int:
+    text = tokens[0].value
+    if not text.removeprefix("-").isdecimal() or not text.isascii() or len(text) > 20:
+        raise ValueError(f"a whole number is expected, not {text!r}")
+    return int(text)
 
 
 def _is_digits(text: str) -> bool:

@@ -109,7 +109,7 @@ async def test_a_node_that_dies_ends_the_block_with_its_error(tmp_path: Path) ->
             with trio.fail_after(PATIENCE_S):
                 await trio.sleep_forever()
 
-    with pytest.raises(LocalFault, match=r"node 127\.0\.0\.2 ended unexpectedly \(exit code -9\)"):
+    with pytest.raises(LocalFault, match=r"node 127\.0\.0\.2 ended unexpectedly \(SIGKILL\)"):
         await lose_a_node()
 
 

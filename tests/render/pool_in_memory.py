@@ -62,6 +62,7 @@ class MemoryHost:
     """A node of a `MemoryPool`."""
 
     render_threads = 1
+    memory_bytes = 1 << 30
 
     def __init__(self, pool: MemoryPool, node_id: NodeId) -> None:
         self._pool = pool

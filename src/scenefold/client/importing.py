@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import trio
 
+from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS, CLIENT_IMPORT_BATCHES
 from scenefold.client.access import SceneAccess, Wish
@@ -85,6 +86,13 @@ class PreparedImport:
     plan: ImportPlan
     marks: _Marks
     begun: float
+
+    def check_camera(self, name: str | None) -> None:
+        """LocalFault if the scene will not have this camera; None is the one that it shows itself by."""
+        names = self.plan.camera_names
+        if name is not None and name not in names:
+            known = ", ".join(map(repr, names[:10])) + (" and others" if len(names) > 10 else "")
+            raise LocalFault(f"the scene has no camera {name!r}", where="camera", remedy=f"choose one of: {known}")
 
 
 async def prepare_import(world: World, path: Path, progress: ProgressCallback) -> PreparedImport:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import trio
 
-from scenefold.base.errors import LocalFault, Unreachable
+from scenefold.base.errors import LocalFault, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import NODES_MAX
 from scenefold.node.process import NodeEnded, NodeProcess
-from scenefold.peer.settings import processors
+from scenefold.peer.settings import machine_memory_bytes, processors
 from scenefold.world import Ports, background_tasks
 from scenefold.world.profile import ClusterProfile
 
@@ -107,7 +107,8 @@ async def local_cluster(
     """`count` nodes that are ready and know each other.
 
     `folder` gets profile/, data/ and logs/, and keeps them; one that holds such a cluster already is run again. None: a
-    temporary folder, removed at the end. `threads` render in each node; by default the machine's are shared out.
+    temporary folder, removed at the end. `threads` render in each node; by default the machine's are shared out,
+    and so are three quarters of its memory.
     `options` are further arguments of `python -m scenefold.node`.
     """
     if not 1 <= count <= NODES_MAX:
@@ -116,14 +117,17 @@ async def local_cluster(
     try:
         known = _profile(place, count, name, ports, first_address)
         arguments = ["--threads", str(threads or max(1, processors() // count)), *options]
-        if memory_bytes:
-            arguments += ["--memory", str(memory_bytes)]
+        arguments += ["--memory", str(memory_bytes or machine_memory_bytes() * 3 // 4 // count)]
         async with _nodes_end_with_the_block() as nursery:
             cluster = LocalCluster(place, known, arguments, nursery)
             for address in cluster.addresses:
                 cluster.start(address)
             await cluster.wait(seconds=start_s_max)
             yield cluster
+    except ScenefoldError as error:
+        if folder is None and error.where.startswith(str(place)):
+            error.where = "its folder was a temporary one"
+        raise
     finally:
         if folder is None:
             shutil.rmtree(place, ignore_errors=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Sequence
@@ -18,6 +19,8 @@ STOP_S_MAX = 10.0
 EVENT_BYTES_MAX = 64 * 1024
 _UNREACHABLE = 3
 _WRONG_USAGE = 2
+_EVERYDAY = ("[debug", "[info", '"level": "debug"', '"level": "info"')
+"""How lines of little weight look in both forms of logs (logs.py)."""
 
 
 class NodeEnded(Exception):
@@ -106,7 +109,8 @@ class NodeProcess:
         """The node's own words, or what can be said of a node that died without any."""
         if self._failure is None:
             words = f": {last_line}" if (last_line := _last_line(self.log)) else ""
-            return LocalFault(f"node {self.address} ended unexpectedly (exit code {code}){words}", where=str(self.log))
+            remedy = "run it again; SIGKILL often means that memory ran out" if code == -signal.SIGKILL else "its log may say more"
+            return LocalFault(f"node {self.address} ended unexpectedly ({_ending(code)}){words}", where=str(self.log), remedy=remedy)
         verb = "ended" if self.ready.is_set() else "cannot run"
         what = f"node {self.address} {verb}: {self._failure.get('what', '')}"
         where, remedy = str(self._failure.get("where", "")), str(self._failure.get("remedy", ""))
@@ -114,10 +118,15 @@ class NodeProcess:
         return kinds.get(code or 0, LocalFault)(what, where=where, remedy=remedy)
 
 
+def _ending(code: int | None) -> str:
+    """An exit code for people: that of a process that a signal ended is the signal's number, negative."""
+    return signal.Signals(-code).name if code is not None and -code in set(signal.Signals) else f"exit code {code}"
+
+
 def _last_line(log: Path) -> str:
-    """The last thing that the node wrote: with a crash of the interpreter it is all that there is."""
+    """The last thing that the node wrote, unless it is everyday news: with a crash of the interpreter it is all that there is."""
     lines = log.read_bytes()[-EVENT_BYTES_MAX:].decode(errors="replace").strip().splitlines()
-    return lines[-1][:500] if lines else ""
+    return lines[-1][:500] if lines and not any(level in lines[-1] for level in _EVERYDAY) else ""
 
 
 async def _events(stdout: trio.abc.ReceiveStream) -> AsyncIterator[dict[str, Any]]:

@@ -58,6 +58,10 @@ class RenderHost:
     def render_threads(self) -> int:
         return self._context.settings.render_threads
 
+    @property
+    def memory_bytes(self) -> int:
+        return self._context.settings.memory_budget_bytes
+
     def nodes(self) -> list[NodeId]:
         return list(self._context.routing.members)
 

@@ -20,6 +20,11 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def machine_memory_bytes() -> int:
+    """Memory that this machine has."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeSettings:
     """Settings of one node. `seeds` empty: those of the profile. `memory_bytes` 0: half of the machine's."""
@@ -49,7 +54,7 @@ class NodeSettings:
     @property
     def memory_budget_bytes(self) -> int:
         """What the node may use of the machine's memory."""
-        return self.memory_bytes or os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+        return self.memory_bytes or machine_memory_bytes() // 2
 
     @classmethod
     def for_member(cls, profile_folder: Path, address: str, *, data: Path | None = None, threads: int | None = None) -> NodeSettings:

@@ -12,11 +12,11 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES
-from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.render.arrays import F32
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool.organiser import LAYERS, RenderRequest, organiser_of
+from scenefold.render.pool.telling import error_of
 from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob, unpack_value
 
 ASK_S_MAX = 60.0
@@ -94,7 +94,7 @@ class _Watch:
     async def start(self, request: RenderRequest) -> None:
         answer = await self._ask(StartJob(job=self._job, document=request.to_bytes()), JobAnswer)
         if answer.reason:
-            raise Refused(RejectReason(answer.reason), answer.text, where=self._address)
+            raise error_of(answer.reason, answer.text, where=self._address)
 
     async def until_done(self, progress: Progress) -> dict[str, Any]:
         clock = self._cluster.calls.world.clock
@@ -104,7 +104,7 @@ class _Watch:
             if not isinstance(state, dict):
                 raise PeerFault("a job's state is ill-formed", where=self._address)
             if state["phase"] == "failed":
-                raise Refused(RejectReason.NOT_READY, f"the render failed: {state['failure']}")
+                raise error_of(int(state["failure_reason"]), str(state["failure"]), where=self._address, before="the render failed: ")
             if state["phase"] == "rendering":
                 progress("render", int(state["closed"]), int(state["passes"]))
             if state["phase"] == "done":

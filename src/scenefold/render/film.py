@@ -30,6 +30,8 @@ _ROW = np.dtype(
 )
 _AOV_UNIT = 16777216.0
 PART_PIXELS = FRAME_BYTES_MAX // 2 // _ROW.itemsize
+BYTES_PER_PIXEL = _ROW.itemsize
+"""Memory that a film takes."""
 
 
 class Film:

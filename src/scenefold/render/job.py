@@ -58,11 +58,13 @@ class RenderOptions:
         )
         for name, value, least, most in bounds:
             if not least <= value <= most:
-                raise UsageFault(f"{name} is {value}", remedy=f"give a whole number from {least} to {most}")
+                raise UsageFault(f"{name} is {value}", where=name, remedy=f"give a whole number from {least} to {most}")
         if len(self.sky) != 3 or not all(0.0 <= channel <= SKY_MAX for channel in self.sky):
-            raise UsageFault("the sky is no colour", remedy="give three numbers from 0 to 1e9, as in 0.5,0.6,0.7")
+            raise UsageFault("the sky is no colour", where="sky", remedy="give three numbers from 0 to 1e9, as in 0.5,0.6,0.7")
         if self.algorithm not in ALGORITHMS:
-            raise UsageFault(f"there is no algorithm {self.algorithm!r}", remedy=f"choose one of {', '.join(ALGORITHMS)}")
+            raise UsageFault(
+                f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

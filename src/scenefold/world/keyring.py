@@ -30,7 +30,8 @@ def checked_name(name: str, what: str) -> str:
     """`name` if it can be a file name on every system; LocalFault saying what is wrong otherwise."""
     if not _NAME.fullmatch(name):
         raise LocalFault(
-            f"{name!r} cannot be the name of a {what}",
+            f"{name[:80]!r} cannot be the name of a {what}",
+            where=f"{what} name",
             remedy="use 1 to 64 letters, digits, '-', '_' or '.', not beginning with '-' or '.'",
         )
     return name

@@ -27,6 +27,11 @@ class Host(Protocol):
         """How many tracers a job may use here."""
         ...
 
+    @property
+    def memory_bytes(self) -> int:
+        """Memory that the node may use."""
+        ...
+
     def nodes(self) -> list[NodeId]:
         """All nodes of the cluster, in the order of the line."""
         ...

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.errors import LocalFault, PeerFault, ScenefoldError
 from scenefold.base.ids import NodeId, SceneId, address_of
-from scenefold.base.reasons import RejectReason
 from scenefold.partition import make_partition
 from scenefold.render.arrays import F32
 from scenefold.render.content import pair_boxes
@@ -27,6 +26,7 @@ from scenefold.render.pool.host import Host
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
+from scenefold.render.pool.telling import error_of, failure_fields
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
 
@@ -114,7 +114,7 @@ class Organiser:
         self._host, self._renderer, self._request, self._own_part = host, renderer, request, own_part
         self._job: Job | None = None
         self._phase = "preparing"
-        self._failure = ""
+        self._failure: ScenefoldError | None = None
         self._states: dict[int, dict[str, Value]] = {}
         self._seconds: dict[str, float] = {}
         self._scope = trio.CancelScope()
@@ -127,7 +127,7 @@ class Organiser:
                 await self._render()
                 self._phase = "done"
             except* ScenefoldError as group:
-                self._phase, self._failure = "failed", str(_leaf(group))
+                self._phase, self._failure = "failed", _leaf(group)
             await self._free()
             await self._host.world.clock.sleep(KEEP_S)
         with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
@@ -142,7 +142,7 @@ class Organiser:
         plan = None if self._job is None else self._job.plan
         return {
             "phase": self._phase,
-            "failure": self._failure,
+            **failure_fields(self._failure),
             "passes": 0 if plan is None else plan.count,
             "paths": 0 if plan is None else plan.paths,
             "closed": sum(_whole(state.get("closed")) for state in self._states.values()),
@@ -225,7 +225,7 @@ class Organiser:
             if not isinstance(state, dict):
                 raise PeerFault("a job's state is ill-formed", where=address_of(node))
             if state.get("failure"):
-                raise Refused(RejectReason.NOT_READY, f"{state['failure']}", where=address_of(node))
+                raise error_of(_whole(state.get("failure_reason")), str(state["failure"]), where=address_of(node))
             self._states[index] = state
 
         async with trio.open_nursery() as nursery:
@@ -252,7 +252,7 @@ class Organiser:
             if not isinstance(answer, JobAnswer):
                 raise PeerFault(f"{type(answer).__name__} is no answer to {type(packet).__name__}", where=address_of(node))
             if answer.reason:
-                raise Refused(RejectReason(answer.reason), answer.text, where=address_of(node))
+                raise error_of(answer.reason, answer.text, where=address_of(node))
 
         async with trio.open_nursery() as nursery:
             for node in self._job.nodes:
@@ -268,7 +268,7 @@ class Organiser:
             try:
                 await self._host.ask(node, CancelJob(job=job.id), ASK_S_MAX)
             except ScenefoldError as error:
-                self._failure = self._failure or ("" if self._phase == "done" else str(error))
+                self._failure = self._failure or (None if self._phase == "done" else error)
 
         async with trio.open_nursery() as nursery:
             for node in job.nodes:

@@ -7,16 +7,21 @@ from enum import Enum
 import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import OpenScene, Renderer
+from scenefold.render.film import BYTES_PER_PIXEL
 from scenefold.render.job import Job
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
+from scenefold.render.pool.telling import error_of, failure_fields, told
 from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
 
 MERGE_S_MAX = 600.0
 PART_S_MAX = 120.0
+FILM_SHARE = 1.5
+"""Memory for a film and the layers that it becomes at the end, in films."""
 
 
 class Phase(Enum):
@@ -37,7 +42,7 @@ class Part:
         self.job = job
         self.me = job.nodes.index(host.node_id)
         self.phase = Phase.PREPARING
-        self.failure = ""
+        self.failure: ScenefoldError | None = None
         self._host, self._renderer = host, renderer
         self._loaded: LoadedShare | None = None
         self._scene: OpenScene | None = None
@@ -60,7 +65,7 @@ class Part:
                 assert self._member is not None
                 await self._member.run()
             except* ScenefoldError as group:
-                self._fail(str(_first(group)))
+                self._fail(_first(group))
         self._prepared.set()
         self._member = None
         if self._scene is not None:
@@ -72,8 +77,8 @@ class Part:
     async def prepared(self) -> None:
         """Wait until the node holds its share; Refused if it cannot."""
         await self._prepared.wait()
-        if self.phase is Phase.FAILED:
-            raise Refused(RejectReason.NOT_READY, self.failure)
+        if self.failure is not None:
+            raise told(self.failure)
 
     def go(self) -> None:
         """All nodes are ready: trace."""
@@ -88,12 +93,14 @@ class Part:
     def member(self) -> Member:
         """The running part; Refused if it is not ready, or failed."""
         if self._member is None:
-            raise Refused(RejectReason.NOT_READY, self.failure or "this node's part of the job is not ready")
+            if self.failure is not None:
+                raise told(self.failure)
+            raise Refused(RejectReason.NOT_READY, "this node's part of the job is not ready")
         return self._member
 
     def state(self) -> dict[str, Value]:
         """How it stands, for the organiser."""
-        document: dict[str, Value] = {"phase": self.phase.value, "failure": self.failure, "records": self._host.record_count()}
+        document: dict[str, Value] = {"phase": self.phase.value, "records": self._host.record_count(), **failure_fields(self.failure)}
         if self._loaded is not None:
             share = self._loaded.share
             document |= {
@@ -150,6 +157,7 @@ class Part:
                 f"this node renders in the numeric class {mine}, the job in {job.numeric_class}",
                 remedy="install the same versions on all nodes",
             )
+        self._check_memory()
         reader = host.reader(job.scene, job.genesis, job.symmetric_key, job.key_epoch)
         loaded = await load_share(reader, host.world.workers, job, self.me)
         scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me)
@@ -167,17 +175,27 @@ class Part:
         self.phase = Phase.READY
         self._prepared.set()
 
+    def _check_memory(self) -> None:
+        """LocalFault if the image alone is more than this node may hold; found out later, it would end the node."""
+        job, may = self.job, self._host.memory_bytes
+        needs = int(job.width * job.height * BYTES_PER_PIXEL * FILM_SHARE)
+        if needs > may:
+            raise LocalFault(
+                f"an image of {job.width}x{job.height} takes {needs >> 20} MiB of each node's memory; this one may use {may >> 20} MiB",
+                remedy="render it smaller, with fewer nodes on one machine, or give the nodes more memory",
+            )
+
     async def _ask(self, index: int, packet: Packet, timeout_s: float) -> Packet:
         answer = await self._host.ask(self.job.nodes[index], packet, timeout_s)
         if isinstance(answer, JobAnswer) and answer.reason:
-            raise Refused(RejectReason(answer.reason), answer.text)
+            raise error_of(answer.reason, answer.text, where=address_of(self.job.nodes[index]))
         return answer
 
     async def _send(self, index: int, packet: Packet) -> None:
         await self._host.send(self.job.nodes[index], packet)
 
-    def _fail(self, text: str) -> None:
-        self.phase, self.failure = Phase.FAILED, text
+    def _fail(self, error: ScenefoldError) -> None:
+        self.phase, self.failure = Phase.FAILED, error
 
 
 def _first(group: BaseExceptionGroup[ScenefoldError]) -> ScenefoldError:

@@ -16,6 +16,7 @@ from scenefold.render.job import Job
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.organiser import Organiser, RenderRequest
 from scenefold.render.pool.part import Part, Phase
+from scenefold.render.pool.telling import reason_of, words_of
 from scenefold.wire import (
     CancelJob,
     CollectPass,
@@ -95,8 +96,7 @@ class RenderService:
             else:
                 await self._take_part(packet)
         except ScenefoldError as error:
-            reason = error.reason if isinstance(error, Refused) else RejectReason.NOT_READY
-            return JobAnswer(job=packet.job, reason=int(reason), text=str(error)[:400])
+            return JobAnswer(job=packet.job, reason=int(reason_of(error)), text=words_of(error))
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     def _organise(self, packet: StartJob) -> None:
@@ -196,7 +196,7 @@ class RenderService:
         part = self._parts.get(job)
         if part is None:
             raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
-        if part.phase is Phase.FAILED and not part.failure:
+        if part.phase is Phase.FAILED and part.failure is None:
             raise LocalFault("this node's part of the job failed")
         return part
 

@@ -76,7 +76,7 @@ class ImportPlan:
         self._forget_empty_prototypes()
         self.triangles = sum(len(run.triangles) for run in self._runs)
         if self.triangles == 0:
-            raise LocalFault(f"the scene is empty: {source.name} has no triangle", remedy="give a file with a mesh in it")
+            raise LocalFault("the scene is empty: no triangle has an area", where=source.name, remedy="give a file with a mesh in it")
         self._world = world_box(self._instances, self._boxes())
         self._cube = cube(*self._world)
         self._lattice = geometry_lattice(*self._cube)
@@ -96,6 +96,11 @@ class ImportPlan:
     def lattice(self) -> Any:
         """The lattice of the GEOMETRY space, for its creation."""
         return self._lattice
+
+    @property
+    def camera_names(self) -> list[str]:
+        """The names of the scene's cameras, of which there is always one."""
+        return [camera.name for camera in self._cameras]
 
     def phases(self) -> Iterator[Iterator[ImportItem]]:
         """Three iterators of items. Put all of one, and report what moved, before taking the next."""
