@@ -131,6 +131,9 @@ class EmbreeTracer:
         return int(made)
 
     def _find_owners(self, rays: U32, owners: npt.NDArray[np.int32]) -> None:
+        if self._nodes == 1:
+            owners[: len(rays)] = self._me
+            return
         job = self._job
         cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners)
 
