@@ -1,8 +1,8 @@
 """From a verb into Trio and out again: signals end the work in order, whatever it is doing.
 
-SIGINT and SIGTERM cancel the command's own scope instead of raising KeyboardInterrupt at some arbitrary
-line, so every `finally` runs and nothing is left half done. A second SIGINT ends the process at once, for
-work in a thread that cannot be asked to stop.
+SIGINT, SIGTERM and SIGHUP (the terminal was closed) cancel the command's own scope instead of raising
+KeyboardInterrupt at some arbitrary line, so every `finally` runs and nothing is left half done. A second SIGINT
+ends the process at once, for work in a thread that cannot be asked to stop.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def run(function: Callable[..., Awaitable[Result]], *args: Any) -> Result:
         received: list[int] = []
 
         async def watch(scope: trio.CancelScope, *, task_status: trio.TaskStatus[None]) -> None:
-            with trio.open_signal_receiver(signal.SIGINT, signal.SIGTERM) as signals:
+            with trio.open_signal_receiver(*_ending_signals()) as signals:
                 task_status.started()
                 async for number in signals:
                     if received:
@@ -42,6 +42,12 @@ def run(function: Callable[..., Awaitable[Result]], *args: Any) -> Result:
         return result
 
     return trio.run(guarded)
+
+
+def _ending_signals() -> list[signal.Signals]:
+    # Under nohup SIGHUP is ignored, and shall stay so.
+    hung_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
+    return [signal.SIGINT, signal.SIGTERM, *hung_up]
 
 
 def _leave_now() -> None:

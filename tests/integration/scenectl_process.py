@@ -71,9 +71,9 @@ def free_ports(*addresses: str) -> str:
 
 
 @contextmanager
-def running(*arguments: str | Path, profile: Path | str | None = None) -> Iterator[tuple[subprocess.Popen[bytes], Any]]:
+def running(*arguments: str | Path, profile: Path | str | None = None, **more: str) -> Iterator[tuple[subprocess.Popen[bytes], Any]]:
     """A verb that goes on running (with --json): the process, and what it said when it was ready. Ended by SIGINT."""
-    with subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(profile)) as process:
+    with subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(profile, **more)) as process:
         try:
             assert process.stdout is not None
             line = process.stdout.readline()

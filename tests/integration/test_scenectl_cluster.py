@@ -133,13 +133,16 @@ def test_a_cluster_of_its_own_nodes_one_missing(tmp_path: Path) -> None:
     assert addresses[0] in foreign.error or "another node" in foreign.error
 
 
-def test_ctrl_c_ends_a_local_cluster_cleanly(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_ctrl_c_and_a_closed_terminal_leave_nothing_behind(number: signal.Signals, tmp_path: Path) -> None:
     ports = free_ports("127.0.0.2")
-    with running("node", "local", "1", "--folder", tmp_path / "one", "--ports", ports, "--json") as (process, _):
-        process.send_signal(signal.SIGINT)
+    with running("node", "local", "1", "--ports", ports, "--json", TMPDIR=str(tmp_path)) as (process, _):
+        assert list(tmp_path.iterdir())
+        process.send_signal(number)
         _, err = process.communicate(timeout=30)
         assert process.returncode == 130
         assert b"Traceback" not in err
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_a_profile_there_is_a_clear_error(tmp_path: Path) -> None:
