@@ -254,7 +254,7 @@ def _nothing(maker: Maker) -> None:
     maker.node(name="alone")
 
 
-@bad("has no triangle")
+@bad("no triangle")
 def _no_area(maker: Maker) -> None:
     maker.node(mesh=maker.mesh(np.zeros((3, 3))))
 
