@@ -8,7 +8,8 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
-from scenefold.world import Ports, open_links, real_world
+from scenefold.crypto import SigningKey
+from scenefold.world import Ports, World, offline_world, open_links, real_world
 from scenefold.world.profile import ClusterProfile
 
 DEFAULT_PROFILE = "default"
@@ -21,10 +22,16 @@ async def connect(profile: str | Path | None = None) -> AsyncIterator[Cluster]:
     Nothing is sent before the first call; a call finds the nodes by the members that the profile lists.
     LocalFault if there is no such profile.
     """
+    known, world, writer = await offline_world().workers.run("import", _read, profile)
+    async with open_links(world) as links:
+        yield Cluster(known, world, links, writer)
+
+
+def _read(profile: str | Path | None) -> tuple[ClusterProfile, World, SigningKey]:
+    """What of a profile lies on disk, and the world that its user's identity opens."""
     known = ClusterProfile.load(profile_folder(profile))
     world = real_world(known.user_identity(), known.authority_certificate(), ports=known.ports)
-    async with open_links(world) as links:
-        yield Cluster(known, world, links, known.user_signing_key())
+    return known, world, known.user_signing_key()
 
 
 def profile_folder(profile: str | Path | None) -> Path:

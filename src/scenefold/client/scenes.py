@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, SceneId
@@ -31,6 +32,8 @@ from scenefold.wire import (
     Want,
 )
 from scenefold.world.keyring import Keyring, SceneKeys, checked_name
+
+Result = TypeVar("Result")
 
 _SESSION_BYTES = 8
 
@@ -68,8 +71,8 @@ class Scenes:
         If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already.
         """
         checked_name(name, "scene")
-        if name in self._keyring.names():
-            keys = self._keyring.load(name)
+        keys = await self._kept(name)
+        if keys is not None:
             header = await self._header(keys)
             if header is not None:
                 what, where = f"a scene {name!r} exists already", f"id {keys.scene_id:08x}"
@@ -78,12 +81,12 @@ class Scenes:
         token = self._calls.world.entropy.token
         header_key = SigningKey.from_seed(token(32))
         keys = born(name, token(SYMMETRIC_KEY_BYTES), header_key, self._writer.public, self._origin)
-        await self._calls.world.workers.run("import", self._keyring.save, keys)
+        await self._on_disk(self._keyring.save, keys)
         return await self._announce(keys, is_new=True)
 
     async def open(self, name: str) -> Scene:
         """The scene of this name in the profile's keyring; LocalFault if the profile or the cluster has none."""
-        keys = self._keyring.load(name)
+        keys = await self._on_disk(self._keyring.load, name)
         header = await self._header(keys)
         if header is None:
             remedy = f"`scenectl scene create {name}` announces it again"
@@ -93,8 +96,8 @@ class Scenes:
     async def open_or_create(self, name: str) -> Scene:
         """Open the scene, or make it if there is none."""
         checked_name(name, "scene")
-        if name in self._keyring.names():
-            keys = self._keyring.load(name)
+        keys = await self._kept(name)
+        if keys is not None:
             header = await self._header(keys)
             return await self._announce(keys) if header is None else self._scene(keys, header)
         return await self.create(name)
@@ -118,9 +121,17 @@ class Scenes:
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name."""
         reply = await self._calls.ask_any(ListScenes(), ScenesListed)
-        names = {keys.genesis: keys.name for keys in map(self._keyring.load, self._keyring.names())}
+        names = await self._on_disk(_names_by_genesis, self._keyring)
         found = [SceneListing(header.scene, header.genesis, names.get(header.genesis)) for header in reply.scenes]
         return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
+
+    async def _on_disk(self, function: Callable[..., Result], *arguments: object) -> Result:
+        return await self._calls.world.workers.run("import", function, *arguments)
+
+    async def _kept(self, name: str) -> SceneKeys | None:
+        """The keys of a scene if this profile has any."""
+        names = await self._on_disk(self._keyring.names)
+        return await self._on_disk(self._keyring.load, name) if name in names else None
 
     async def _header(self, keys: SceneKeys) -> SceneLogPublic | None:
         """The newest header that a node knows, verified; None if the cluster does not know the scene."""
@@ -155,7 +166,7 @@ class Scenes:
         if isinstance(reply, RejectSceneProposal):
             if is_new:
                 # The cluster has no such scene, so its keys open nothing. When it was unreachable we could not know.
-                self._keyring.remove(keys.name)
+                await self._on_disk(self._keyring.remove, keys.name)
             words = reply.reason.name.lower().replace("_", " ")
             raise Refused(reply.reason, f"the cluster refused the scene: {words}", where=f"scene {keys.name}")
         return self._scene(keys, header)
@@ -172,3 +183,7 @@ class Scenes:
         writer = self._writer if self._writer.key_id in identity.writers else None
         session = int.from_bytes(self._calls.world.entropy.token(_SESSION_BYTES), "big")
         return Scene(SceneAccess(self._calls, keys.name, identity, writer, session))
+
+
+def _names_by_genesis(keyring: Keyring) -> dict[bytes, str]:
+    return {keys.genesis: keys.name for keys in map(keyring.load, keyring.names())}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from scenefold.base.ids import node_id_of
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
 from scenefold.wire import ProposeSceneLog
+from scenefold.world import offline_world
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import FakeNodes
 
@@ -54,6 +57,29 @@ async def test_a_name_is_given_once(autojump_clock: MockClock, tmp_path: Path) -
         await scenes.create("../kitchen")
     with pytest.raises(LocalFault, match="no scene"):
         await scenes.open("attic")
+
+
+class BlockedKeyring(Keyring):
+    """One that is on a disk that hangs: only a worker thread may touch it."""
+
+    def _path(self, name: str) -> Path:
+        assert threading.current_thread() is not threading.main_thread()
+        return super()._path(name)
+
+    def names(self) -> list[str]:
+        assert threading.current_thread() is not threading.main_thread()
+        return super().names()
+
+
+async def test_the_keyring_is_never_read_on_trios_thread(tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    calls = nodes.calls()
+    calls.world = replace(calls.world, workers=offline_world().workers)
+    scenes = Scenes(calls, BlockedKeyring(tmp_path), WRITER, node_id_of("127.0.0.2"))
+    await scenes.create("kitchen")
+    await scenes.open("kitchen")
+    await scenes.open_or_create("kitchen")
+    assert [scene.name for scene in await scenes.list()] == ["kitchen"]
 
 
 async def test_a_forged_header_is_not_believed(autojump_clock: MockClock, tmp_path: Path) -> None:
