@@ -82,9 +82,6 @@ def still(
     if file is None and (scene is None or output.profile is None):
         raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
     png = png_beside(to)
-    check_files(file, to, png)
-    name = scene or scene_name_of(file)
-    checked_name(name, "scene")
     from scenefold.render.client import StillOptions
 
     options = StillOptions(
@@ -98,6 +95,9 @@ def still(
         camera=camera,
     )
     options.checked()
+    name = scene or scene_name_of(file)
+    checked_name(name, "scene")
+    check_files(file, to, png)
     job = StillJob(
         file=file,
         scene_name=name,
