@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
+from cyclopts.validators import Number
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit_event
 from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
@@ -23,6 +24,7 @@ def run_(
     address: Annotated[AddressOption, Parameter(env_var="SCENEFOLD_ADDRESS")],
     data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
     seeds: Annotated[AddressesOption | None, Parameter(env_var="SCENEFOLD_SEEDS")] = None,
+    seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     memory: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_MEMORY")] = 0,
     log_level: Literal["debug", "info", "warning", "error"] = "info",
@@ -40,6 +42,8 @@ def run_(
         Folder for what the node stores; by default one in the user's data folder.
     seeds
         Addresses of nodes to find the others by; by default those of the profile.
+    seed_wait
+        Seconds until it is an error that none of the others answers.
     threads
         Threads that may render; by default as many as there are processors.
     memory
@@ -58,6 +62,7 @@ def run_(
     settings = replace(
         NodeSettings.for_member(profile_folder(output.profile), address.text, data=data, threads=threads),
         seeds=() if seeds is None else seeds.all,
+        seed_wait_s=seed_wait,
         memory_bytes=memory,
     )
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import select
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +30,12 @@ class Done:
     def json(self) -> Any:
         return json.loads(self.out)
 
+    def refusal(self, code: int) -> str:
+        """The error line of a command that ended with this exit code: `error: what (where): remedy`."""
+        assert self.code == code, self.err
+        assert re.fullmatch(r"error: .+ \(.+\): .+", self.error), self.error
+        return self.error
+
     @property
     def error(self) -> str:
         """The error line; there must be one, and no traceback."""
@@ -37,9 +45,9 @@ class Done:
         return lines[0]
 
 
-def scenectl(*arguments: str | Path, profile: Path | str | None = None, stdin: bytes = b"", **env: str) -> Done:
+def scenectl(*arguments: str | Path, profile: Path | str | None = None, stdin: bytes = b"", limit_s: float = LIMIT_S, **env: str) -> Done:
     """Run one command to its end."""
-    done = subprocess.run(command(*arguments), input=stdin, capture_output=True, timeout=LIMIT_S, env=environment(profile, **env))
+    done = subprocess.run(command(*arguments), input=stdin, capture_output=True, timeout=limit_s, env=environment(profile, **env))
     return Done(done.returncode, done.stdout, done.stderr.decode())
 
 
@@ -68,6 +76,38 @@ def free_ports(*addresses: str) -> str:
                 continue
             found.append(port)
     return ",".join(map(str, found))
+
+
+def addresses(count: int) -> tuple[str, ...]:
+    """Where the nodes of a local cluster listen."""
+    return tuple(f"127.0.0.{2 + index}" for index in range(count))
+
+
+def children(pid: int) -> dict[str, int]:
+    """The node processes of a scenectl, by address."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            words = (folder / "cmdline").read_text().split("\0")
+        except OSError:  # it ended meanwhile
+            continue
+        if parent == pid and "--address" in words:
+            found[words[words.index("--address") + 1]] = int(folder.name)
+    return found
+
+
+def await_ends(pids: Iterable[int], limit_s: float = LIMIT_S) -> None:
+    """Return when none of these processes runs any more; they need not be our children."""
+    for pid in pids:
+        try:
+            handle = os.pidfd_open(pid)
+        except ProcessLookupError:
+            continue
+        try:
+            assert select.select([handle], [], [], limit_s)[0], f"process {pid} still runs"
+        finally:
+            os.close(handle)
 
 
 @contextmanager

@@ -1,0 +1,136 @@
+"""If this fails, the main job is broken: a file, nodes, an image, the same bits however many nodes there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import OpenEXR
+import pytest
+import trio
+from PIL import Image
+
+from integration.clusters import free_ports as free_port_pair
+from integration.scenectl_process import Done, addresses, free_ports, running, scenectl
+from scenefold.client import Cluster, Scene, connect
+from scenefold.node.local import local_cluster
+from scenefold.render.client import StillOptions, render_still
+from scenefold.render.image_files import image_sha256
+from scenefold.scene.sample import sample_scene_path
+
+KERNELS_S = 240.0
+"""The first render after a change of the kernels compiles them."""
+SIZE = (48, 27)
+OPTIONS = StillOptions(width=SIZE[0], height=SIZE[1], samples=4, seed=1)
+REPORT = {
+    *("scene", "file", "nodes", "records_per_node", "import", "passes", "paths", "paths_per_second", "rays", "rays_per_second"),
+    *("rays_passed", "rays_passed_per_path", "bytes_passed", "efficiency", "image_sha256", "exr", "png", "seconds"),
+}
+ROOM = "v 0 0 0\nv 4 0 0\nv 4 0 4\nv 0 0 4\nv 0 3 0\nv 4 3 0\nf 1 2 3 4\nf 1 2 6 5\n"
+
+pytestmark = pytest.mark.timeout(360)
+
+
+def still(*arguments: str | Path, profile: str | None = None, **env: str) -> Done:
+    more = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--samples", "4", "--json"]
+    return scenectl("render", "still", *arguments, *more, profile=profile, limit_s=KERNELS_S, **env)
+
+
+@pytest.fixture(scope="module")
+def image_and_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The sample on two nodes of its own, by the command that everybody uses; into a name that is not plain ASCII."""
+    folder = tmp_path_factory.mktemp("a still")
+    temporary = folder / "tmp"
+    temporary.mkdir()
+    to = folder / "Bild über all.exr"
+    done = still(sample_scene_path(), "--nodes", "2", "--ports", free_ports(*addresses(2)), "-o", to, TMPDIR=str(temporary))
+    assert done.code == 0, done.err
+    assert list(temporary.iterdir()) == [], "nodes and their folder are gone"
+    return to, done.json
+
+
+def test_the_report_says_what_it_promises(image_and_report: tuple[Path, dict[str, Any]]) -> None:
+    to, report = image_and_report
+    assert set(report) >= REPORT
+    assert report["nodes"] == 2 and set(report["records_per_node"]) == set(addresses(2))
+    assert sum(report["records_per_node"].values()) == report["import"]["records"] > 0
+    assert report["paths"] == SIZE[0] * SIZE[1] * 4
+    assert report["rays"] > report["paths"] and report["paths_per_second"] > 0 and report["rays_per_second"] > 0
+    assert report["rays_passed"] > 0.3 * report["paths"] and report["bytes_passed"] == 36 * report["rays_passed"]
+    assert 0 < report["efficiency"] <= 1
+    assert set(report["seconds"]) >= {"read", "start", "import", "render", "write", "stop"}
+    assert (report["exr"], report["png"]) == (str(to), str(to.with_suffix(".png")))
+
+
+def test_the_image_has_the_layers_it_promises(image_and_report: tuple[Path, dict[str, Any]]) -> None:
+    to, report = image_and_report
+    with OpenEXR.File(str(to), separate_channels=True) as file:
+        channels = {name: channel.pixels for name, channel in file.channels().items()}
+    assert set(channels) == {*"RGB", *(f"albedo.{c}" for c in "RGB"), *(f"normal.{c}" for c in "XYZ"), "depth.Z"}
+    assert all(pixels.shape == SIZE[::-1] for pixels in channels.values())
+    assert channels["G"].max() > 0 and channels["albedo.R"].max() > 0 and channels["depth.Z"].max() > 0
+    with Image.open(report["png"]) as image:
+        assert image.size == SIZE and len(set(image.convert("L").tobytes())) > 8
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+async def test_the_same_bits_on_any_nodes_divided_in_any_way(
+    count: int, image_and_report: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    expected = image_and_report[1]["image_sha256"]
+    with trio.fail_after(KERNELS_S):
+        async with local_cluster(count, tmp_path, ports=free_port_pair()) as nodes, connect(nodes.profile) as cluster:
+            scene, _ = await cluster.scenes.import_file("sample", sample_scene_path())
+            picture = partial(_picture, cluster, scene)
+            for algorithm in ("bounded-radial", "voronoi"):
+                sha256, report = await picture(replace(OPTIONS, algorithm=algorithm))
+                assert sha256 == expected, algorithm
+                assert len(report["render_nodes"]) == count
+                assert count == 1 or report["rays_passed_per_path"] > 0.3, algorithm
+            if count == 2:
+                other, _ = await picture(replace(OPTIONS, seed=2))
+                assert other != expected
+
+
+async def _picture(cluster: Cluster, scene: Scene, options: StillOptions) -> tuple[str, dict[str, Any]]:
+    result = await render_still(cluster, scene, options, lambda *_: None)
+    return image_sha256(result.layers["beauty"]), result.report
+
+
+@pytest.fixture(scope="module")
+def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Two nodes that hold the scene "room"."""
+    folder = tmp_path_factory.mktemp("running")
+    (folder / "room.obj").write_text(ROOM)
+    with running("node", "local", "2", "--folder", folder, "--ports", free_ports(*addresses(2)), "--json") as (_, ready):
+        imported = scenectl("scene", "import", folder / "room.obj", profile=ready["profile"])
+        assert imported.code == 0, imported.err
+        yield ready["profile"]
+
+
+def test_a_scene_of_a_running_cluster(profile: str, tmp_path: Path) -> None:
+    done = still("--scene", "room", "--sky", "0.5,0.6,0.7", "-o", tmp_path / "room.exr", profile=profile)
+    assert done.code == 0, done.err
+    assert done.json["nodes"] == 2 and done.json["file"] is None and done.json["import"] is None
+    assert (tmp_path / "room.exr").stat().st_size > 0 and (tmp_path / "room.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "what"),
+    [
+        (["--scene", "attic"], 1, "attic"),
+        (["--scene", "room", "--camera", "attic"], 1, "no camera 'attic'"),
+        (["--scene", "room", "--size", "16384x16384"], 1, "may use"),
+        (["--scene", "empty"], 1, "the scene is empty"),
+    ],
+)
+def test_what_a_running_cluster_cannot_render(arguments: list[str], code: int, what: str, profile: str, tmp_path: Path) -> None:
+    if "empty" in arguments:
+        assert scenectl("scene", "create", "empty", profile=profile).code == 0
+    done = scenectl("render", "still", *arguments, "-o", tmp_path / "o.exr", profile=profile)
+    assert what in done.refusal(code)
+    assert list(tmp_path.iterdir()) == []
+    assert scenectl("cluster", "status", profile=profile).code == 0, "the nodes live on"
