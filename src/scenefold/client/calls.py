@@ -13,7 +13,7 @@ from typing import TypeVar
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import (
     CLIENT_FRAMES_IN_FLIGHT,
     CLIENT_FRAMES_PER_NODE,
@@ -24,7 +24,7 @@ from scenefold.base.limits import (
 from scenefold.base.location import even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.wire import Fault, Packet, RequestTable, RespondTable
+from scenefold.wire import Fault, Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
 
 Answer = TypeVar("Answer", bound=Packet)
@@ -111,7 +111,7 @@ class Calls:
     async def refresh(self) -> None:
         """Take the routing table of any node. Nodes that it does not know keep their last known place."""
         reply = await self.ask_any(RequestTable(), RespondTable)
-        owners = [Owner(status.node, status.address.partition(":")[0], status.right_bound, status.lamport) for status in reply.statuses]
+        owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport) for status in reply.statuses]
         if owners:
             self.table = RoutingTable(owners)
 
@@ -144,3 +144,13 @@ class Calls:
         news = reply.mini_status
         if news is not None:
             self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport))
+
+
+def _place_of(status: Status) -> str:
+    """The address that a status names; that of its id if it names none that can be dialled."""
+    address = status.address.partition(":")[0]
+    try:
+        node_id_of(address)
+    except ValueError:
+        return address_of(status.node)
+    return address
