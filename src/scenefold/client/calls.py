@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import (
     CLIENT_FRAMES_IN_FLIGHT,
@@ -37,6 +37,14 @@ _PASSING = frozenset({RejectReason.BUSY, RejectReason.NOT_READY})
 def is_passing(reason: int) -> bool:
     """Whether a refusal for this reason is worth another try after a pause."""
     return reason in _PASSING
+
+
+def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreachable:
+    """The error if none of these nodes answers; the last one's reason often is everybody's."""
+    why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
+    where = ", ".join(addresses[:4]) + (" and others" if len(addresses) > 4 else "")
+    remedy = "see that the nodes run (`scenectl node run`), can be reached, and are those of this profile"
+    return Unreachable(f"no node of the cluster answers{why}", where=where, remedy=remedy)
 
 
 class Calls:
@@ -103,10 +111,7 @@ class Calls:
         try:
             return await self.patiently(round_of_all, refresh=False)
         except Unreachable as error:
-            addresses = self._addresses_from(self.table.owners[0].node_id)
-            where = ", ".join(addresses[:4]) + (" and others" if len(addresses) > 4 else "")
-            remedy = "see that the nodes are running (`scenectl node run`) and can be reached"
-            raise Unreachable("no node of the cluster answers", where=where, remedy=remedy) from error
+            raise no_answer(self._addresses_from(self.table.owners[0].node_id), error) from error
 
     async def refresh(self) -> None:
         """Take the routing table of any node. Nodes that it does not know keep their last known place."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import Refused, ScenefoldError, Unreachable
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import LINE_LENGTH
-from scenefold.client.calls import Calls
+from scenefold.client.calls import Calls, no_answer
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
@@ -97,12 +97,14 @@ class Cluster:
     async def status(self) -> ClusterStatus:
         """Ask every member itself, at once. Unreachable if none answers."""
         answers: dict[str, Status] = {}
+        silent: list[ScenefoldError] = []
         members = self.profile.members
 
         async def ask(address: str, node_id: int) -> None:
             try:
                 reply = await self.calls.ask(address, RequestTable(), RespondTable, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S)
-            except (Unreachable, Refused):
+            except (Unreachable, Refused) as error:
+                silent.append(error)
                 return
             own = next((status for status in reply.statuses if status.node == node_id), None)
             if own is not None:
@@ -110,8 +112,7 @@ class Cluster:
 
         await together(partial(ask, member.address, member.node_id) for member in members)
         if not answers:
-            where = ", ".join(member.address for member in members[:4]) + (" and others" if len(members) > 4 else "")
-            raise Unreachable("no node of the cluster answers", where=where, remedy="start the nodes with `scenectl node run`")
+            raise no_answer([member.address for member in members], silent[-1] if silent else None)
         nodes = []
         for owner, arc in self.calls.table.arcs():
             share = arc.length / LINE_LENGTH
