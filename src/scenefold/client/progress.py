@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ class ProgressState:
     unit: str
 
 
+_log = logging.getLogger("scenefold.client")
+
 ProgressCallback = Callable[[ProgressState], None]
 """Called on the Trio thread, often; must return at once."""
 
@@ -23,3 +26,16 @@ ProgressCallback = Callable[[ProgressState], None]
 def no_progress(state: ProgressState) -> None:
     """For callers that want none."""
     del state
+
+
+def log_progress(state: ProgressState) -> None:
+    """For callers that only want to see that something happens: each phase's beginning and end, in the log."""
+    if state.done in (0, state.total):
+        _log.info("%s: %d of %s %s", state.phase, state.done, "?" if state.total is None else state.total, state.unit)
+
+
+def callback_of(progress: ProgressCallback | bool) -> ProgressCallback:
+    """True logs, False is silent, a function is called."""
+    if isinstance(progress, bool):
+        return log_progress if progress else no_progress
+    return progress

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
 from scenefold.client.importing import ImportReport, prepare_import, store_import
-from scenefold.client.progress import ProgressCallback, no_progress
+from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.space import Space
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
 
@@ -74,11 +74,13 @@ class Scene:
         """What the scene is and holds."""
         return SceneInfo(self.name, self.id, self.genesis, await self.content())
 
-    async def import_file(self, path: Path | str, progress: ProgressCallback = no_progress) -> ImportReport:
+    async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
 
         The content becomes visible at once when everything is durable, and not before. An interrupted import is
         repeated by calling this again; what is there already is kept. LocalFault says what is wrong with a file.
+        `progress`: a function that is told of every step, or True to have the phases in the log.
         """
-        prepared = await prepare_import(self.access.calls.world, Path(path), progress)
-        return await store_import(self.access, prepared, progress)
+        tell = callback_of(progress)
+        prepared = await prepare_import(self.access.calls.world, Path(path), tell)
+        return await store_import(self.access, prepared, tell)

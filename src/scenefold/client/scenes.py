@@ -13,7 +13,7 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.births import FIRST_POSITION, born, first_header, verify_header, writers_of
 from scenefold.client.calls import Calls
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
-from scenefold.client.progress import ProgressCallback, no_progress
+from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity
 from scenefold.crypto import SYMMETRIC_KEY_BYTES, SigningKey
@@ -102,14 +102,15 @@ class Scenes:
             return await self._announce(keys) if header is None else self._scene(keys, header)
         return await self.create(name)
 
-    async def import_file(self, name: str, path: Path | str, progress: ProgressCallback = no_progress) -> tuple[Scene, ImportReport]:
+    async def import_file(self, name: str, path: Path | str, progress: ProgressCallback | bool = False) -> tuple[Scene, ImportReport]:
         """Import a file into the scene of this name, made if there is none once the file is known to be good.
 
         See `Scene.import_file`.
         """
         checked_name(name, "scene")
-        prepared = await prepare_import(self._calls.world, Path(path), progress)
-        return await self.import_prepared(name, prepared, progress)
+        tell = callback_of(progress)
+        prepared = await prepare_import(self._calls.world, Path(path), tell)
+        return await self.import_prepared(name, prepared, tell)
 
     async def import_prepared(
         self, name: str, prepared: PreparedImport, progress: ProgressCallback = no_progress

@@ -63,6 +63,15 @@ async def test_a_file_becomes_the_content_of_a_scene(autojump_clock: MockClock, 
     assert any(state.done == state.total for state in states if state.phase == "geometry")
 
 
+async def test_progress_can_simply_be_asked_for(autojump_clock: MockClock, file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", "scenefold.client"):
+        await _scene(FakeNodes()).import_file(file, progress=True)
+    assert any(line.startswith("read: 1 of 1") for line in caplog.messages)
+    caplog.clear()
+    await _scene(FakeNodes()).import_file(file, progress=False)
+    assert not caplog.messages
+
+
 async def test_an_import_again_keeps_what_is_there(autojump_clock: MockClock, file: Path) -> None:
     nodes = FakeNodes()
     first = await _scene(nodes).import_file(file)
