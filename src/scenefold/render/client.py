@@ -23,6 +23,9 @@ ASK_S_MAX = 60.0
 POLL_S = 0.25
 LETTING_GO_S_MAX = 10.0
 
+_PASSING = ("phase", "failure", "failure_reason")
+"""Fields of a node's state that are about its way there, not about the finished image: a failed one has no report."""
+
 Progress = Callable[[str, int, int], None]
 """Called with a phase's name, and how much of how much is done."""
 A = TypeVar("A", bound=Packet)
@@ -171,5 +174,5 @@ def _report(state: dict[str, Any]) -> dict[str, Any]:
         "contributions_not_finite": sum(int(node["not_finite"]) for node in nodes),
         "contributions_clamped": sum(int(node["clamped"]) for node in nodes),
         "render_seconds": {name: round(value, 3) for name, value in seconds.items()},
-        "render_nodes": nodes,
+        "render_nodes": [{name: value for name, value in node.items() if name not in _PASSING} for node in nodes],
     }
