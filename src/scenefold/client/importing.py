@@ -39,7 +39,7 @@ _UNITS = {"geometry": "triangles", "textures": "tiles", "tables": "pages"}
 
 @dataclass(slots=True)
 class ImportReport:
-    """What an import did. `reused`: records of an earlier, interrupted import that were kept."""
+    """What an import did. `reused`: records of an earlier, interrupted import that were kept. `seconds`: of reading and storing."""
 
     records: int = 0
     reused: int = 0
@@ -85,7 +85,8 @@ class PreparedImport:
 
     plan: ImportPlan
     marks: _Marks
-    begun: float
+    read_seconds: float
+    """How long reading took. Not when it began: a cluster may be started between reading and storing."""
 
     def check_camera(self, name: str | None) -> None:
         """LocalFault if the scene will not have this camera; None is the one that it shows itself by."""
@@ -105,17 +106,18 @@ async def prepare_import(world: World, path: Path, progress: ProgressCallback) -
     marks = _Marks()
     plan = await world.workers.run("import", plan_import, source, marks)
     progress(ProgressState("read", 1, 1, "file"))
-    return PreparedImport(plan, marks, begun)
+    return PreparedImport(plan, marks, world.clock.now() - begun)
 
 
 async def store_import(access: SceneAccess, prepared: PreparedImport, progress: ProgressCallback) -> ImportReport:
     """Store a prepared file as the scene's content; see `Scene.import_file`."""
-    plan = prepared.plan
+    plan, clock = prepared.plan, access.calls.world.clock
+    begun = clock.now()
     work = _Import(access, plan, prepared.marks, progress)
     for phase in plan.phases():
         await work.put_phase(phase)
     report = work.report
-    report.seconds = access.calls.world.clock.now() - prepared.begun
+    report.seconds = prepared.read_seconds + clock.now() - begun
     report.content_sha256 = plan.document().content.hex()
     report.not_carried = plan.not_carried
     return report
