@@ -50,7 +50,7 @@ CONTENTS: dict[str, tuple[str, bytes, str]] = {
     "a scene without a triangle": ("points.obj", b"v 0 0 0\n", "the scene is empty"),
     "triangles without an area": ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "the scene is empty"),
     "a position that is no number": ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
-    "an index out of range": ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "out of bounds"),
+    "an index out of range": ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a face names vertex 9, but there are 3"),
 }
 
 

@@ -100,7 +100,7 @@ def test_ply_and_stl(tmp_path: Path) -> None:
 
 
 BAD = {
-    "index.obj": (SQUARE + "f 1 2 9\n", "cannot be read"),
+    "index.obj": (SQUARE + "f 1 2 9\n", "vertex 9, but there are 4"),
     "zero.obj": (SQUARE + "f 0 1 2\n", "vertex 0"),
     "backwards.obj": (SQUARE + "f -9 -2 -1\n", "not there"),
     "nan.obj": ("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),

@@ -6,6 +6,7 @@ import codecs
 import re
 from pathlib import Path
 
+from scenefold.base.errors import LocalFault
 from scenefold.base.limits import MATERIALS_MAX
 from scenefold.scene.importers.faults import bad_file, beside, readable_size
 from scenefold.scene.importers.images import TextureList
@@ -21,6 +22,8 @@ _FACE_FROM_END = re.compile(r"^[ \t]*f[ \t].*-\d", re.MULTILINE)
 _FACE_OF_NOTHING = re.compile(r"^[ \t]*f[ \t](?:.*[ \t])?0+(?:/|\s|$)", re.MULTILINE)
 _USE = re.compile(r"^[ \t]*usemtl[ \t]+(.*)$", re.MULTILINE)
 _LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+(.*)$", re.MULTILINE)
+_FACE = re.compile(r"^[ \t]*f[ \t]+(.*)$", re.MULTILINE)
+_COUNTED = (("vertex", r"^[ \t]*v[ \t]"), ("texture vertex", r"^[ \t]*vt[ \t]"), ("normal", r"^[ \t]*vn[ \t]"))
 _OTHERS = re.compile(r"^[ \t]*(l|p|curv|surf)[ \t]", re.MULTILINE)
 
 
@@ -46,7 +49,12 @@ def read_obj(path: Path) -> SourceScene:
         text = _count_from_start(path, text)
     if FACE_OF_MANY.search(text):
         text = split_polygons(text)
-    loaded = load_obj_text(path, text, used)
+    try:
+        loaded = load_obj_text(path, text, used)
+    except LocalFault:
+        # Looked for only now: most files are good, and this takes as long as reading one.
+        _check_indices(path, text)
+        raise
     materials = [GREY, *(known.get(name, GREY) for name in used)]
     number = {name: at for at, name in enumerate(used, start=1)}
     parts: list[MeshPart] = []
@@ -100,6 +108,18 @@ def _count_from_start(path: Path, text: str) -> str:
             totals = (counts["v"], counts["vt"], counts["vn"])
             lines[at] = "f " + " ".join(_absolute(path, corner, totals) for corner in words[1:])
     return "\n".join(lines)
+
+
+def _check_indices(path: Path, text: str) -> None:
+    """LocalFault if a face names something that the file does not have."""
+    text = text.replace("\\\n", " ")
+    counts = [len(re.findall(pattern, text, re.MULTILINE)) for _, pattern in _COUNTED]
+    for face in _FACE.finditer(text):
+        for corner in face[1].split():
+            for (what, _), count, field in zip(_COUNTED, counts, corner.split("/"), strict=False):
+                # More digits than any count has: no need to make a number of them.
+                if field.isascii() and field.isdigit() and (len(field) > 18 or int(field) > count):
+                    raise bad_file(path, f"a face names {what} {field[:18]}, but there are {count}")
 
 
 def _absolute(path: Path, corner: str, totals: tuple[int, int, int]) -> str:
