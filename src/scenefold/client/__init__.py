@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scenefold.client.cluster import Cluster, ClusterStatus, NodeState
-    from scenefold.client.connect import connect, create_cluster, profile_folder
+    from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
     from scenefold.client.progress import ProgressCallback, ProgressState
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "scenefold.client.cluster": "Cluster ClusterStatus NodeState",
-    "scenefold.client.connect": "connect create_cluster profile_folder",
+    "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
     "scenefold.client.progress": "ProgressCallback ProgressState",

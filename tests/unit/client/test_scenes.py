@@ -98,3 +98,11 @@ async def test_another_user_of_the_profile_cannot_announce_it_anew(autojump_cloc
     with pytest.raises(LocalFault, match="another user"):
         await _scenes(nodes, tmp_path, SigningKey(bytes(31) + b"\7")).create("kitchen")
     assert sum(isinstance(packet, ProposeSceneLog) for _, packet in nodes.asked) == 1
+
+
+def test_what_connect_comes_with_does_not_hide_it() -> None:
+    import scenefold
+    from scenefold.client import profile_folder
+
+    assert callable(scenefold.connect) and callable(profile_folder)
+    assert callable(scenefold.client.connect)
