@@ -50,6 +50,9 @@ class EmbreeTracer:
         self._hit_ids = np.empty((CHUNK_RAYS, 3), np.uint32)
         self._out = np.empty((3 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._owners = np.empty(3 * CHUNK_RAYS, np.int32)
+        self._stack = np.empty((8 * CHUNK_RAYS, RAY_WORDS), np.uint32)
+        self._leaving = np.empty((4 * CHUNK_RAYS, RAY_WORDS), np.uint32)
+        self._leaving_owner = np.empty(4 * CHUNK_RAYS, np.int32)
 
     def generate(self, first_path: int, count: int) -> dict[int, U32]:
         """See `Tracer`. What misses the job's box altogether stays here, to see the sky."""
@@ -62,10 +65,10 @@ class EmbreeTracer:
     def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
         """Trace uint32[n, 9] of one pass until each ray ended or left this cell; `sums` is added to."""
         top = len(rays)
-        stack = np.empty((top + 4 * CHUNK_RAYS, RAY_WORDS), np.uint32)
+        # The buffers stay with the tracer: fresh megabytes for each small batch cost more than its rays.
+        stack = _with_room(self._stack, 0, top + 4 * CHUNK_RAYS)
         stack[:top] = rays
-        leaving = np.empty((max(1024, 2 * top), RAY_WORDS), np.uint32)
-        leaving_owner = np.empty(len(leaving), np.int32)
+        leaving, leaving_owner = self._leaving, self._leaving_owner
         left = created = retired = casts = 0
         shadow_before = int(sums.counters[0])
         while top > 0:
@@ -81,6 +84,7 @@ class EmbreeTracer:
                 leaving, leaving_owner = _with_room(leaving, left, kept), _with_room(leaving_owner, left, kept)
             top, left = split_by_owner(self._out[:kept], self._owners, self._me, stack, top, leaving, leaving_owner, left)
         shadow_casts = int(sums.counters[0]) - shadow_before
+        self._stack, self._leaving, self._leaving_owner = stack, leaving, leaving_owner
         return Advanced(self._grouped(leaving, leaving_owner, left), created, retired, casts, shadow_casts)
 
     def _step(self, batch: U32, first_path: int, sums: PassSums) -> tuple[int, int]:
