@@ -19,7 +19,7 @@ def demo(
     *,
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("demo-output"),
     nodes: Annotated[int, whole(1, 127)] = 5,
-    samples: Annotated[int, whole(1, 1_048_576)] = 64,
+    samples: Annotated[int, whole(1, 1_048_576)] = 32,
     size: SizeOption = HD_QUARTER,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
