@@ -15,7 +15,7 @@ from cyclopts import Parameter, Token
 from cyclopts.validators import Number
 
 from scenefold.base.ids import SPACE_ID_MAX
-from scenefold.base.limits import NODES_MAX
+from scenefold.base.limits import NODES_MAX, POOL_NODES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 
 if TYPE_CHECKING:
@@ -192,8 +192,8 @@ class NodeCounts:
         if text.strip().lower() == "none":
             return cls(())
         parts = [part.strip() for part in text.split(",")]
-        if not all(_is_digits(part) and 1 <= int(part) <= NODES_MAX for part in parts):
-            raise ValueError(f"sizes of clusters are numbers from 1 to {NODES_MAX}, such as 1,5, or none, not {text!r}")
+        if not all(_is_digits(part) and 1 <= int(part) <= POOL_NODES_MAX for part in parts):
+            raise ValueError(f"sizes of clusters are numbers from 1 to {POOL_NODES_MAX}, such as 1,5, or none, not {text!r}")
         return cls(tuple(int(part) for part in parts))
 
     def __str__(self) -> str:

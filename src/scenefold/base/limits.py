@@ -18,8 +18,10 @@ GROUP_TRIANGLES_TARGET = 8_000
 """Triangles of a group, the unit of paging and of what a cell holds."""
 SPACE_DIMENSIONS_MAX = 8
 """Three bits on the wire hold dimensions minus one."""
-NODES_MAX = 127
-"""Nodes of one cluster that the partition kernels and the tests cover."""
+NODES_MAX = 1_024
+"""Registered nodes of one cluster, and statuses in a routing table: what the simulation covers."""
+POOL_NODES_MAX = 127
+"""Nodes that render together, and nodes of a local cluster: what the partition kernels and the tests cover."""
 PORT_LOW_PRIORITY = 17349
 """Data, rays, images; UDP and TCP."""
 PORT_HIGH_PRIORITY = 17350
@@ -32,16 +34,24 @@ CIPHERTEXT_BYTES_MAX = PAYLOAD_BYTES_MAX + 16
 BULK_ITEMS_MAX = 8_192
 """Items of one bulk put or get: a frame of small records, at 1 KiB each."""
 RANGE_LOCATIONS_MAX = 65_536
-"""Locations of one range answer: 1.4 MiB, decoded in some 20 ms."""
+"""Locations of one range answer: 1.4 MiB, decoded in some 20 ms; with object ids 2.5 MiB."""
+HANDOVER_BATCH_RECORDS_MAX = 4_096
+"""Records of one packet of a handover: their keys and digests make 300 KiB; their bytes a frame, whichever is first."""
 LOG_BYTES_MAX = 4 * 1024 * 1024
 """A scene log in one packet, so that it fits a frame beside its header."""
+LOG_RECORD_BYTES_MAX = 256 * 1024
+"""One log record: the founding of the largest cluster takes 110 KiB."""
+LOG_RECORDS_MAX = 65_536
+"""Records of a log that travel together: LOG_BYTES_MAX holds fewer, each with its signature of 64 bytes."""
+SPACE_NAME_BYTES_MAX = 64
+"""A space's name in its scene's log."""
 SPACES_PER_SCENE_MAX = 256
 """Spaces that a public scene header lists, shadows included."""
 WRITERS_PER_SCENE_MAX = 128
 """Writer keys that a public scene header lists, retired ones included. With the two bounds beside it, a hostile
 list of scenes decodes in a second at most."""
 PARTICIPANTS_MAX = 127
-"""Members named in one packet of the scene-log protocol: at most every node."""
+"""Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
 SCENES_LISTED_MAX = 512
 """Scene headers in one answer; a cluster of a small studio holds some dozens."""
 BLACKLIST_MAX = 32
@@ -87,8 +97,9 @@ CURVE_ARCS_MAX = 1 << 18
 """Arcs that a box may become: memory and time of the search grow with them, and nobody asks for that many."""
 assert CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < FRAME_BYTES_MAX
 assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
-assert RANGE_LOCATIONS_MAX * 22 < BULK_BYTES_MAX
-assert PARTICIPANTS_MAX >= NODES_MAX
+assert RANGE_LOCATIONS_MAX * (22 + 18) < BULK_BYTES_MAX
+assert LOG_RECORD_BYTES_MAX < LOG_BYTES_MAX < LOG_RECORDS_MAX * 66
+assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 
 # Connections (world/).
 PENDING_HANDSHAKES_MAX = 64

@@ -116,7 +116,11 @@ class Calls:
     async def refresh(self) -> None:
         """Take the routing table of any node. Nodes that it does not know keep their last known place."""
         reply = await self.ask_any(RequestTable(), RespondTable)
-        owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport) for status in reply.statuses]
+        owners = [
+            Owner(status.node, _place_of(status), status.right_bound, status.lamport)
+            for status in reply.statuses
+            if status.right_bound is not None
+        ]
         if owners:
             self.table = RoutingTable(owners)
 
@@ -147,7 +151,8 @@ class Calls:
 
     def _notice(self, reply: Packet) -> None:
         news = reply.mini_status
-        if news is not None:
+        # A node that owns nothing keeps its old place until the table is asked for again; until then it forwards.
+        if news is not None and news.right_bound is not None:
             self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport))
 
 

@@ -14,6 +14,8 @@ from scenefold.crypto.datagrams import (
 from scenefold.crypto.keys import (
     DATAGRAM_DOMAIN,
     HEADER_DOMAIN,
+    LEASE_DOMAIN,
+    LOG_DOMAIN,
     PROPOSAL_DOMAIN,
     RECORD_DOMAIN,
     SIGNATURE_BYTES,
@@ -43,6 +45,8 @@ __all__ = [
     "EVERYBODY",
     "HEADER_BYTES",
     "HEADER_DOMAIN",
+    "LEASE_DOMAIN",
+    "LOG_DOMAIN",
     "NONCE_BYTES",
     "PROPOSAL_DOMAIN",
     "RECORD_DOMAIN",

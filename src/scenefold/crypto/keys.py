@@ -30,6 +30,10 @@ HEADER_DOMAIN = b"scenefold/header"
 PROPOSAL_DOMAIN = b"scenefold/proposal"
 STATUS_DOMAIN = b"scenefold/status"
 DATAGRAM_DOMAIN = b"scenefold/datagram"
+LOG_DOMAIN = b"scenefold/log"
+"""Records of the cluster's log."""
+LEASE_DOMAIN = b"scenefold/lease"
+"""Requests for an owner lease, and their answers."""
 
 
 class InvalidSignature(DamagedData):

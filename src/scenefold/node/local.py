@@ -17,7 +17,7 @@ import trio
 
 from scenefold.base.errors import LocalFault, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
-from scenefold.base.limits import NODES_MAX
+from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.node.process import NodeEnded, NodeProcess
 from scenefold.peer.settings import machine_memory_bytes, processors
 from scenefold.world import Ports, background_tasks
@@ -111,8 +111,8 @@ async def local_cluster(
     and so are three quarters of its memory.
     `options` are further arguments of `python -m scenefold.node`.
     """
-    if not 1 <= count <= NODES_MAX:
-        raise LocalFault(f"a local cluster of {count} nodes", remedy=f"choose a number from 1 to {NODES_MAX}")
+    if not 1 <= count <= POOL_NODES_MAX:
+        raise LocalFault(f"a local cluster of {count} nodes", remedy=f"choose a number from 1 to {POOL_NODES_MAX}")
     place = Path(tempfile.mkdtemp(prefix="scenefold-")) if folder is None else folder
     try:
         known = _profile(place, count, name, ports, first_address)

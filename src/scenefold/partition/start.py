@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import LocalFault
-from scenefold.base.limits import NODES_MAX
+from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition.bounds import even_bounds, fit_bounds, histogram, whole_weights
 from scenefold.partition.frame import Frame, camera_frame
 from scenefold.partition.placement import checked_box, radial
@@ -52,8 +52,8 @@ def make_partition(
     and triangle counts. Without a sample, wedges are equal and centroids stand evenly around the camera axis.
     `even_share`, 0 to 1, counts for wedges only.
     """
-    if not 1 <= node_count <= NODES_MAX:
-        raise LocalFault(f"cells are for 1 to {NODES_MAX} nodes, not {node_count}")
+    if not 1 <= node_count <= POOL_NODES_MAX:
+        raise LocalFault(f"cells are for 1 to {POOL_NODES_MAX} nodes, not {node_count}")
     frame = camera_frame(camera_position, camera_forward, camera_up)
     corners = checked_box(box)
     points = np.zeros((0, 3)) if sample_points is None else np.asarray(sample_points, np.float64).reshape(-1, 3)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import LocalFault, PeerFault
-from scenefold.base.limits import NODES_MAX
+from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import voronoi, wedges
 from scenefold.partition.families import RULES, Family
 from scenefold.partition.frame import Frame
@@ -129,8 +129,8 @@ def _fault(epoch: object, family: object, nodes: object, values: object) -> str:
         return "the epoch is no number from 0 to 2^63 - 1"
     if not isinstance(family, int) or isinstance(family, bool) or family not in set(Family):
         return "the family of cells is unknown"
-    if type(nodes) is not int or not 1 <= nodes <= NODES_MAX:
-        return f"cells are for 1 to {NODES_MAX} nodes"
+    if type(nodes) is not int or not 1 <= nodes <= POOL_NODES_MAX:
+        return f"cells are for 1 to {POOL_NODES_MAX} nodes"
     rules = RULES[Family(family)]
     if not isinstance(values, bytes) or len(values) != 8 * rules.size(nodes):
         return f"{nodes} nodes need {rules.size(nodes)} numbers of 8 bytes"

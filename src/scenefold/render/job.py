@@ -14,7 +14,7 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.limits import NODES_MAX
+from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition
 from scenefold.render.passes import PassPlan
 from scenefold.wire import pack_value, unpack_value
@@ -152,7 +152,7 @@ class Job:
             nodes=tuple(NodeId(_whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
             partition=Partition.from_document(document["partition"]),
         )
-        if not 0 < len(job.nodes) <= NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
+        if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")
         if not all(0.0 <= channel <= SKY_MAX for channel in job.sky) or not all(map(math.isfinite, job.camera)):
             raise ValueError("the sky is no colour, or the camera no camera")

@@ -16,9 +16,10 @@ import msgpack
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import FRAME_BYTES_MAX
 from scenefold.wire.common import MINI_STATUS, U32, Packet
+from scenefold.wire.containers import Struct
 from scenefold.wire.documents import skip_value
 from scenefold.wire.errors import MalformedPacket, Misfit, UnsupportedPacket
-from scenefold.wire.kinds import Kind, Maybe, Nothing, Struct
+from scenefold.wire.kinds import Kind, Maybe, Nothing
 from scenefold.wire.table import RESERVED, ROWS
 from scenefold.wire.tokens import TRUNCATED, read_array_head, read_uint
 

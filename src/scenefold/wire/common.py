@@ -11,7 +11,9 @@ from scenefold.base.ids import SPACE_ID_MAX, KeyId, NodeId, SceneId, SpaceId
 from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, DOCUMENT_BYTES_MAX, LOG_BYTES_MAX, RECORD_OVERHEAD_BYTES_MAX, TEXT_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Place, Struct, Text, Uint
+from scenefold.wire.containers import Struct
+from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Place, Text, Uint
+from scenefold.wire.laws import Law
 
 U8 = Uint(8)
 U16 = Uint(16)
@@ -28,6 +30,8 @@ REASON_OR_0 = Uint(8, most=max(RejectReason))
 SIGNATURE = Bin(lengths=(64, 384))
 DIGEST = Bin(lengths=(32,))
 INCARNATION = Bin(lengths=(16,))
+HANDOVER = Bin(lengths=(16,))
+OBJECT = Bin(lengths=(0, 16))
 HEADER = Bin(RECORD_OVERHEAD_BYTES_MAX)
 CIPHERTEXT = Bin(CIPHERTEXT_BYTES_MAX)
 MESSAGE = Text(TEXT_BYTES_MAX)
@@ -55,25 +59,29 @@ class MiniStatus:
 
     lamport: int
     node: NodeId
-    right_bound: Location
+    right_bound: Location | None
+    """None: owns nothing."""
     render_pool: int
     offline_fraction: int
     """Share of disk used, of 2^32."""
     online_fraction: int
     rays_per_second: int
     ray_queue_length: int
+    log_position: int = 0
+    """How far the node knows the cluster's log."""
 
 
 MINI_STATUS = Struct(
     MiniStatus,
     ("lamport", U64),
     ("node", U32),
-    ("right_bound", LOCATION),
+    ("right_bound", Maybe(LOCATION)),
     ("render_pool", U32),
     ("offline_fraction", U32),
     ("online_fraction", U32),
     ("rays_per_second", U32),
     ("ray_queue_length", U32),
+    ("log_position", U64),
 )
 
 
@@ -91,29 +99,13 @@ class Packet:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """A law between two fields: `lower` is at most `upper`, or below it if `strictly`."""
-
-    lower: str
-    upper: str
-    strictly: bool = False
-
-    def holds(self, packet: Packet) -> bool:
-        lower, upper = getattr(packet, self.lower), getattr(packet, self.upper)
-        return bool(lower < upper if self.strictly else lower <= upper)
-
-    def __str__(self) -> str:
-        return f"{self.lower} {'<' if self.strictly else '≤'} {self.upper}"
-
-
-@dataclass(frozen=True, slots=True)
 class Row:
     """One row of the table of packets."""
 
     packet: type[Packet]
     carrier: Carrier
     fields: tuple[tuple[str, Kind[Any]], ...]
-    law: Order | None = None
+    law: Law | None = None
 
     @property
     def number(self) -> int:
@@ -124,7 +116,7 @@ class Row:
         return self.packet.__name__
 
 
-def row(packet: type[Packet], carrier: Carrier, *fields: tuple[str, Kind[Any]], law: Order | None = None) -> Row:
+def row(packet: type[Packet], carrier: Carrier, *fields: tuple[str, Kind[Any]], law: Law | None = None) -> Row:
     """A row; it must name the fields of the class, in their order."""
     named = [name for name, _ in fields]
     declared = [field.name for field in dataclass_fields(packet) if not field.kw_only]

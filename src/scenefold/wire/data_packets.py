@@ -12,9 +12,11 @@ from typing import ClassVar
 from scenefold.base.limits import BULK_ITEMS_MAX, RANGE_LOCATIONS_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import (
+    BOOL,
     CIPHERTEXT,
     HEADER,
     LOCATION,
+    OBJECT,
     REASON,
     REASON_OR_0,
     SCENE,
@@ -25,13 +27,14 @@ from scenefold.wire.common import (
     Carrier,
     Location,
     NodeId,
-    Order,
     Packet,
     SceneId,
     SpaceId,
     row,
 )
-from scenefold.wire.kinds import Bin, Many, Maybe, Places, Struct
+from scenefold.wire.containers import Many, Struct, many_locations, many_of_size
+from scenefold.wire.kinds import Bin, Maybe
+from scenefold.wire.laws import All, Order, Pairs
 from scenefold.wire.scene_log_packets import SCENE_LOG_PUBLIC, SceneLogPublic
 
 NO_NODE = NodeId(0)
@@ -64,8 +67,11 @@ class PutOutcome:
 
 @dataclass(frozen=True, slots=True)
 class RecordKey:
+    """`object`: the record's id in a node-managed space, empty in a fixed one."""
+
     space: SpaceId
     location: Location
+    object: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +94,7 @@ PUT_ITEM = Struct(
     ("ciphertext", CIPHERTEXT),
 )
 PUT_OUTCOME = Struct(PutOutcome, ("reason", REASON_OR_0), ("location", LOCATION), ("owner", U32))
-RECORD_KEY = Struct(RecordKey, ("space", SPACE), ("location", LOCATION))
+RECORD_KEY = Struct(RecordKey, ("space", SPACE), ("location", LOCATION), ("object", OBJECT))
 RECORD_BYTES = Struct(RecordBytes, ("signature", SIGNATURE), ("header", HEADER), ("ciphertext", CIPHERTEXT))
 
 
@@ -127,17 +133,20 @@ class RejectData(Packet):
 
 @dataclass(frozen=True, slots=True)
 class GetData(Packet):
-    """`position`: how far the reader knows the scene's log."""
+    """`position`: how far the reader knows the scene's log; `object` as in RecordKey."""
 
     TYPE: ClassVar[int] = 13
     scene: SceneId
     space: SpaceId
     location: Location
     position: int
+    object: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
 class ReturnData(Packet):
+    """`stale`: a newer version may exist elsewhere, since the answerer holds no owner lease."""
+
     TYPE: ClassVar[int] = 14
     scene: SceneId
     space: SpaceId
@@ -147,11 +156,12 @@ class ReturnData(Packet):
     ciphertext: bytes
     position: int
     write_floor: int
+    stale: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class EmptyData(Packet):
-    """The owner says: nothing is there."""
+    """The owner, under its lease, says: nothing is there."""
 
     TYPE: ClassVar[int] = 15
     scene: SceneId
@@ -175,7 +185,11 @@ class QueryRange(Packet):
 
 @dataclass(frozen=True, slots=True)
 class ReturnRange(Packet):
-    """Every location held between `first` and `last`, the part that this answer covers."""
+    """Every location held between `first` and `last`, the part that this answer covers.
+
+    `objects`: in a node-managed space the id of each record, beside its location; else empty. `stale`: more or others
+    may exist elsewhere.
+    """
 
     TYPE: ClassVar[int] = 17
     scene: SceneId
@@ -183,6 +197,8 @@ class ReturnRange(Packet):
     first: Location
     last: Location
     locations: tuple[Location, ...]
+    objects: tuple[bytes, ...] = ()
+    stale: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,11 +239,12 @@ class GetMany(Packet):
 class GetManyReply(Packet):
     """Records of the first keys asked for, in order, as many as fit a frame (at least one); None: nothing there.
 
-    The asker asks again for the rest.
+    The asker asks again for the rest. `stale`: of some record a newer version may exist.
     """
 
     TYPE: ClassVar[int] = 35
     records: tuple[RecordBytes | None, ...]
+    stale: bool = False
 
 
 _KEY = (("scene", SCENE), ("space", SPACE), ("location", LOCATION))
@@ -240,15 +257,23 @@ ROWS = (
     row(ProposeData, Carrier.TCP_LOW, *_KEY, *_RECORD, ("expect", EXPECT)),
     row(AcceptData, Carrier.TCP_LOW, ("signature", SIGNATURE), ("location", LOCATION)),
     row(RejectData, Carrier.TCP_LOW, ("reason", REASON), ("owner", U32), ("public", Maybe(SCENE_LOG_PUBLIC))),
-    row(GetData, Carrier.TCP_LOW, *_KEY, ("position", U64)),
-    row(ReturnData, Carrier.TCP_LOW, *_KEY, *_RECORD, *_FRESHNESS),
+    row(GetData, Carrier.TCP_LOW, *_KEY, ("position", U64), ("object", OBJECT)),
+    row(ReturnData, Carrier.TCP_LOW, *_KEY, *_RECORD, *_FRESHNESS, ("stale", BOOL)),
     row(EmptyData, Carrier.TCP_LOW, *_KEY, *_FRESHNESS),
     row(QueryRange, Carrier.BOTH_LOW, *_RANGE, law=_ASCENDING),
-    row(ReturnRange, Carrier.BOTH_LOW, *_RANGE, ("locations", Places(RANGE_LOCATIONS_MAX)), law=_ASCENDING),
+    row(
+        ReturnRange,
+        Carrier.BOTH_LOW,
+        *_RANGE,
+        ("locations", many_locations(RANGE_LOCATIONS_MAX)),
+        ("objects", many_of_size(16, RANGE_LOCATIONS_MAX)),
+        ("stale", BOOL),
+        law=All((_ASCENDING, Pairs("objects", "locations"))),
+    ),
     row(RejectRange, Carrier.BOTH_LOW, *_KEY, ("reason", REASON)),
     row(PutMany, Carrier.TCP_LOW, ("items", Many(PUT_ITEM, BULK_ITEMS_MAX))),
     row(PutManyReply, Carrier.TCP_LOW, ("outcomes", Many(PUT_OUTCOME, BULK_ITEMS_MAX))),
     row(GetMany, Carrier.TCP_LOW, ("scene", SCENE), ("position", U64), ("keys", Many(RECORD_KEY, BULK_ITEMS_MAX))),
-    row(GetManyReply, Carrier.TCP_LOW, ("records", Many(Maybe(RECORD_BYTES), BULK_ITEMS_MAX))),
+    row(GetManyReply, Carrier.TCP_LOW, ("records", Many(Maybe(RECORD_BYTES), BULK_ITEMS_MAX)), ("stale", BOOL)),
 )
 STRUCTS = (PUT_ITEM, PUT_OUTCOME, RECORD_KEY, RECORD_BYTES)

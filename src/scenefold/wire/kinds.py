@@ -1,24 +1,20 @@
 """Kinds of field: what may stand in it, how it is checked when built and when read (specs/03-wire.md, Kinds).
 
-The table of packets consists of these. A kind knows three things: its text in the spec's table, the plain
+The table of packets consists of these, and of the `containers` that hold several. A kind knows three things: its text in the spec's table, the plain
 MessagePack value of a checked Python value (`plain`), and how to read one from bytes (`read`). All checks of
 the wire are here, and both directions use the same bounds, so what we send is what we would accept.
 """
 
 from __future__ import annotations
 
-import struct
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.wire.errors import Misfit
 from scenefold.wire.tokens import (
     NIL,
-    TRUNCATED,
-    read_array_head,
     read_bin,
     read_bool,
     read_float,
@@ -114,25 +110,28 @@ class Flag(Kind[bool]):
 
 
 class Float(Kind[float]):
-    """A finite number of 64 bits."""
+    """A finite number of 64 bits; above 0 if it must be `positive`."""
 
-    __slots__ = ()
+    __slots__ = ("positive",)
 
-    def __init__(self) -> None:
-        self.text = "f64"
+    def __init__(self, *, positive: bool = False) -> None:
+        self.positive = positive
+        self.text = "f64 > 0" if positive else "f64"
 
     def plain(self, value: float) -> object:
         if not isinstance(value, float):
             raise Misfit(f"a float was expected, not {type(value).__name__}")
-        return self._finite(value)
+        return self._checked(value)
 
     def read(self, data: bytes, at: int) -> tuple[float, int]:
         value, at = read_float(data, at)
-        return self._finite(value), at
+        return self._checked(value), at
 
-    def _finite(self, value: float) -> float:
+    def _checked(self, value: float) -> float:
         if value - value != 0.0:
             raise Misfit(f"{value} is not finite")
+        if self.positive and not value > 0.0:
+            raise Misfit(f"{value} is not above 0")
         return value
 
 
@@ -253,116 +252,3 @@ class Nothing(Kind[None]):
         if data[at] != NIL:
             raise Misfit("nil was expected")
         return None, at + 1
-
-
-class Many(Kind[tuple[T, ...]]):
-    """A list of values of one kind; a tuple in Python, because packets are immutable."""
-
-    __slots__ = ("count_max", "counts", "inner")
-
-    def __init__(self, inner: Kind[T], count_max: int = 0, *, counts: tuple[int, ...] = ()) -> None:
-        self.inner = inner
-        self.counts = counts
-        self.count_max = max(counts) if counts else count_max
-        self.text = f"[{inner.text}] " + ("|".join(map(str, counts)) if counts else f"≤ {count_max}")
-
-    def plain(self, value: tuple[T, ...]) -> object:
-        if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
-            raise Misfit(f"a tuple was expected, not {type(value).__name__}")
-        self._check(len(value))
-        plain = self.inner.plain
-        items: list[object] = []
-        try:
-            for item in value:
-                items.append(plain(item))  # noqa: PERF401  the length says which item failed
-        except Misfit as misfit:
-            raise misfit.inside(f"[{len(items)}]") from None
-        return items
-
-    def read(self, data: bytes, at: int) -> tuple[tuple[T, ...], int]:
-        count, at = read_array_head(data, at)
-        self._check(count)
-        read = self.inner.read
-        items: list[T] = []
-        try:
-            for _ in range(count):
-                item, at = read(data, at)
-                items.append(item)
-        except Misfit as misfit:
-            raise misfit.inside(f"[{len(items)}]") from None
-        return tuple(items), at
-
-    def _check(self, count: int) -> None:
-        if self.counts:
-            if count not in self.counts:
-                raise Misfit(f"{count} items, {' or '.join(map(str, self.counts))} were expected")
-        elif count > self.count_max:
-            raise Misfit(f"{count} items, at most {self.count_max} are allowed")
-
-
-class Places(Many[Location]):
-    """A list of locations, the one list that is long: read in strides, a fifth of the time that one by one takes."""
-
-    __slots__ = ()
-    _STRIDE = struct.Struct(f">H{LOCATION_BYTES}s")
-    _HEAD = 0xC400 | LOCATION_BYTES
-
-    def __init__(self, count_max: int) -> None:
-        super().__init__(Place(), count_max)
-
-    def read(self, data: bytes, at: int) -> tuple[tuple[Location, ...], int]:
-        count, start = read_array_head(data, at)
-        self._check(count)
-        end = start + count * self._STRIDE.size
-        if end > len(data):
-            return super().read(data, at)
-        head, make = self._HEAD, bytes.__new__
-        with memoryview(data) as view:
-            places = [make(Location, raw) for found, raw in self._STRIDE.iter_unpack(view[start:end]) if found == head]
-        # One that is no location moves all behind it: reading one by one finds out which.
-        return (tuple(places), end) if len(places) == count else super().read(data, at)
-
-
-class Struct(Kind[T]):
-    """A frozen dataclass as an array of its fields, in order. Packets are made of it as well."""
-
-    __slots__ = ("build", "fields", "name")
-
-    def __init__(self, build: Callable[..., T], *fields: tuple[str, Kind[Any]]) -> None:
-        self.build = build
-        self.name = getattr(build, "__name__", "struct")
-        self.fields = fields
-        self.text = self.name
-
-    def plain(self, value: T) -> object:
-        if type(value) is not self.build:
-            raise Misfit(f"a {self.name} was expected, not {type(value).__name__}")
-        return self.plain_fields(value)
-
-    def plain_fields(self, value: T) -> list[object]:
-        plains: list[object] = []
-        for name, kind in self.fields:
-            try:
-                plains.append(kind.plain(getattr(value, name)))
-            except Misfit as misfit:
-                raise misfit.inside(f".{name}") from None
-        return plains
-
-    def read(self, data: bytes, at: int) -> tuple[T, int]:
-        count, at = read_array_head(data, at)
-        if count != len(self.fields):
-            raise Misfit(f"{count} fields, {len(self.fields)} were expected")
-        values, at = self.read_fields(data, at)
-        return self.build(*values), at
-
-    def read_fields(self, data: bytes, at: int) -> tuple[list[Any], int]:
-        values: list[Any] = []
-        try:
-            for _, kind in self.fields:
-                value, at = kind.read(data, at)
-                values.append(value)
-        except Misfit as misfit:
-            raise misfit.inside(f".{self.fields[len(values)][0]}") from None
-        except TRUNCATED:
-            raise Misfit("truncated", f".{self.fields[len(values)][0]}") from None
-        return values, at

@@ -8,7 +8,8 @@ from typing import ClassVar
 from scenefold.base.limits import BULK_BYTES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import F64, REASON, U32, U64, Carrier, Packet, row
-from scenefold.wire.kinds import Bin, Many
+from scenefold.wire.containers import Many
+from scenefold.wire.kinds import Bin
 
 RENDER_LOCATION = Many(F64, counts=(0, 1, 3))
 

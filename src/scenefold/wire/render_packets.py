@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from scenefold.base.limits import BULK_BYTES_MAX
-from scenefold.wire.common import DOCUMENT, MESSAGE, REASON_OR_0, U32, U64, Carrier, Order, Packet, row
+from scenefold.wire.common import DOCUMENT, MESSAGE, REASON_OR_0, U32, U64, Carrier, Packet, row
 from scenefold.wire.kinds import Bin
+from scenefold.wire.laws import Order
 
 PART = Bin(BULK_BYTES_MAX)
 

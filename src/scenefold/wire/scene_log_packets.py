@@ -35,7 +35,8 @@ from scenefold.wire.common import (
     SpaceId,
     row,
 )
-from scenefold.wire.kinds import Bin, Choice, Many, Maybe, Struct, Uint
+from scenefold.wire.containers import Many, Struct
+from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import UNSIGNED
 

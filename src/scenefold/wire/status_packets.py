@@ -20,7 +20,9 @@ from scenefold.wire.common import (
     Packet,
     row,
 )
-from scenefold.wire.kinds import Bin, Many, Maybe, Struct, Text
+from scenefold.wire.containers import Many, Struct
+from scenefold.wire.kinds import Bin, Maybe, Text
+from scenefold.wire.laws import All, Needs, Order
 from scenefold.wire.pieces import pack_piece
 
 ADDRESS_BYTES_MAX = 64
@@ -41,7 +43,10 @@ class Status:
     boot: int
     address: str
     """Host, or host:port where the low-priority port is not the usual one."""
-    right_bound: Location
+    left_fence: Location | None = None
+    """The arc begins behind it; None: at the line's beginning."""
+    right_bound: Location | None = None
+    """The last location of the arc; None: the node owns nothing."""
     render_pool: int = 0
     scene_frame: int = 0
     offline_fraction: int = 0
@@ -52,6 +57,8 @@ class Status:
     online_blocks: int = 0
     rays_per_second: int = 0
     ray_queue_length: int = 0
+    log_position: int = 0
+    """How far the node knows the cluster's log."""
     blacklist: tuple[NodeId, ...] = ()
     signature: bytes = UNSIGNED
 
@@ -67,7 +74,8 @@ STATUS = Struct(
     ("incarnation", INCARNATION),
     ("boot", U32),
     ("address", Text(ADDRESS_BYTES_MAX)),
-    ("right_bound", LOCATION),
+    ("left_fence", Maybe(LOCATION)),
+    ("right_bound", Maybe(LOCATION)),
     ("render_pool", U32),
     ("scene_frame", U64),
     ("offline_fraction", U32),
@@ -76,8 +84,10 @@ STATUS = Struct(
     ("online_blocks", U32),
     ("rays_per_second", U32),
     ("ray_queue_length", U32),
+    ("log_position", U64),
     ("blacklist", Many(U32, BLACKLIST_MAX)),
     ("signature", SIGNATURE),
+    law=All((Needs("left_fence", "right_bound"), Order("left_fence", "right_bound", strictly=True))),
 )
 
 

@@ -6,12 +6,31 @@ A test holds it equal to the table in the spec.
 
 from __future__ import annotations
 
-from scenefold.wire import data_packets, own_packets, pool_packets, render_packets, scene_log_packets, status_packets
+from scenefold.wire import (
+    data_packets,
+    handover_packets,
+    log_records,
+    member_packets,
+    own_packets,
+    pool_packets,
+    render_packets,
+    scene_log_packets,
+    status_packets,
+)
 from scenefold.wire.common import MINI_STATUS, Row
 
 ROWS: dict[int, Row] = {
     row.number: row
-    for family in (status_packets, scene_log_packets, data_packets, pool_packets, own_packets, render_packets)
+    for family in (
+        status_packets,
+        scene_log_packets,
+        data_packets,
+        pool_packets,
+        own_packets,
+        render_packets,
+        handover_packets,
+        member_packets,
+    )
     for row in family.ROWS
 }
 
@@ -24,9 +43,6 @@ RESERVED: dict[int, str] = {
     29: "of the thesis's range",
     30: "of the thesis's range",
     31: "of the thesis's range",
-    41: "OfferRange",
-    42: "ClaimRange",
-    43: "CopyRecords",
     44: "RangeDigest",
     45: "PurgeRecord",
     46: "ReturnCredits",
@@ -37,8 +53,15 @@ RESERVED: dict[int, str] = {
 }
 """Numbers that are spoken for but not built: they decode to UnsupportedPacket."""
 
-STRUCTS = (MINI_STATUS, *status_packets.STRUCTS, *scene_log_packets.STRUCTS, *data_packets.STRUCTS)
+STRUCTS = (
+    MINI_STATUS,
+    *status_packets.STRUCTS,
+    *scene_log_packets.STRUCTS,
+    *data_packets.STRUCTS,
+    *handover_packets.STRUCTS,
+    *log_records.STRUCTS,
+)
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 64))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 77))

@@ -185,4 +185,4 @@ class FakeNodes:
 
 
 def _status(owner: Owner) -> Status:
-    return Status(owner.lamport, owner.node_id, bytes(16), 1, owner.address, owner.right_bound)
+    return Status(owner.lamport, owner.node_id, bytes(16), 1, owner.address, None, owner.right_bound)

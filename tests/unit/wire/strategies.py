@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from scenefold.base.location import Location
 from scenefold.wire.common import MINI_STATUS, Packet
-from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Many, Maybe, Nothing, Place, Struct, Text, Uint
+from scenefold.wire.containers import Many, Struct
+from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Nothing, Place, Text, Uint
 from scenefold.wire.table import ROWS
 
 

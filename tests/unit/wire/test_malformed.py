@@ -25,7 +25,7 @@ from scenefold.wire import (
 from scenefold.wire.table import RESERVED, ROWS
 from unit.wire.strategies import PACKETS
 
-GET = [13, 7, None, 1, 1, bytes(20), 0]
+GET = [13, 7, None, 1, 1, bytes(20), 0, b""]
 
 
 def judge(data: bytes) -> Packet | MalformedPacket:
@@ -108,21 +108,21 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
 @pytest.mark.parametrize(
     ("array", "field", "problem"),
     [
-        (GET[:-1], "GetData", "6 fields"),
-        ([*GET, 0], "GetData", "8 fields"),
+        (GET[:-1], "GetData", "7 fields"),
+        ([*GET, 0], "GetData", "9 fields"),
         ([13, 7], "packet", "2 fields"),
         ([13, -1, *GET[2:]], "GetData.request_id", "unsigned"),
         ([13, 7, False, *GET[3:]], "GetData.mini_status", "array"),
         ([13, 7, [1], *GET[3:]], "GetData.mini_status", "1 fields"),
-        ([13, 7, None, 0, 1, bytes(20), 0], "GetData.scene", "outside"),
-        ([13, 7, None, "1", 1, bytes(20), 0], "GetData.scene", "unsigned integer"),
-        ([13, 7, None, True, 1, bytes(20), 0], "GetData.scene", "unsigned integer"),
-        ([13, 7, None, 1.0, 1, bytes(20), 0], "GetData.scene", "unsigned integer"),
-        ([13, 7, None, 1, 8192, bytes(20), 0], "GetData.space", "outside"),
-        ([13, 7, None, 1, 1, bytes(19), 0], "GetData.location", "19 bytes"),
-        ([13, 7, None, 1, 1, bytes(21), 0], "GetData.location", "at most 20"),
-        ([13, 7, None, 1, 1, "a" * 20, 0], "GetData.location", "raw bytes"),
-        ([1, 0, [1, 2, bytes(20), 0, 0, 0, 0, 0], []], "PingBroadcast.mini_status", "nil"),
+        ([13, 7, None, 0, 1, bytes(20), 0, b""], "GetData.scene", "outside"),
+        ([13, 7, None, "1", 1, bytes(20), 0, b""], "GetData.scene", "unsigned integer"),
+        ([13, 7, None, True, 1, bytes(20), 0, b""], "GetData.scene", "unsigned integer"),
+        ([13, 7, None, 1.0, 1, bytes(20), 0, b""], "GetData.scene", "unsigned integer"),
+        ([13, 7, None, 1, 8192, bytes(20), 0, b""], "GetData.space", "outside"),
+        ([13, 7, None, 1, 1, bytes(19), 0, b""], "GetData.location", "19 bytes"),
+        ([13, 7, None, 1, 1, bytes(21), 0, b""], "GetData.location", "at most 20"),
+        ([13, 7, None, 1, 1, "a" * 20, 0, b""], "GetData.location", "raw bytes"),
+        ([1, 0, [1, 2, bytes(20), 0, 0, 0, 0, 0, 0], []], "PingBroadcast.mini_status", "nil"),
         ([12, 0, None, 0, 0, None], "RejectData.reason", "0 is no RejectReason"),
         ([12, 0, None, 21, 0, None], "RejectData.reason", "21 is no RejectReason"),
         ([11, 0, None, bytes(65), bytes(20)], "AcceptData.signature", "64 or 384"),
@@ -140,7 +140,7 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
         ([16, 0, None, 1, 1, LAST, FIRST], "QueryRange", "not first ≤ last"),
         ([56, 0, None, 1, 2, 2, b""], "FilmPart", "not part_index < part_count"),
         ([58, 0, None, 1, 2, 3, b""], "ImagePart", "not offset ≤ total_bytes"),
-        ([64, 0, None], "type", "64 is no packet"),
+        ([77, 0, None], "type", "77 is no packet"),
         ([0, 0, None], "type", "0 is no packet"),
         ([2**64 - 1, 0, None], "type", "is no packet"),
         ({"type": 13}, "packet", "array"),
@@ -170,8 +170,8 @@ def test_only_the_shortest_form(longer: bytes) -> None:
 
 
 def test_the_request_id_survives_for_the_answer() -> None:
-    assert judge(msgpack.packb([13, 77, None, 0, 1, bytes(20), 0])).request_id == 77
-    assert judge(msgpack.packb([41, 78, None, 1])).request_id == 78
+    assert judge(msgpack.packb([13, 77, None, 0, 1, bytes(20), 0, b""])).request_id == 77
+    assert judge(msgpack.packb([44, 78, None, 1])).request_id == 78
     assert judge(msgpack.packb([200, 79, None, 1])).request_id == 79
     assert judge(msgpack.packb([13, 1 << 32, None])).request_id is None
 
@@ -207,7 +207,7 @@ HOSTILE = {
     "claims": b"\x94\x20\x00\xc0" + b"\xdd\x00\x7f\xff\xff" * 1_000_000,
     "nested": b"\x91" * FRAME_BYTES_MAX,
     "items": msgpack.packb([35, 0, None, [None] * 1_000_000]),
-    "locations": msgpack.packb([17, 0, None, 1, 1, bytes(20), LAST, [bytes(20)] * 65536]),
+    "locations": msgpack.packb([17, 0, None, 1, 1, bytes(20), LAST, [bytes(20)] * 65536, [bytes(16)] * 65536, True]),
     "text": msgpack.packb([36, 0, None, 5, "x" * 8_000_000]),
     "frame": bytes(FRAME_BYTES_MAX + 1),
     "scenes": _list_of_scenes(),

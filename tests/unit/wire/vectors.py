@@ -15,7 +15,8 @@ from typing import Any
 from scenefold.base.location import Location
 from scenefold.wire import encode_packet
 from scenefold.wire.common import MINI_STATUS, Packet
-from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Many, Maybe, Place, Struct, Text, Uint
+from scenefold.wire.containers import Many, Struct
+from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Place, Text, Uint
 from scenefold.wire.table import ROWS
 
 PATH = Path(__file__).resolve().parents[3] / "specs" / "vectors" / "packets.json"

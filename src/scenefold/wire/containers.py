@@ -1,0 +1,198 @@
+"""Kinds that hold others: lists, structs, and tagged structs (specs/03-wire.md, Kinds).
+
+As `kinds`, which has the single values: each knows its text in the spec, how it is checked when built, and how it is
+read. A struct may have a law between its fields; it is held in both directions.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.wire.errors import Misfit
+from scenefold.wire.kinds import Bin, Kind, Place
+from scenefold.wire.laws import Law
+from scenefold.wire.tokens import TRUNCATED, read_array_head, read_uint
+
+T = TypeVar("T")
+
+
+class Many(Kind[tuple[T, ...]]):
+    """A list of values of one kind; a tuple in Python, because packets are immutable."""
+
+    __slots__ = ("count_max", "counts", "inner")
+
+    def __init__(self, inner: Kind[T], count_max: int = 0, *, counts: tuple[int, ...] = ()) -> None:
+        self.inner = inner
+        self.counts = counts
+        self.count_max = max(counts) if counts else count_max
+        self.text = f"[{inner.text}] " + ("|".join(map(str, counts)) if counts else f"≤ {count_max}")
+
+    def plain(self, value: tuple[T, ...]) -> object:
+        if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
+            raise Misfit(f"a tuple was expected, not {type(value).__name__}")
+        self._check(len(value))
+        plain = self.inner.plain
+        items: list[object] = []
+        try:
+            for item in value:
+                items.append(plain(item))  # noqa: PERF401  the length says which item failed
+        except Misfit as misfit:
+            raise misfit.inside(f"[{len(items)}]") from None
+        return items
+
+    def read(self, data: bytes, at: int) -> tuple[tuple[T, ...], int]:
+        count, at = read_array_head(data, at)
+        self._check(count)
+        read = self.inner.read
+        items: list[T] = []
+        try:
+            for _ in range(count):
+                item, at = read(data, at)
+                items.append(item)
+        except Misfit as misfit:
+            raise misfit.inside(f"[{len(items)}]") from None
+        return tuple(items), at
+
+    def _check(self, count: int) -> None:
+        if self.counts:
+            if count not in self.counts:
+                raise Misfit(f"{count} items, {' or '.join(map(str, self.counts))} were expected")
+        elif count > self.count_max:
+            raise Misfit(f"{count} items, at most {self.count_max} are allowed")
+
+
+class Strides(Many[T]):
+    """A list of byte strings of one size, the lists that are long: read in strides, a fifth of the time that one by
+    one takes."""
+
+    __slots__ = ("_head", "_make", "_stride")
+
+    def __init__(self, inner: Kind[T], size: int, count_max: int, make: Callable[[bytes], T]) -> None:
+        """`make`: the value of `size` raw bytes, which need no further check."""
+        super().__init__(inner, count_max)
+        self._make = make
+        self._stride = struct.Struct(f">H{size}s")
+        # bin 8 and its length, as one number.
+        self._head = 0xC400 | size
+
+    def read(self, data: bytes, at: int) -> tuple[tuple[T, ...], int]:
+        count, start = read_array_head(data, at)
+        self._check(count)
+        end = start + count * self._stride.size
+        if end > len(data):
+            return super().read(data, at)
+        head, make = self._head, self._make
+        with memoryview(data) as view:
+            found = [make(raw) for mark, raw in self._stride.iter_unpack(view[start:end]) if mark == head]
+        # One of another size moves all behind it: reading one by one finds out which.
+        return (tuple(found), end) if len(found) == count else super().read(data, at)
+
+
+def _unchecked_location(raw: bytes) -> Location:
+    return bytes.__new__(Location, raw)
+
+
+def many_locations(count_max: int) -> Strides[Location]:
+    return Strides(Place(), LOCATION_BYTES, count_max, _unchecked_location)
+
+
+def many_of_size(size: int, count_max: int) -> Strides[bytes]:
+    """A list of byte strings that all have this size, at most 255."""
+    return Strides(Bin(lengths=(size,)), size, count_max, bytes)
+
+
+class Struct(Kind[T]):
+    """A frozen dataclass as an array of its fields, in order. Packets are made of it as well."""
+
+    __slots__ = ("build", "fields", "law", "name")
+
+    def __init__(self, build: Callable[..., T], *fields: tuple[str, Kind[Any]], law: Law | None = None) -> None:
+        self.build = build
+        self.name = getattr(build, "__name__", "struct")
+        self.fields = fields
+        self.law = law
+        self.text = self.name
+
+    def plain(self, value: T) -> object:
+        if type(value) is not self.build:
+            raise Misfit(f"a {self.name} was expected, not {type(value).__name__}")
+        plains = self.plain_fields(value)
+        self._hold(value)
+        return plains
+
+    def plain_fields(self, value: T) -> list[object]:
+        plains: list[object] = []
+        for name, kind in self.fields:
+            try:
+                plains.append(kind.plain(getattr(value, name)))
+            except Misfit as misfit:
+                raise misfit.inside(f".{name}") from None
+        return plains
+
+    def read(self, data: bytes, at: int) -> tuple[T, int]:
+        count, at = read_array_head(data, at)
+        return self.read_counted(data, at, count)
+
+    def read_counted(self, data: bytes, at: int, count: int) -> tuple[T, int]:
+        """The struct behind an array's head that was read already and left `count` fields."""
+        if count != len(self.fields):
+            raise Misfit(f"{count} fields, {len(self.fields)} were expected")
+        values, at = self.read_fields(data, at)
+        value = self.build(*values)
+        self._hold(value)
+        return value, at
+
+    def _hold(self, value: T) -> None:
+        if self.law is not None and not self.law.holds(value):
+            raise Misfit(f"not {self.law}")
+
+    def read_fields(self, data: bytes, at: int) -> tuple[list[Any], int]:
+        values: list[Any] = []
+        try:
+            for _, kind in self.fields:
+                value, at = kind.read(data, at)
+                values.append(value)
+        except Misfit as misfit:
+            raise misfit.inside(f".{self.fields[len(values)][0]}") from None
+        except TRUNCATED:
+            raise Misfit("truncated", f".{self.fields[len(values)][0]}") from None
+        return values, at
+
+
+class Tagged(Kind[T]):
+    """One of several structs: an array of its number and its fields."""
+
+    __slots__ = ("_number_of", "structs")
+
+    def __init__(self, text: str, structs: dict[int, Struct[Any]]) -> None:
+        self.text = text
+        self.structs = structs
+        self._number_of = {struct.build: number for number, struct in structs.items()}
+
+    def plain(self, value: T) -> object:
+        number = self._number_of.get(type(value))
+        if number is None:
+            raise Misfit(f"a {self.text} was expected, not {type(value).__name__}")
+        found = self.structs[number]
+        try:
+            fields = found.plain(value)
+        except Misfit as misfit:
+            raise misfit.inside(f"({found.name})") from None
+        assert isinstance(fields, list)
+        return [number, *fields]
+
+    def read(self, data: bytes, at: int) -> tuple[T, int]:
+        count, at = read_array_head(data, at)
+        if count < 1:
+            raise Misfit(f"a {self.text} begins with its number")
+        number, at = read_uint(data, at)
+        found = self.structs.get(number)
+        if found is None:
+            raise Misfit(f"{number} is no {self.text}")
+        try:
+            return found.read_counted(data, at, count - 1)
+        except Misfit as misfit:
+            raise misfit.inside(f"({found.name})") from None

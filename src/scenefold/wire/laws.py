@@ -1,0 +1,77 @@
+"""Laws between the fields of one packet or struct, held when it is built and when it is read (specs/03-wire.md).
+
+A kind judges one field; what two fields must be to each other stands here. Their text is the spec's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+
+class Law(Protocol):
+    """What must hold of a value; its text stands behind the fields in the spec's table."""
+
+    def holds(self, value: Any) -> bool: ...
+
+    def __str__(self) -> str: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """`lower` is at most `upper`, or below it if `strictly`; None is no bound."""
+
+    lower: str
+    upper: str
+    strictly: bool = False
+
+    def holds(self, value: Any) -> bool:
+        lower, upper = getattr(value, self.lower), getattr(value, self.upper)
+        if lower is None or upper is None:
+            return True
+        return bool(lower < upper if self.strictly else lower <= upper)
+
+    def __str__(self) -> str:
+        return f"{self.lower} {'<' if self.strictly else '≤'} {self.upper}"
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """Where one field is nil, the other is nil too."""
+
+    field: str
+    needed: str
+
+    def holds(self, value: Any) -> bool:
+        return getattr(value, self.field) is None or getattr(value, self.needed) is not None
+
+    def __str__(self) -> str:
+        return f"{self.field} needs {self.needed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """One of `extras` for each of `items`, or no extras at all."""
+
+    extras: str
+    items: str
+
+    def holds(self, value: Any) -> bool:
+        count = len(getattr(value, self.extras))
+        return count in (0, len(getattr(value, self.items)))
+
+    def __str__(self) -> str:
+        return f"{self.extras} 0 or as many as {self.items}"
+
+
+@dataclass(frozen=True, slots=True)
+class All:
+    """Several laws at once."""
+
+    laws: tuple[Law, ...]
+
+    def holds(self, value: Any) -> bool:
+        return all(law.holds(value) for law in self.laws)
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.laws))
