@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from cyclopts import App
@@ -28,44 +27,30 @@ app = App(name="bench", help="Measure, as the project's own documentation does."
 def curve(
     *,
     points: Annotated[int, whole(1, 100_000_000)] = 1_000_000,
+    boxes: Annotated[int, whole(1, 1_000_000)] = 200,
+    arcs: Annotated[int, whole(1, 1 << 18)] = 64,
+    rounds: Annotated[int, whole(1, 100)] = 5,
     output: Output = PLAIN,
 ) -> None:
-    """Measure encoding and decoding of the space-filling curves, in points a second on one thread.
+    """Measure the space-filling curves on one thread, beside numpy-hilbert-curve and hilbertcurve if they are installed.
 
     Example: scenectl bench curve --points 1000000
 
     Parameters
     ----------
     points
-        Points of each measurement.
+        Points of each measurement; the other packages get a share of them that takes about as long.
+    boxes
+        Boxes, with random corners, that are turned into arcs of the line.
+    arcs
+        Most arcs of a box.
+    rounds
+        How often everything is measured, in turns; the median counts.
     """
-    import numpy as np
+    from scenectl.bench_curve import CurveBench, bench_curve, bench_text
 
-    from scenefold.curve import Curve
-
-    dice = np.random.default_rng(1)
-    results: list[dict[str, Any]] = []
-    for kind in ("hilbert", "z-order"):
-        for dimensions in (2, 3, 4):
-            space = Curve(kind, dimensions)
-            cells = dice.integers(0, 2 ** min(space.bits, 63), size=(points, dimensions), dtype=np.uint64)
-            locations = space.encode(cells[:10])
-            space.decode(locations)  # compiles, outside of the measurement
-            encode_s, locations = _timed(space.encode, cells)
-            decode_s, _ = _timed(space.decode, locations)
-            results.append(
-                {
-                    "curve": kind,
-                    "dimensions": dimensions,
-                    "encode_points_per_second": round(points / encode_s),
-                    "decode_points_per_second": round(points / decode_s),
-                }
-            )
-    rows = [
-        (result["curve"], result["dimensions"], f"{result['encode_points_per_second']:,}", f"{result['decode_points_per_second']:,}")
-        for result in results
-    ]
-    emit(output, {"points": points, "results": results}, table(("curve", "dimensions", "encode/s", "decode/s"), rows))
+    report = bench_curve(CurveBench(points=points, boxes=boxes, arcs=arcs, rounds=rounds))
+    emit(output, report, bench_text(report))
 
 
 @app.command
@@ -204,9 +189,3 @@ async def _measure_store(profile: str | None, nodes: int, ports: PortPair | None
         "read_records_per_second": round(records / read_s),
         "read_bytes_per_second": round(records * record_bytes / read_s),
     }
-
-
-def _timed(call: Callable[[Any], Any], argument: Any) -> tuple[float, Any]:
-    begun = time.perf_counter()
-    result = call(argument)
-    return time.perf_counter() - begun, result

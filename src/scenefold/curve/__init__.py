@@ -12,9 +12,19 @@ from scenefold.curve.curves import Curve, CurveFault, CurveKind
 
 if TYPE_CHECKING:
     from scenefold.curve.lattice import Lattice
-    from scenefold.curve.measure import CurveSpeed, hilbert_ratios, measure_curve, measure_curves
+    from scenefold.curve.measure import Rate, Work, curve_works, measure_in_turns, random_cells
 
-__all__ = ["Curve", "CurveFault", "CurveKind", "CurveSpeed", "Lattice", "hilbert_ratios", "measure_curve", "measure_curves"]
+__all__ = [
+    "Curve",
+    "CurveFault",
+    "CurveKind",
+    "Lattice",
+    "Rate",
+    "Work",
+    "curve_works",
+    "measure_in_turns",
+    "random_cells",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -22,7 +32,7 @@ def __getattr__(name: str) -> Any:
         from scenefold.curve.lattice import Lattice
 
         return Lattice
-    if name in {"CurveSpeed", "hilbert_ratios", "measure_curve", "measure_curves"}:
+    if name in {"Rate", "Work", "curve_works", "measure_in_turns", "random_cells"}:
         from scenefold.curve import measure
 
         return getattr(measure, name)

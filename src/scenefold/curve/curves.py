@@ -14,49 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
-from scenefold.base.errors import LocalFault
-from scenefold.base.limits import SPACE_DIMENSIONS_MAX
-from scenefold.base.location import LOCATION_BITS
+from scenefold.curve.shape import CurveFault, CurveKind, CurveShape
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-CurveKind = Literal["hilbert", "z-order"]
-
-CELL_BITS_MAX = 64
-"""A cell number is 64 bits, so that cells travel in ordinary arrays."""
-
-
-class CurveFault(LocalFault, ValueError):
-    """An argument that a curve or a lattice has no meaning for. A ValueError too, as in `base.location`."""
+__all__ = ["Curve", "CurveFault", "CurveKind"]
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class Curve(CurveShape):
     """A Hilbert or Z-order curve through a space of 1 to 8 dimensions. Equal if kind and dimensions are."""
-
-    kind: CurveKind
-    dimensions: int
-
-    def __post_init__(self) -> None:
-        if self.kind not in get_args(CurveKind):
-            raise CurveFault(f"there is no curve {self.kind!r}", remedy='use "hilbert" or "z-order"')
-        whole = isinstance(self.dimensions, int) and not isinstance(self.dimensions, bool)
-        if not whole or not 1 <= self.dimensions <= SPACE_DIMENSIONS_MAX:
-            raise CurveFault(f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {self.dimensions!r}")
-
-    @property
-    def bits(self) -> int:
-        """Bits of an axis: floor(160 / D)."""
-        return LOCATION_BITS // self.dimensions
-
-    @property
-    def cell_bits(self) -> int:
-        """Bits of a cell number: `bits`, but at most 64 (then the axis's high ones)."""
-        return min(self.bits, CELL_BITS_MAX)
 
     def encode(self, cells: npt.ArrayLike) -> npt.NDArray[np.bytes_]:
         """Locations S20[n] of cells uint64[n, D]: each the first location of its cell.

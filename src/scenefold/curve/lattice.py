@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from scenefold.curve.curves import CurveFault
+from scenefold.curve.shape import CurveFault
 
 if TYPE_CHECKING:
     from scenefold.curve.curves import Curve

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,16 +12,13 @@ from scenefold.base.limits import CURVE_ARCS_MAX
 from scenefold.base.location import LOCATION_BYTES
 from scenefold.curve import kernels
 from scenefold.curve.arcs import cover
-from scenefold.curve.curves import CurveFault
+from scenefold.curve.shape import CurveFault, CurveShape
 from scenefold.curve.tables import tables_of
-
-if TYPE_CHECKING:
-    from scenefold.curve.curves import Curve
 
 Cells = npt.NDArray[np.uint64]
 
 
-def encode(curve: Curve, cells: npt.ArrayLike) -> npt.NDArray[np.bytes_]:
+def encode(curve: CurveShape, cells: npt.ArrayLike) -> npt.NDArray[np.bytes_]:
     """See `Curve.encode`."""
     numbers = _cells_of(curve, cells)
     tables = tables_of(curve.kind, curve.dimensions)
@@ -30,7 +27,7 @@ def encode(curve: Curve, cells: npt.ArrayLike) -> npt.NDArray[np.bytes_]:
     return out.view(f"S{LOCATION_BYTES}").reshape(len(numbers))
 
 
-def decode(curve: Curve, locations: npt.NDArray[np.bytes_] | Sequence[bytes]) -> Cells:
+def decode(curve: CurveShape, locations: npt.NDArray[np.bytes_] | Sequence[bytes]) -> Cells:
     """See `Curve.decode`."""
     rows = _location_rows(locations)
     tables = tables_of(curve.kind, curve.dimensions)
@@ -39,7 +36,7 @@ def decode(curve: Curve, locations: npt.NDArray[np.bytes_] | Sequence[bytes]) ->
     return out
 
 
-def arcs(curve: Curve, low: npt.ArrayLike, high: npt.ArrayLike, limit: int) -> list[tuple[bytes, bytes]]:
+def arcs(curve: CurveShape, low: npt.ArrayLike, high: npt.ArrayLike, limit: int) -> list[tuple[bytes, bytes]]:
     """See `Curve.arcs`."""
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or limit < 1:
         raise CurveFault(f"the limit of arcs is a whole number from 1 on, not {limit!r}")
@@ -51,14 +48,14 @@ def arcs(curve: Curve, low: npt.ArrayLike, high: npt.ArrayLike, limit: int) -> l
     return cover(corners[0], corners[1], tables.inverse_one, curve.cell_bits, min(int(limit), CURVE_ARCS_MAX))
 
 
-def _corner(curve: Curve, corner: npt.ArrayLike) -> list[Any]:
+def _corner(curve: CurveShape, corner: npt.ArrayLike) -> list[Any]:
     numbers = corner.tolist() if isinstance(corner, np.ndarray) else corner
     if not isinstance(numbers, Sequence) or len(numbers) != curve.dimensions:
         raise CurveFault(f"the corner of a box has {curve.dimensions} cell numbers, not {corner!r}")
     return list(numbers)
 
 
-def _cells_of(curve: Curve, cells: npt.ArrayLike) -> Cells:
+def _cells_of(curve: CurveShape, cells: npt.ArrayLike) -> Cells:
     """Checked cells as contiguous uint64[n, D]."""
     array = cells if isinstance(cells, np.ndarray) else _array_of_numbers(cells)
     if array.size == 0 and array.ndim <= 2:

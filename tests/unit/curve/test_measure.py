@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import itertools
 
-from scenefold.curve import CurveSpeed, hilbert_ratios, measure_curve
+from scenefold.curve import Curve, Rate, Work, curve_works, measure_in_turns
 
 
 def test_rates_are_work_by_the_clock() -> None:
     ticks = itertools.count(0.0, 0.5)
-    speed = measure_curve("hilbert", 3, lambda: next(ticks), points=100, boxes=4, limit=8)
-    assert (speed.encode_points_s, speed.decode_points_s, speed.arcs_boxes_s) == (200.0, 200.0, 8.0)
-    assert speed.arcs_limit == 8 and 1 <= speed.arcs_per_box <= 8
+    rates = measure_in_turns(curve_works(Curve("hilbert", 3), points=100, boxes=4, limit=8), lambda: next(ticks), rounds=3)
+    assert {name: rate.median for name, rate in rates.items()} == {"encode": 200.0, "decode": 200.0, "arcs": 8.0}
 
 
-def test_ratios_need_both_curves() -> None:
-    speeds = [
-        CurveSpeed("hilbert", 3, 30.0, 1, 1, 1, 1),
-        CurveSpeed("z-order", 3, 40.0, 1, 1, 1, 1),
-        CurveSpeed("hilbert", 4, 9.0, 1, 1, 1, 1),
-    ]
-    assert hilbert_ratios(speeds) == {3: 0.75}
+def test_works_take_turns_after_one_round_that_does_not_count() -> None:
+    done: list[str] = []
+    times = iter([0.0, 1.0, 1.0, 2.0, 2.0, 6.0, 6.0, 7.0, 7.0, 9.0, 9.0, 10.0])
+    works = [Work(name, 4, lambda name=name: done.append(name)) for name in "ab"]
+    rates = measure_in_turns(works, lambda: next(times), rounds=3)
+    assert done == ["a", "b"] * 4
+    assert rates["a"] == Rate(median=2.0, least=1.0, most=4.0)
