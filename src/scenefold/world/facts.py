@@ -1,0 +1,85 @@
+"""What all nodes and users of a cluster know from the start: its name, keys and founders (specs/15-cluster-log.md).
+
+A profile on disk gives these facts (profile.py), a simulation makes them in memory; the node's code takes them as a
+value and never asks where they come from. Who is a member *now* says the cluster's log, which begins with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.crypto import PublicKey
+from scenefold.wire import KeyEntry, SceneLogPublic, SceneMode
+from scenefold.world.ports import Ports
+
+ED25519 = 1
+GENESIS_POSITION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Credential:
+    """A node that the cluster's authority has certified: its id, address, and the key that it signs with."""
+
+    node_id: NodeId
+    address: str
+    public_key: PublicKey
+
+
+@dataclass(frozen=True)
+class ClusterFacts:
+    """`credentials`, `founders` and `voters` in id order; the voters are founders, the founders have credentials.
+
+    Founders stand on the line from the start; the other credentials are of spares, which may join.
+    `log_key` is the public half of the key that signs the cluster's log.
+    """
+
+    name: str
+    cluster_id: bytes
+    ports: Ports
+    seeds: tuple[str, ...]
+    credentials: tuple[Credential, ...]
+    founders: tuple[NodeId, ...]
+    voters: tuple[NodeId, ...]
+    log_key: PublicKey
+
+    def __post_init__(self) -> None:
+        known = [credential.node_id for credential in self.credentials]
+        for ids, above in ((known, known), (self.founders, known), (self.voters, self.founders)):
+            if not ids or list(ids) != sorted(set(ids)) or not set(ids) <= set(above):
+                raise ValueError("credentials, founders and voters are given in id order, each once and out of the ones before")
+        if len(self.cluster_id) != 16:
+            raise ValueError("a cluster id has 16 bytes")
+
+    @property
+    def voter(self) -> NodeId:
+        """The one that decides the cluster's log, as long as there is one."""
+        return self.voters[0]
+
+    def credential(self, node: NodeId) -> Credential | None:
+        """The credential of a node, None if the facts know none."""
+        return self._by_id.get(node)
+
+    @cached_property
+    def genesis_header(self) -> SceneLogPublic:
+        """The unsigned header of position 1 of the cluster's log. Its hash is the log's genesis, and gives its scene id."""
+        key = KeyEntry(ED25519, self.log_key.raw)
+        unborn = SceneLogPublic(
+            scene=SceneId(1),
+            genesis=bytes(32),
+            origin=self.voter,
+            position=GENESIS_POSITION,
+            write_floor=0,
+            mode=SceneMode.EDIT,
+            spaces=(),
+            writers=(),
+            public_key=self.log_key.key_id,
+            private_key=self.log_key.key_id,
+            keys=(key,),
+        )
+        return unborn.with_genesis()
+
+    @cached_property
+    def _by_id(self) -> dict[NodeId, Credential]:
+        return {credential.node_id: credential for credential in self.credentials}
