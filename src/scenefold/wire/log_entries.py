@@ -151,7 +151,7 @@ LogEntry: TypeAlias = SingleEntry | Batch
 
 
 @dataclass(frozen=True, slots=True)
-class _Boxed:
+class Boxed:
     """A space's box has as many coordinates as the space dimensions, and a positive size along each."""
 
     def holds(self, value: Any) -> bool:
@@ -181,7 +181,7 @@ _SINGLE: dict[int, Struct[Any]] = {
         ("name", Text(SPACE_NAME_BYTES_MAX)),
         ("low", _COORDINATES),
         ("high", _COORDINATES),
-        law=_Boxed(),
+        law=Boxed(),
     ),
     2: Struct(TranslateSpace, ("space", SPACE), ("offset", _COORDINATES)),
     3: Struct(ScaleSpace, ("space", SPACE), ("factor", Float(positive=True))),

@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 
 from scenefold.base.location import Location
 from scenefold.wire.common import MINI_STATUS, Packet
-from scenefold.wire.containers import Many, Struct
+from scenefold.wire.containers import Many, Struct, Tagged
 from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Nothing, Place, Text, Uint
 from scenefold.wire.table import ROWS
+from unit.wire.lawful import lawful
 
 
 def values(kind: Kind[Any]) -> st.SearchStrategy[Any]:
@@ -24,7 +25,8 @@ def values(kind: Kind[Any]) -> st.SearchStrategy[Any]:
         case Flag():
             return st.booleans()
         case Float():
-            return st.floats(allow_nan=False, allow_infinity=False)
+            least = 0.0 if kind.positive else None
+            return st.floats(min_value=least, exclude_min=kind.positive, allow_nan=False, allow_infinity=False)
         case Bin() if kind.lengths:
             return st.one_of(*(st.binary(min_size=size, max_size=size) for size in kind.lengths if size <= 64))
         case Bin():
@@ -43,16 +45,30 @@ def values(kind: Kind[Any]) -> st.SearchStrategy[Any]:
         case Many():
             return st.lists(values(kind.inner), max_size=3).map(tuple)
         case Struct():
-            return st.builds(kind.build, *(values(inner) for _, inner in kind.fields))
+            return _lawful_values(kind)
+        case Tagged():
+            return st.one_of(*(values(struct) for struct in kind.structs.values()))
     raise AssertionError(kind)
+
+
+def _lawful_values(kind: Struct[Any]) -> st.SearchStrategy[Any]:
+    law = kind.law
+    fields = st.fixed_dictionaries({name: values(inner) for name, inner in kind.fields})
+    made = fields.map(lambda drawn: kind.build(**lawful(law, drawn)))
+    return made.filter(law.holds) if law else made
 
 
 def packets_of(number: int) -> st.SearchStrategy[Packet]:
     row = ROWS[number]
     mini_status = st.none() if number == 1 else st.one_of(st.none(), values(MINI_STATUS))
-    fields = {name: values(kind) for name, kind in row.fields}
-    packets = st.builds(row.packet, **fields, request_id=st.integers(0, 2**32 - 1), mini_status=mini_status)
     law = row.law
+    fields = st.fixed_dictionaries({name: values(kind) for name, kind in row.fields}).map(lambda drawn: lawful(law, drawn))
+    packets = st.builds(
+        lambda drawn, request_id, mini_status: row.packet(**drawn, request_id=request_id, mini_status=mini_status),
+        fields,
+        st.integers(0, 2**32 - 1),
+        mini_status,
+    )
     return packets.filter(law.holds) if law else packets
 
 

@@ -25,6 +25,8 @@ from scenefold.wire import (
 from scenefold.wire.table import RESERVED, ROWS
 from unit.wire.strategies import PACKETS
 
+HEARD = [1, 2, bytes(16), 1, "127.0.0.2"]
+SAID = [0, 0, 0, 0, 0, 0, 0, 0, 0, [], bytes(64)]
 GET = [13, 7, None, 1, 1, bytes(20), 0, b""]
 
 
@@ -140,6 +142,12 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
         ([16, 0, None, 1, 1, LAST, FIRST], "QueryRange", "not first ≤ last"),
         ([56, 0, None, 1, 2, 2, b""], "FilmPart", "not part_index < part_count"),
         ([58, 0, None, 1, 2, 3, b""], "ImagePart", "not offset ≤ total_bytes"),
+        ([1, 0, None, [[*HEARD, FIRST, None, *SAID]]], "PingBroadcast.statuses[0]", "not left_fence needs right_bound"),
+        ([1, 0, None, [[*HEARD, LAST, LAST, *SAID]]], "PingBroadcast.statuses[0]", "left_fence < right_bound"),
+        ([17, 0, None, 1, 1, FIRST, LAST, [FIRST, LAST], [bytes(16)], False], "ReturnRange", "as many as locations"),
+        ([17, 0, None, 1, 1, FIRST, LAST, [FIRST], [bytes(15)], False], "ReturnRange.objects[0]", "15 bytes"),
+        ([41, 0, None, bytes(16), [1, bytes(16)], [2, bytes(16)], LAST, FIRST, 0, 0, 0], "OfferRange", "not first ≤ last"),
+        ([66, 0, None, bytes(16), [4096]], "RecordsWanted.indexes[0]", "outside"),
         ([77, 0, None], "type", "77 is no packet"),
         ([0, 0, None], "type", "0 is no packet"),
         ([2**64 - 1, 0, None], "type", "is no packet"),

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from scenefold.base.reasons import RejectReason
+from scenefold.wire.log_entries import LOG_ENTRY
 from scenefold.wire.table import RESERVED, ROWS, STRUCTS
 
 SPEC = (Path(__file__).resolve().parents[3] / "specs" / "03-wire.md").read_text(encoding="utf-8")
@@ -30,7 +31,15 @@ def test_packets() -> None:
 
 def test_structs() -> None:
     names = {struct.name for struct in STRUCTS}
-    assert cells("|".join(names)) == [[struct.name, fields(struct.fields)] for struct in STRUCTS]
+    laws = {struct.name: f" (and {struct.law})" if struct.law else "" for struct in STRUCTS}
+    assert cells("|".join(names)) == [[struct.name, fields(struct.fields) + laws[struct.name]] for struct in STRUCTS]
+
+
+def test_log_entries() -> None:
+    assert cells(r"entry \d+") == [
+        [f"entry {number}", kind.name, fields(kind.fields) + (f" (and {kind.law})" if kind.law else "")]
+        for number, kind in LOG_ENTRY.structs.items()
+    ]
 
 
 def test_reserved_numbers() -> None:

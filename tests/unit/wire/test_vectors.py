@@ -7,11 +7,13 @@ import json
 import msgpack
 import pytest
 
-from scenefold.wire import decode_packet, encode_packet
+from scenefold.wire import LogRecord, decode_packet, encode_packet
+from scenefold.wire.log_entries import LOG_ENTRY
 from scenefold.wire.table import ROWS
-from unit.wire.vectors import PATH, example_packet, from_json
+from unit.wire.vectors import LOG_PATH, PATH, example_packet, example_record, from_json
 
 ENTRIES = json.loads(PATH.read_text(encoding="utf-8"))["packets"]
+RECORDS = json.loads(LOG_PATH.read_text(encoding="utf-8"))["records"]
 
 
 def test_every_packet_has_a_vector() -> None:
@@ -25,3 +27,17 @@ def test_the_bytes_are_pinned(entry: dict[str, object]) -> None:
     packet = decode_packet(data)
     assert packet == example_packet(ROWS[int(str(entry["number"]))].number)
     assert encode_packet(packet) == data
+
+
+def test_every_log_entry_has_a_vector() -> None:
+    assert [(entry["number"], entry["name"]) for entry in RECORDS] == [(number, kind.name) for number, kind in LOG_ENTRY.structs.items()]
+
+
+@pytest.mark.parametrize("entry", RECORDS, ids=lambda entry: entry["name"])
+def test_the_bytes_and_hash_of_a_log_record_are_pinned(entry: dict[str, object]) -> None:
+    data = bytes.fromhex(str(entry["bytes"]))
+    assert msgpack.unpackb(data) == from_json(entry["array"])
+    record = LogRecord.decode(data)
+    assert record == example_record(int(str(entry["number"])))
+    assert record.encode() == data
+    assert record.hash().hex() == entry["hash"]

@@ -1,9 +1,9 @@
-"""Golden packets: one example of each, made from the table, written to specs/vectors/packets.json.
+"""Golden packets and log records: one example of each, made from the table, written to specs/vectors/.
 
-The file pins the bytes: it is written once for a packet and changes only when the protocol's version does. To add
-what is new: `PYTHONPATH=tests .venv/bin/python -m unit.wire.vectors`; it keeps every entry that exists.
+The files pin the bytes: an entry is written once and, from the first release on, changes only when the protocol's
+version does. To add what is new: `PYTHONPATH=tests .venv/bin/python -m unit.wire.vectors`; it keeps every entry that exists.
 
-In the file bytes stand as {"bin": hexadecimal}; everything else as in JSON. "array" is the MessagePack array.
+In the files bytes stand as {"bin": hexadecimal}; everything else as in JSON. "array" is the MessagePack array.
 """
 
 from __future__ import annotations
@@ -12,14 +12,20 @@ import json
 from pathlib import Path
 from typing import Any
 
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.wire import encode_packet
-from scenefold.wire.common import MINI_STATUS, Packet
-from scenefold.wire.containers import Many, Struct
+from scenefold.wire.common import DIGEST, INCARNATION, MINI_STATUS, Packet
+from scenefold.wire.containers import Many, Struct, Tagged
 from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Place, Text, Uint
+from scenefold.wire.log_entries import LOG_ENTRY
+from scenefold.wire.log_records import LOG_RECORD, LogRecord
 from scenefold.wire.table import ROWS
+from unit.wire.lawful import lawful
 
-PATH = Path(__file__).resolve().parents[3] / "specs" / "vectors" / "packets.json"
+FOLDER = Path(__file__).resolve().parents[3] / "specs" / "vectors"
+PATH = FOLDER / "packets.json"
+LOG_PATH = FOLDER / "log.json"
 
 
 def example(kind: Kind[Any], salt: int) -> Any:
@@ -46,7 +52,10 @@ def example(kind: Kind[Any], salt: int) -> Any:
         case Many():
             return tuple(example(kind.inner, salt + at) for at in range(kind.counts[-1] if kind.counts else 2))
         case Struct():
-            return kind.build(*(example(inner, salt + at) for at, (_, inner) in enumerate(kind.fields)))
+            fields = {name: example(inner, salt + at) for at, (name, inner) in enumerate(kind.fields)}
+            return kind.build(**lawful(kind.law, fields))
+        case Tagged():
+            return example(list(kind.structs.values())[salt % len(kind.structs)], salt)
     raise AssertionError(kind)
 
 
@@ -54,10 +63,7 @@ def example_packet(number: int) -> Packet:
     row = ROWS[number]
     mini_status = None if number == 1 else example(MINI_STATUS, number)
     fields = {name: example(kind, number + at) for at, (name, kind) in enumerate(row.fields)}
-    law = row.law
-    if law and fields[law.lower] > fields[law.upper]:
-        fields[law.lower], fields[law.upper] = fields[law.upper], fields[law.lower]
-    return row.packet(**fields, request_id=number * 1000, mini_status=mini_status)
+    return row.packet(**lawful(row.law, fields), request_id=number * 1000, mini_status=mini_status)
 
 
 def to_json(plain: Any) -> Any:
@@ -78,8 +84,33 @@ def plain_array(packet: Packet) -> list[Any]:
     return [packet.TYPE, packet.request_id, mini_status, *(kind.plain(getattr(packet, name)) for name, kind in row.fields)]
 
 
+def example_record(number: int) -> LogRecord:
+    """A log record with an entry of this number."""
+    entry = example(LOG_ENTRY.structs[number], number)
+    return LogRecord(number, example(DIGEST, number), example(INCARNATION, number), NodeId(number + 1), entry)
+
+
 def main() -> None:
-    entries = {entry["number"]: entry for entry in json.loads(PATH.read_text())["packets"]} if PATH.exists() else {}
+    _add_packets()
+    _add_records()
+
+
+def _add_records() -> None:
+    entries = _entries(LOG_PATH, "records")
+    for number in sorted(LOG_ENTRY.structs.keys() - entries.keys()):
+        record = example_record(number)
+        entries[number] = {
+            "number": number,
+            "name": LOG_ENTRY.structs[number].name,
+            "array": to_json(LOG_RECORD.plain(record)),
+            "bytes": record.encode().hex(),
+            "hash": record.hash().hex(),
+        }
+    _write(LOG_PATH, "records", entries)
+
+
+def _add_packets() -> None:
+    entries = _entries(PATH, "packets")
     for number in sorted(ROWS.keys() - entries.keys()):
         packet = example_packet(number)
         entries[number] = {
@@ -88,8 +119,16 @@ def main() -> None:
             "array": to_json(plain_array(packet)),
             "bytes": encode_packet(packet).hex(),
         }
+    _write(PATH, "packets", entries)
+
+
+def _entries(path: Path, what: str) -> dict[int, Any]:
+    return {entry["number"]: entry for entry in json.loads(path.read_text())[what]} if path.exists() else {}
+
+
+def _write(path: Path, what: str, entries: dict[int, Any]) -> None:
     lines = ",\n".join(json.dumps(entries[number], ensure_ascii=False) for number in sorted(entries))
-    PATH.write_text(f'{{"packets": [\n{lines}\n]}}\n')
+    path.write_text(f'{{"{what}": [\n{lines}\n]}}\n')
 
 
 if __name__ == "__main__":
