@@ -2,15 +2,19 @@
 
 Each node broadcasts once a second with probability 1/N. So each of the N nodes is equally likely to be the author
 of the next broadcast, and a living peer has stayed silent through B of them with probability ((N-1)/N)^B. The
-roster counts B for every peer since the last time that it was heard, and gives that number as the chance that the
+roster knows B for every peer since the last time that it was heard, and gives that number as the chance that the
 peer is alive. Counting broadcasts instead of seconds makes the odds independent of the size of the cluster, and of
 anybody's clock. A node hears its own broadcasts too: otherwise one that is left alone would never notice.
 
-A peer is heard when a status of its own arrives, from itself or relayed, with a risen Lamport time. What it says in
-its requests (MiniStatus) counts likewise, since the connection is authenticated. A status under another incarnation
-is that of a node whose folder was made anew: it is taken, and the old incarnation never comes back. Relayed, it is taken
-only once the incarnation that we know has fallen silent: who was away for long may relay one that is long gone, and a
-node that was restarted meanwhile does not know that.
+B is no counter of each peer: one counter runs for all, and each peer bears a mark, the counter's value when it was
+last heard. So a broadcast costs as much as it brings news, also among a thousand nodes; and peers stand in the order
+of their marks, so that those who have been silent for too long are found without looking at the others.
+
+Who is a member says the cluster's log (`set_members`), under which incarnation too: a status of any other incarnation
+never counts, whoever signed or repeated it. A peer is heard when a status of its own arrives whose Lamport time has
+risen, from itself or relayed, or when it asks or answers on an authenticated connection (MiniStatus). Relayed news
+say that the peer lived some time ago. So the roster also knows when a peer gave *proof* of life, to us or to a node
+that we asked to probe it: only that counts when its removal is at stake.
 
 Signatures are not judged here: whoever calls `hear` has verified them. `rises` says beforehand whether the work of
 verifying is worth it.
@@ -18,107 +22,270 @@ verifying is worth it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
 
 from scenefold.base.ids import NodeId
+from scenefold.base.location import Location
+from scenefold.peer.odds import broadcasts_missed_max, chance_alive
 from scenefold.wire import MiniStatus, Status
 
-ALIVE_CHANCE_MIN = 1 / 20
-"""Below this chance a peer is no longer believed alive (storage.md, Members and owners)."""
-PAST_INCARNATIONS_MAX = 64
-"""Old incarnations remembered for each member: a folder is made anew a few times in a cluster's life."""
+
+class RegisteredNode(Protocol):
+    """A member as the cluster's log has it."""
+
+    @property
+    def incarnation(self) -> bytes: ...
+
+
+class MemberList(Protocol):
+    """What the roster needs of the registry: nodes in line order; `current` is None for a founder that never came."""
+
+    @property
+    def position(self) -> int: ...
+
+    @property
+    def order(self) -> Sequence[NodeId]: ...
+
+    def current(self, node: NodeId, /) -> RegisteredNode | None: ...
 
 
 @dataclass(slots=True)
 class _Peer:
+    incarnation: bytes | None
+    since: float
+    """When this node learnt of the membership: silence is counted from then on at the earliest."""
+    mark: int
+    proof_at: float
     status: Status | None = None
     lamport: int = -1
-    broadcasts_missed: int = 0
+    """The newest Lamport time heard: of a status or of a mini status."""
     heard_at: float | None = None
-    refused: bool = False
-    past: list[bytes] = field(default_factory=list)
+    signs: int = 0
+    proofs: int = 0
 
 
 class Roster:
-    """The table of registered members as one node sees it, itself included."""
+    """The table of members as one node sees it. Itself it is in no table, but counts as a member."""
 
-    def __init__(self, me: NodeId, members: Iterable[NodeId]) -> None:
+    def __init__(self, me: NodeId) -> None:
         self._me = me
-        self._peers = {member: _Peer() for member in sorted(set(members)) if member != me}
+        self._peers: dict[NodeId, _Peer] = {}
+        self._order: tuple[NodeId, ...] = ()
+        self._position = 0
+        self._broadcasts = 0
+        self._by_mark: OrderedDict[NodeId, None] = OrderedDict()
+        self._refused: dict[NodeId, None] = {}
+        self._unheard: dict[NodeId, None] = {}
+        self._ring: list[NodeId] = []
         self._cursor = 0
+        self._missed_max = 0
+        self._right_bounds: dict[NodeId, Location | None] = {}
+        self.bounds_version = 0
+        """Rises whenever `right_bounds` or the members change."""
+        self.tell_position: Callable[[NodeId, int], None] = _tell_nobody
+        """Called with (node, position) when a peer knows more of the cluster's log than we did at `set_members`."""
+
+    # ---------------------------------------------------------------------------------------------------- members
+
+    def set_members(self, members: MemberList, now: float) -> None:
+        """Take the members of the cluster's log. Who is new, or came under a new incarnation, begins unheard."""
+        peers: dict[NodeId, _Peer] = {}
+        for node in members.order:
+            if node == self._me:
+                continue
+            registered = members.current(node)
+            incarnation = None if registered is None else registered.incarnation
+            before = self._peers.get(node)
+            if before is not None and before.incarnation == incarnation:
+                peers[node] = before
+            else:
+                peers[node] = _Peer(incarnation, now, self._broadcasts, now)
+                self._by_mark[node] = None
+                self._by_mark.move_to_end(node)
+                self._refused.pop(node, None)
+                self._unheard[node] = None
+                self._right_bounds.pop(node, None)
+        for node in [node for node in self._peers if node not in peers]:
+            del self._by_mark[node]
+            self._refused.pop(node, None)
+            self._unheard.pop(node, None)
+            self._right_bounds.pop(node, None)
+        self._peers = peers
+        self._ring = [node for node in self._ring if node in peers and peers[node].status is not None]
+        self._order = tuple(members.order)
+        self._position = members.position
+        self._missed_max = broadcasts_missed_max(self.count)
+        self.bounds_version += 1
 
     @property
     def count(self) -> int:
         """N: members, this node included."""
         return len(self._peers) + 1
 
+    @property
+    def peers(self) -> Iterable[NodeId]:
+        """The other members, in the order of the line."""
+        return self._peers.keys()
+
+    def is_peer(self, member: NodeId) -> bool:
+        """Whether this is another member, heard or not."""
+        return member in self._peers
+
+    # ---------------------------------------------------------------------------------------------------- hearing
+
     def rises(self, status: Status, *, relayed: bool = False) -> bool:
-        """Whether hearing this status would count: a registered peer, and newer than what is known of it."""
+        """Whether hearing this status would change anything: of a registered incarnation, and newer than what we have."""
         peer = self._peers.get(status.node)
-        if peer is None or status.incarnation in peer.past:
-            return False
-        if self._is_newcomer(peer, status):
-            return not relayed or peer.status is None or not self.is_believed_alive(status.node)
-        return status.lamport > peer.lamport
+        return peer is not None and status.incarnation == peer.incarnation and status.lamport > _lamport_of(peer.status)
 
     def hear(self, status: Status, now: float, *, relayed: bool = False) -> bool:
-        """Take a verified status at local time `now`, `relayed` by another node or not; False if it does not count."""
+        """Take a verified status at local time `now`, `relayed` by another node or not; True if it is a sign of life.
+
+        What a peer says itself is one if it is newer than its last status. A relayed one must also be newer than what
+        the peer has said on connections since then: else it is merely taken into the table.
+        """
         if not self.rises(status, relayed=relayed):
             return False
         peer = self._peers[status.node]
-        if peer.status is not None and self._is_newcomer(peer, status):
-            peer.past = [*peer.past, peer.status.incarnation][-PAST_INCARNATIONS_MAX:]
-            peer.lamport = -1
+        is_sign = not relayed or status.lamport > peer.lamport
+        if peer.status is None:
+            self._unheard.pop(status.node, None)
+            self._ring.append(status.node)
+        if status.lamport > peer.lamport:
+            self._set_right_bound(status.node, status.right_bound)
         peer.status = status
-        self._heard(peer, max(peer.lamport, status.lamport), now)
+        if is_sign:
+            self._note_sign(status.node, status.lamport, now, is_proof=not relayed)
+        self.note_position(status.node, status.log_position)
+        return is_sign
+
+    def hear_mini(self, mini: MiniStatus, now: float) -> bool:
+        """Take the short status of an authenticated packet; True if it is a sign of life: it rises."""
+        peer = self._peers.get(mini.node)
+        self.note_position(mini.node, mini.log_position)
+        if peer is None or peer.incarnation is None or mini.lamport <= peer.lamport:
+            return False
+        self._set_right_bound(mini.node, mini.right_bound)
+        self._note_sign(mini.node, mini.lamport, now, is_proof=True)
         return True
 
-    def hear_mini(self, mini: MiniStatus, now: float) -> None:
-        """Take the short status of an authenticated request or reply; it counts if it rises."""
-        peer = self._peers.get(mini.node)
-        if peer is not None and mini.lamport > peer.lamport:
-            self._heard(peer, mini.lamport, now)
-
     def count_broadcast(self, heard: Iterable[NodeId]) -> None:
-        """A broadcast arrived that brought news of `heard`: all others stayed silent through it."""
-        brought = set(heard)
-        for member, peer in self._peers.items():
-            if member not in brought:
-                peer.broadcasts_missed += 1
+        """A broadcast arrived that was a sign of life of `heard`: all others stayed silent through it."""
+        self._broadcasts += 1
+        for member in heard:
+            self._set_mark(member)
 
     def note_refusal(self, member: NodeId) -> None:
         """A request to the peer failed: it is not believed alive until it is heard again."""
         if member in self._peers:
-            self._peers[member].refused = True
+            self._refused[member] = None
+
+    def vouch(self, member: NodeId, now: float) -> None:
+        """A node that we asked has heard the peer just now."""
+        peer = self._peers.get(member)
+        if peer is not None:
+            peer.proof_at = now
+            self._set_mark(member)
+
+    def note_position(self, node: NodeId, position: int) -> None:
+        """A node says that its cluster log has come to `position`."""
+        if position > self._position:
+            self.tell_position(node, position)
+
+    # -------------------------------------------------------------------------------------------------- who lives
 
     def chance_alive(self, member: NodeId) -> float:
         """p(alive), 0 for a peer never heard; KeyError for a stranger."""
         if member == self._me:
             return 1.0
         peer = self._peers[member]
-        if peer.heard_at is None:
-            return 0.0
-        return float(((self.count - 1) / self.count) ** peer.broadcasts_missed)
+        return 0.0 if peer.heard_at is None else chance_alive(self.count, self._broadcasts - peer.mark)
 
     def is_believed_alive(self, member: NodeId) -> bool:
         if member == self._me:
             return True
         peer = self._peers.get(member)
-        return peer is not None and not peer.refused and self.chance_alive(member) >= ALIVE_CHANCE_MIN
+        return (
+            peer is not None
+            and peer.heard_at is not None
+            and member not in self._refused
+            and self._broadcasts - peer.mark <= self._missed_max
+        )
 
     def alive(self) -> list[NodeId]:
-        """The members believed alive, this node included, in the order of the line."""
-        return sorted([self._me, *(member for member in self._peers if self.is_believed_alive(member))])
+        """The members believed alive in the order of the line; this node is in it, last if it is no member yet."""
+        order = self._order if self._me in self._order else (*self._order, self._me)
+        return [member for member in order if self.is_believed_alive(member)]
+
+    def silent(self) -> list[NodeId]:
+        """The peers whose silence has lasted too many broadcasts, the longest first; never heard ones likewise."""
+        found = []
+        for member in self._by_mark:
+            if self._broadcasts - self._peers[member].mark <= self._missed_max:
+                break
+            found.append(member)
+        return found
+
+    def refused(self) -> list[NodeId]:
+        """The peers to which a request failed since they were last heard, in the order of failing."""
+        return list(self._refused)
 
     def unheard(self) -> list[NodeId]:
-        """The peers that have never been heard since this node started."""
-        return [member for member, peer in self._peers.items() if peer.heard_at is None]
+        """The peers of which no status is known, in the order in which they became members here."""
+        return list(self._unheard)
+
+    def is_unheard(self, member: NodeId) -> bool:
+        """Whether this is a peer of which no status is known."""
+        return member in self._unheard
+
+    @property
+    def unheard_count(self) -> int:
+        return len(self._unheard)
 
     def heard_at(self, member: NodeId) -> float | None:
-        """Local time of the last hearing."""
+        """Local time of the last sign of life, relayed ones included."""
         peer = self._peers.get(member)
         return None if peer is None else peer.heard_at
+
+    def proof_at(self, member: NodeId) -> float | None:
+        """Local time since when it cannot be known that the peer lives: its last proof of life, else since it is a
+        member here; None for a stranger."""
+        peer = self._peers.get(member)
+        return None if peer is None else peer.proof_at
+
+    def incarnation(self, member: NodeId) -> bytes | None:
+        """The registered incarnation of a peer; None for a stranger, or a founder that never came."""
+        peer = self._peers.get(member)
+        return None if peer is None else peer.incarnation
+
+    def signs(self, member: NodeId) -> int:
+        """How many signs of life a peer has given, relayed ones included; 0 for a stranger."""
+        peer = self._peers.get(member)
+        return 0 if peer is None else peer.signs
+
+    def proofs(self, member: NodeId) -> int:
+        """How many signs of life came from the peer itself; 0 for a stranger."""
+        peer = self._peers.get(member)
+        return 0 if peer is None else peer.proofs
+
+    def count_proven(self, since: float) -> int:
+        """How many members have given proof of life at `since` or later, this node included. Looks at all of them."""
+        return 1 + sum(peer.proofs > 0 and peer.proof_at >= since for peer in self._peers.values())
+
+    # -------------------------------------------------------------------------------------------------- the table
+
+    def status(self, member: NodeId) -> Status | None:
+        """The newest known status of a peer."""
+        peer = self._peers.get(member)
+        return None if peer is None else peer.status
+
+    def right_bounds(self) -> Mapping[NodeId, Location | None]:
+        """The newest right bound of each peer that was heard, be it in passing; None: it owns nothing. A live view."""
+        return MappingProxyType(self._right_bounds)
 
     def statuses(self) -> list[Status]:
         """The newest known status of every peer, in the order of the line; this node's is not in it."""
@@ -126,24 +293,46 @@ class Roster:
 
     def page(self, room: int, size_of: Callable[[Status], int]) -> Sequence[Status]:
         """The next statuses to relay, as many as fit `room` bytes, going on where the last page ended."""
-        statuses = self.statuses()
         chosen: list[Status] = []
-        for step in range(len(statuses)):
-            status = statuses[(self._cursor + step) % len(statuses)]
+        while len(chosen) < len(self._ring):
+            status = self._peers[self._ring[self._cursor % len(self._ring)]].status
+            assert status is not None, "only those with a status stand in the ring"
             room -= size_of(status)
             if room < 0:
                 break
             chosen.append(status)
-        self._cursor += len(chosen)
+            self._cursor = (self._cursor + 1) % len(self._ring)
         return chosen
 
-    @staticmethod
-    def _is_newcomer(peer: _Peer, status: Status) -> bool:
-        return peer.status is None or status.incarnation != peer.status.incarnation
+    # ---------------------------------------------------------------------------------------------------- private
 
-    @staticmethod
-    def _heard(peer: _Peer, lamport: int, now: float) -> None:
+    def _note_sign(self, member: NodeId, lamport: int, now: float, *, is_proof: bool) -> None:
+        peer = self._peers[member]
+        # What the peer says itself may also fall: an old folder that came and went must not drown out the right one.
         peer.lamport = lamport
         peer.heard_at = now
-        peer.broadcasts_missed = 0
-        peer.refused = False
+        peer.signs += 1
+        if is_proof:
+            peer.proofs += 1
+            peer.proof_at = now
+        self._refused.pop(member, None)
+        self._set_mark(member)
+
+    def _set_right_bound(self, member: NodeId, bound: Location | None) -> None:
+        if member not in self._right_bounds or self._right_bounds[member] != bound:
+            self._right_bounds[member] = bound
+            self.bounds_version += 1
+
+    def _set_mark(self, member: NodeId) -> None:
+        peer = self._peers.get(member)
+        if peer is not None:
+            peer.mark = self._broadcasts
+            self._by_mark.move_to_end(member)
+
+
+def _lamport_of(status: Status | None) -> int:
+    return -1 if status is None else status.lamport
+
+
+def _tell_nobody(_node: NodeId, _position: int) -> None:
+    """Before the cluster's log listens, there is nothing to tell."""

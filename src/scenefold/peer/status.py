@@ -1,17 +1,20 @@
 """What this node says about itself: a signed Status once in a while, a MiniStatus on every packet (thesis C.1).
 
 Lamport time is (boot, counter), joined to 64 bits: the boot counter of the data folder is durable, so a restarted
-node begins above all that it said before, without writing anything down while it runs.
+node begins above all that it said before, without writing anything down while it runs. What it owns and how far it
+knows the cluster's log are set by those whose business that is, at the moment that it is durable.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from scenefold.base.ids import NodeId
-from scenefold.base.location import Location
+from scenefold.base.limits import BLACKLIST_MAX
+from scenefold.base.location import FIRST, Arc, Location
 from scenefold.crypto import STATUS_DOMAIN, SigningKey
-from scenefold.wire import MiniStatus, Status
+from scenefold.wire import Member, MiniStatus, Status
 
 _BLOCK_BYTES = 4096
 _FRACTION_ONE = 1 << 32
@@ -35,12 +38,20 @@ class Load:
 class OwnStatus:
     """The author of this node's statuses. Used from the Trio thread only."""
 
-    def __init__(self, me: NodeId, address: str, incarnation: bytes, boot: int, right_bound: Location, key: SigningKey) -> None:
+    def __init__(
+        self, me: NodeId, address: str, incarnation: bytes, boot: int, key: SigningKey, *, blacklist: Iterable[NodeId] = ()
+    ) -> None:
         assert 0 <= boot <= _U32_MAX
+        listed = tuple(sorted(set(blacklist)))
+        assert len(listed) <= BLACKLIST_MAX, "settings are judged before"
         self._lamport = boot << 32
         self._key = key
-        self._basis = Status(lamport=0, node=me, incarnation=incarnation, boot=boot, address=address, right_bound=right_bound)
+        self._basis = Status(lamport=0, node=me, incarnation=incarnation, boot=boot, address=address, blacklist=listed)
         self.load = Load()
+        self.arc: Arc | None = None
+        """What this node owns, as it is durable; None: nothing."""
+        self.log_position = 0
+        """How far this node knows the cluster's log."""
 
     @property
     def me(self) -> NodeId:
@@ -49,6 +60,15 @@ class OwnStatus:
     @property
     def incarnation(self) -> bytes:
         return self._basis.incarnation
+
+    @property
+    def boot(self) -> int:
+        return self._basis.boot
+
+    @property
+    def member(self) -> Member:
+        """This node under its incarnation, as the cluster's log names it."""
+        return Member(self.me, self.incarnation)
 
     def update(self, **changes: int) -> None:
         """Change some numbers of `load`; from now on they are what we say."""
@@ -64,6 +84,9 @@ class OwnStatus:
         status = replace(
             self._basis,
             lamport=self.next(),
+            left_fence=_fence_before(self.arc),
+            right_bound=None if self.arc is None else self.arc.last,
+            log_position=self.log_position,
             render_pool=load.render_pool,
             scene_frame=load.scene_frame,
             offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
@@ -81,12 +104,13 @@ class OwnStatus:
         return MiniStatus(
             lamport=self.next(),
             node=self.me,
-            right_bound=self._basis.right_bound,
+            right_bound=None if self.arc is None else self.arc.last,
             render_pool=load.render_pool,
             offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
             online_fraction=_fraction(load.memory_used_bytes, load.memory_total_bytes),
             rays_per_second=min(load.rays_per_second, _U32_MAX),
             ray_queue_length=min(load.ray_queue_length, _U32_MAX),
+            log_position=self.log_position,
         )
 
     def next(self) -> int:
@@ -98,3 +122,20 @@ class OwnStatus:
 def _fraction(used: int, total: int) -> int:
     """The share used, of 2^32, as 32 bits."""
     return min(used * _FRACTION_ONE // total, _U32_MAX) if total else 0
+
+
+def arc_of_status(status: Status) -> Arc | None:
+    """What a status claims to own; None: nothing."""
+    if status.right_bound is None:
+        return None
+    first = FIRST if status.left_fence is None else status.left_fence.next()
+    # The wire lets no fence pass that is not below the bound, so there is a place behind it.
+    assert first is not None
+    return Arc(first, status.right_bound)
+
+
+def _fence_before(arc: Arc | None) -> Location | None:
+    """The last location left of an arc; None where it begins with the line, or where there is none."""
+    if arc is None or arc.first == FIRST:
+        return None
+    return Location.from_number(arc.first.number - 1)
