@@ -1,0 +1,121 @@
+"""What can go wrong in a simulation, each as a value: it can be listed, replayed and left out (specs/17-simulation.md, Faults).
+
+A fault has a beginning and an end in virtual seconds, says whom it hits by *slot* (founders are 0 … N-1, and 0 is the
+voter; spares that may join follow), and how much. What `slots` and `amount` mean depends on the kind; see KINDS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Kind(Enum):
+    """Kinds of faults; the value is the name in reports."""
+
+    PARTITION = "partition"
+    ONE_WAY = "one-way cut"
+    CLOG = "clogged link"
+    LOSS = "loss"
+    DUPLICATION = "duplication"
+    REORDERING = "reordering"
+    SLOW_NODE = "slow node"
+    RESET = "connection reset"
+    CRASH = "crash"
+    CRASH_BEFORE_COMMIT = "crash before commit"
+    CRASH_AFTER_COMMIT = "crash after commit"
+    CRASH_BEFORE_SEND = "crash before send"
+    CRASH_AFTER_SEND = "crash after send"
+    TORN_WRITE = "torn write"
+    DISK_FULL = "full disk"
+    SLOW_DISK = "slow disk"
+    CORRUPTION = "corrupted page"
+    WIPED_DISK = "wiped disk"
+    RESTORED_BACKUP = "restored backup"
+    CLOCK_RATE = "clock rate"
+    CLOCK_OFFSET = "clock offset"
+    JOIN = "join"
+    DRAIN = "drain"
+    KILL_IN_JOIN = "kill during join"
+    KILL_IN_HANDOVER = "kill during handover"
+
+
+class Whom(Enum):
+    """Whom a fault hits."""
+
+    ALL = "all"
+    """Every link; `slots` is empty."""
+    GROUP = "group"
+    """Some slots, fewer than half, against all others."""
+    PAIR = "pair"
+    """Two slots, in this order."""
+    ONE = "one"
+    NO_VOTER = "no voter"
+    """One slot, but never the voter: with one voter for now, its disk is the cluster's log."""
+    SPARE = "spare"
+    """A spare of its own, that no other fault starts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """How faults of a kind are drawn. `odds`: of being in a seed at all. `amount`: see `meaning`."""
+
+    odds: float
+    whom: Whom
+    seconds: tuple[float, float]
+    amount: tuple[float, float] = (0.0, 0.0)
+    meaning: str = ""
+    moves_members: bool = False
+    """Whether the fault is one of membership, and left out of the workload `data`."""
+
+
+KINDS: dict[Kind, Shape] = {
+    Kind.PARTITION: Shape(0.66, Whom.GROUP, (2, 20)),
+    Kind.ONE_WAY: Shape(0.66, Whom.PAIR, (2, 20)),
+    Kind.CLOG: Shape(0.66, Whom.PAIR, (2, 15)),
+    Kind.LOSS: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams lost"),
+    Kind.DUPLICATION: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams doubled"),
+    Kind.REORDERING: Shape(0.66, Whom.ALL, (3, 20), (0.05, 1.5), "seconds that a datagram may be late"),
+    Kind.SLOW_NODE: Shape(0.66, Whom.ONE, (3, 20), (5, 60), "times as slow"),
+    Kind.RESET: Shape(0.66, Whom.PAIR, (0.5, 4), (1, 4), "resets, spread over the time"),
+    Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 45)),
+    Kind.CRASH_BEFORE_COMMIT: Shape(0.66, Whom.ONE, (1, 15), (1, 25), "which commit from then on"),
+    Kind.CRASH_AFTER_COMMIT: Shape(0.66, Whom.ONE, (1, 15), (1, 25), "which commit from then on"),
+    Kind.CRASH_BEFORE_SEND: Shape(0.66, Whom.ONE, (1, 15), (1, 60), "which packet from then on"),
+    Kind.CRASH_AFTER_SEND: Shape(0.66, Whom.ONE, (1, 15), (1, 60), "which packet from then on"),
+    Kind.TORN_WRITE: Shape(0.66, Whom.ONE, (1, 15)),
+    Kind.DISK_FULL: Shape(0.66, Whom.ONE, (3, 20)),
+    Kind.SLOW_DISK: Shape(0.66, Whom.ONE, (3, 20), (0.05, 1.0), "seconds a commit"),
+    Kind.CORRUPTION: Shape(0.66, Whom.ONE, (0, 0), (1, 3), "records"),
+    Kind.WIPED_DISK: Shape(0.62, Whom.NO_VOTER, (0.5, 8)),
+    Kind.RESTORED_BACKUP: Shape(0.62, Whom.NO_VOTER, (5, 25)),
+    Kind.CLOCK_RATE: Shape(0.66, Whom.ONE, (10, 60), (-0.009, 0.009), "rate error; consensus assumes at most 1 %"),
+    Kind.CLOCK_OFFSET: Shape(0.66, Whom.ONE, (0, 0), (-3600, 3600), "seconds that the time of day jumps"),
+    Kind.JOIN: Shape(0.7, Whom.SPARE, (0, 0), moves_members=True),
+    Kind.DRAIN: Shape(0.64, Whom.NO_VOTER, (0, 0), moves_members=True),
+    Kind.KILL_IN_JOIN: Shape(0.66, Whom.SPARE, (1, 15), (1, 12), "which commit of the joiner", moves_members=True),
+    Kind.KILL_IN_HANDOVER: Shape(0.85, Whom.ALL, (2, 15), (1, 5), "which commit of any open handover", moves_members=True),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that goes wrong, from `begin_s` until `end_s` (the same for what happens at once)."""
+
+    kind: Kind
+    begin_s: float
+    end_s: float
+    slots: tuple[int, ...] = ()
+    amount: float = 0.0
+
+    def __str__(self) -> str:
+        span = f"{self.begin_s:6.2f} s" + (f" to {self.end_s:6.2f} s" if self.end_s > self.begin_s else " " * 12)
+        shape = KINDS[self.kind]
+        who = {Whom.ALL: "", Whom.GROUP: "{} from all others", Whom.PAIR: "{}"}.get(shape.whom, "{}")
+        names = (" and " if shape.whom is Whom.PAIR else ", ").join(f"n{slot}" for slot in self.slots)
+        much = f"{self.amount:.4g} ({shape.meaning})" if shape.meaning else ""
+        return f"{span}  {self.kind.value:<21} {who.format(names):<22} {much}".rstrip()
+
+
+Schedule = tuple[Fault, ...]
+"""All faults of a run, in the order of their beginnings."""

@@ -1,0 +1,79 @@
+"""A fault schedule drawn from a seed. Pure: the same seed and settings give the same schedule, in any process.
+
+Each seed leaves out about a third of all kinds (swarm testing: a fault that is always there hides what only shows in its
+absence), and some kinds come twice. A schedule is a value, so the shortener may take faults out of it and the rest stays.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from scenefold.simulation.faults import KINDS, Fault, Kind, Schedule, Shape, Whom
+
+STORM_S = 80.0
+"""Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
+QUIET_START_S = 4.0
+"""The cluster forms and the first records are written before anything goes wrong."""
+AGAIN_MAX = 3
+FAULTS_MIN = 8
+SPARES_MAX = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Climate:
+    """What a schedule is drawn for: `members` False leaves joins, drains and their interruptions out."""
+
+    nodes: int
+    members: bool = True
+    storm_s: float = STORM_S
+
+
+def draw(seed: int, climate: Climate) -> Schedule:
+    """The schedule of a seed."""
+    dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}")
+    allowed = [kind for kind, shape in KINDS.items() if climate.members or not shape.moves_members]
+    kinds = [kind for kind in allowed if dice.random() < KINDS[kind].odds]
+    while len(kinds) < FAULTS_MIN:
+        kinds.append(dice.choice(allowed))
+    repeatable = [kind for kind in kinds if KINDS[kind].whom is not Whom.SPARE]
+    kinds += [dice.choice(repeatable) for _ in range(dice.randint(0, AGAIN_MAX))]
+    dice.shuffle(kinds)
+    spares = iter(range(climate.nodes, climate.nodes + SPARES_MAX))
+    faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
+    return tuple(sorted(faults, key=lambda fault: (fault.begin_s, fault.kind.value, fault.slots)))
+
+
+def spares_of(schedule: Schedule, nodes: int) -> list[int]:
+    """The slots that a schedule starts beside the founders."""
+    return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes})
+
+
+def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spares: Iterator[int]) -> Fault:
+    begin_s = QUIET_START_S + dice.random() * (climate.storm_s - QUIET_START_S)
+    # Short faults are as likely as long ones on a scale of ratios: most real ones are short, and the long ones remove nodes.
+    low, high = shape.seconds
+    seconds = low * (high / low) ** dice.random() if low else 0.0
+    if kind in (Kind.JOIN, Kind.KILL_IN_JOIN, Kind.DRAIN):
+        # What moves the line comes early enough to be in the way of everything else.
+        begin_s = QUIET_START_S + (begin_s - QUIET_START_S) * 0.6
+    if kind is Kind.KILL_IN_HANDOVER:
+        # It lies in wait for a handover from here on; `end_s` only says for how long the node stays down.
+        begin_s = QUIET_START_S
+    amount = dice.uniform(*shape.amount)
+    amount = float(round(amount)) if shape.amount[0] >= 1 else round(amount, 4)
+    return Fault(kind, round(begin_s, 3), round(begin_s + seconds, 3), _slots(shape.whom, climate.nodes, dice, spares), amount)
+
+
+def _slots(whom: Whom, nodes: int, dice: random.Random, spares: Iterator[int]) -> tuple[int, ...]:
+    if whom is Whom.ALL:
+        return ()
+    if whom is Whom.SPARE:
+        return (next(spares),)
+    if whom is Whom.GROUP:
+        size = dice.randint(1, max(1, (nodes - 1) // 2))
+        return tuple(sorted(dice.sample(range(nodes), size)))
+    if whom is Whom.PAIR:
+        return tuple(dice.sample(range(nodes), 2))
+    return (dice.randrange(1 if whom is Whom.NO_VOTER else 0, nodes),)
