@@ -25,7 +25,16 @@ from scenefold.crypto.keys import (
     SigningKey,
     key_id_of,
 )
-from scenefold.crypto.record_header import HEADER_BYTES, NONCE_BYTES, IllFormedRecord, RecordHeader, version_key
+from scenefold.crypto.logs import open_log, seal_log
+from scenefold.crypto.record_header import (
+    HEADER_BYTES,
+    NONCE_BYTES,
+    PLACED_BY_CLIENT,
+    PLACED_BY_NODE,
+    IllFormedRecord,
+    RecordHeader,
+    version_key,
+)
 from scenefold.crypto.records import (
     SYMMETRIC_KEY_BYTES,
     Record,
@@ -48,6 +57,8 @@ __all__ = [
     "LEASE_DOMAIN",
     "LOG_DOMAIN",
     "NONCE_BYTES",
+    "PLACED_BY_CLIENT",
+    "PLACED_BY_NODE",
     "PROPOSAL_DOMAIN",
     "RECORD_DOMAIN",
     "SIGNATURE_BYTES",
@@ -69,11 +80,13 @@ __all__ = [
     "key_id_of",
     "make_private_folder",
     "new_symmetric_key",
+    "open_log",
     "open_record",
     "parse_datagram",
     "peer_name",
     "read_authority_certificate",
     "read_secret",
+    "seal_log",
     "seal_record",
     "server_context",
     "sign_datagram",

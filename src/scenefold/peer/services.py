@@ -84,6 +84,8 @@ class PeerServices:
         """Serve until cancelled; started once all ports are open. LocalFault if one cannot be had."""
         context = self.context
         await context.scenes.load()
+        if await context.store.holding() is None:
+            await context.store.put_holding(context.routing.arc_of(context.me), b"")
         async with trio.open_nursery() as nursery:
             await nursery.start(self._gossip.run)
             for priority in Priority:

@@ -1,24 +1,35 @@
 """Records on the line in an LMDB folder: the only door to lmdb (specs/10-store.md)."""
 
+from scenefold.store.holding import StoredHolding
 from scenefold.store.identity import StoreIdentity
 from scenefold.store.judging import Outcome, Put, PutResult
+from scenefold.store.layout import Spot
 from scenefold.store.lmdb_disk import LmdbDisk
 from scenefold.store.measuring import Rate, StoreRates, measure_store
+from scenefold.store.placing import wanted_place
+from scenefold.store.reading import RangeAnswer
 from scenefold.store.statistics import Counts, StoreStatistics
-from scenefold.store.store import RangeAnswer, Store, open_store
+from scenefold.store.store import Store, open_store
+from scenefold.store.walking import Entry, Manifest, Weighed
 
 __all__ = [
     "Counts",
+    "Entry",
     "LmdbDisk",
+    "Manifest",
     "Outcome",
     "Put",
     "PutResult",
     "RangeAnswer",
     "Rate",
+    "Spot",
     "Store",
     "StoreIdentity",
     "StoreRates",
     "StoreStatistics",
+    "StoredHolding",
+    "Weighed",
     "measure_store",
     "open_store",
+    "wanted_place",
 ]

@@ -1,7 +1,8 @@
 """Whose folder this is: node, format, incarnation, boot (design: storage, members and owners).
 
-The incarnation is drawn when the folder is made and never again, so that a wiped node is seen to be a newcomer; the
-boot counter rises durably at every start, so that a restored backup is seen to be one.
+The incarnation is drawn when the folder is made, so that a wiped node is seen to be a newcomer; the boot counter rises
+durably at every start, so that a restored backup is seen to be one. A node that the cluster has removed draws a new
+incarnation (`RenewIdentity`): it comes back as a newcomer that has some records.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.store.layout import IDENTITY, RECORDS
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, WriteTransaction
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""2: records with a checksum, node-managed records, the holding. A folder of format 1 is read as it is and becomes 2."""
 INCARNATION_BYTES = 16
 
 _NUMBER = struct.Struct(">I")
@@ -37,6 +39,7 @@ def claim(environment: Environment, folder: str, node: NodeId, new_incarnation: 
         if transaction.get(IDENTITY, b"format") is None:
             _begin_folder(transaction, folder, node, new_incarnation)
         _check(transaction, folder, node)
+        transaction.put(IDENTITY, b"format", _NUMBER.pack(FORMAT_VERSION))
         incarnation = bytes(_value(transaction, b"incarnation", folder))
         boot = _number(transaction, b"boot", folder) + 1
         transaction.put(IDENTITY, b"boot", _NUMBER.pack(boot))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordHeader, version_key
 
@@ -20,6 +21,8 @@ class Outcome(Enum):
     """What is there is not what the writer expected."""
     FULL = "full"
     """The disk has no room beyond its reserve; nothing was changed."""
+    NOT_OWNED = "not owned"
+    """The place lies outside of the arc that this node owned at the moment of the commit."""
 
 
 _REASONS = {
@@ -27,15 +30,20 @@ _REASONS = {
     Outcome.STALE: RejectReason.STALE_VERSION,
     Outcome.EXISTS: RejectReason.STALE_VERSION,
     Outcome.FULL: RejectReason.STORAGE_FULL,
+    Outcome.NOT_OWNED: RejectReason.NOT_MY_LOCATION,
 }
 
 
 @dataclass(frozen=True, slots=True)
 class PutResult:
-    """`current` is the ciphertext's digest of what is stored there now; b"" for nothing."""
+    """`current` is the ciphertext's digest of what is stored there now; b"" for nothing.
+
+    `location`: where a node-managed record lies; None for all others, which lie where they were put.
+    """
 
     outcome: Outcome
     current: bytes = b""
+    location: Location | None = None
 
     @property
     def reason(self) -> RejectReason | None:
@@ -45,10 +53,14 @@ class PutResult:
 
 @dataclass(frozen=True, slots=True)
 class Put:
-    """A verified record to be stored. `expect`: None for anything, b"" for nothing there, else the digest there."""
+    """A verified record to be stored. `expect`: None for anything, b"" for nothing there, else the digest there.
+
+    `at`: where a node-managed record lies already; None lets the node choose. Others lie where their header says.
+    """
 
     record: Record
     expect: bytes | None = None
+    at: Location | None = None
 
 
 def judge(new: RecordHeader, expect: bytes | None, present: RecordHeader | None) -> PutResult:

@@ -179,21 +179,21 @@ class _Transaction:
     def get(self, table: str, key: bytes) -> memoryview | None:
         return cast("memoryview | None", self._transaction.get(key, db=self._tables[table]))
 
-    def keys(self, table: str, first: bytes, last: bytes) -> Iterator[bytes]:
+    def keys(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[bytes]:
         with self._transaction.cursor(self._tables[table]) as cursor:
-            if cursor.set_range(first):
-                for key in cursor.iternext(keys=True, values=False):
+            if _set_at_end(cursor, last) if reverse else cursor.set_range(first):
+                for key in (cursor.iterprev if reverse else cursor.iternext)(keys=True, values=False):
                     found = bytes(key)
-                    if found > last:
+                    if found < first if reverse else found > last:
                         return
                     yield found
 
-    def scan(self, table: str, first: bytes, last: bytes) -> Iterator[tuple[bytes, memoryview]]:
+    def scan(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[tuple[bytes, memoryview]]:
         with self._transaction.cursor(self._tables[table]) as cursor:
-            if cursor.set_range(first):
-                for key, value in cursor.iternext():
+            if _set_at_end(cursor, last) if reverse else cursor.set_range(first):
+                for key, value in (cursor.iterprev if reverse else cursor.iternext)():
                     found = bytes(key)
-                    if found > last:
+                    if found < first if reverse else found > last:
                         return
                     yield found, cast(memoryview, value)
 
@@ -204,6 +204,13 @@ class _Transaction:
     def delete(self, table: str, key: bytes) -> bool:
         self.dirty_bytes_max += self._page_bytes * TREE_PAGES_MAX
         return self._transaction.delete(key, db=self._tables[table])
+
+
+def _set_at_end(cursor: lmdb.Cursor, last: bytes) -> bool:
+    """Stand at the last key that is not above `last`; False if all are."""
+    if not cursor.set_range(last):
+        return cursor.last()
+    return bytes(cursor.key()) == last or cursor.prev()
 
 
 def _file_bytes(folder: Path) -> int:

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.ids import KeyId, SceneId, SpaceId, node_id_of
 from scenefold.base.limits import PAYLOAD_BYTES_MAX
-from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.base.location import LOCATION_BYTES, WHOLE_LINE, Location
 from scenefold.crypto import Record, RecordHeader, RecordPlace
 from scenefold.store.judging import Outcome, Put
 from scenefold.store.store import Store, open_store
@@ -58,6 +58,7 @@ async def measure_store(
 ) -> StoreRates:
     """Measure in an empty folder, which is full of records afterwards: `step_s` seconds for each rate."""
     async with open_store(world, folder, _NODE) as store:
+        await store.put_holding(WHOLE_LINE, b"")
         work = _Work(store, world.clock, record_bytes)
         writes = [await work.rate(count, step_s, work.write) for count in concurrencies]
         reads = [await work.rate(count, step_s, work.read) for count in concurrencies]

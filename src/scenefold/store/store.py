@@ -6,44 +6,39 @@ write. Records must have been verified before they come here.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Sequence
+import logging
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 import trio
 
+from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import STORE_READ_BATCH_MAX, STORE_RESERVE_BYTES
-from scenefold.base.location import Arc, Location
-from scenefold.crypto import Record, RecordPlace
-from scenefold.store.changes import PutRecords, PutValue
+from scenefold.base.location import Arc
+from scenefold.crypto import Record, RecordHeader, RecordPlace
+from scenefold.store import reading, walking
+from scenefold.store.changes import PutValue
+from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Put, PutResult
-from scenefold.store.layout import (
-    HEADERS,
-    NOTES,
-    RECORDS,
-    TABLES,
-    location_of,
-    record_key,
-    scene_key,
-    scene_of,
-    unpack_record,
-)
+from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
+from scenefold.store.reading import RangeAnswer
+from scenefold.store.record_changes import MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts
+from scenefold.store.walking import Manifest, Weighed
 from scenefold.store.writer import GroupWriter
-from scenefold.world.ports import Environment, World
+from scenefold.world.ports import Environment, ReadTransaction, World
 from scenefold.world.tasks import background_tasks
 
+P = ParamSpec("P")
+T = TypeVar("T")
 
-@dataclass(frozen=True, slots=True)
-class RangeAnswer:
-    """Locations in order. `covered` is the part of the arc that they are all of; all of it if `complete`."""
-
-    locations: list[Location]
-    covered: Arc
-    complete: bool
+_log = logging.getLogger("scenefold.store")
 
 
 class Store:
@@ -51,49 +46,118 @@ class Store:
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:
         self._workers = world.workers
+        self._entropy = world.entropy
         self._environment = environment
         self._writer = writer
         self.identity = identity
+        self.damaged = 0
+        """Reads since the start that met a record which had changed on the disk."""
 
     @property
     def commits(self) -> int:
         """Synced transactions since the store was opened; fewer than puts where they shared one."""
         return self._writer.commits
 
+    # -------------------------------------------------------------------------------------------------- records
+
     async def put(self, puts: Sequence[Put]) -> list[PutResult]:
-        """Store verified records; results in their order. Returns once what is STORED is durable."""
-        # A header that does not parse is its caller's trouble, and must not reach a batch that others share.
-        return await self._writer.submit(PutRecords([(put.record.header, put) for put in puts]))
+        """Store verified records in this node's arc; results in their order. What is STORED is durable on return."""
+        return await self._writer.submit(PutRecords(_with_headers(puts)))
+
+    async def merge(self, puts: Sequence[Put]) -> list[PutResult]:
+        """Take verified copies from other nodes, wherever they lie: the highest version stays. `expect` counts nothing.
+
+        A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
+        """
+        return await self._writer.submit(MergeRecords(_with_headers(puts)))
+
+    async def remove(self, versions: Sequence[tuple[Spot, bytes]]) -> int:
+        """Delete exactly the versions with these digests, and say how many were there. Durable on return."""
+        return await self._writer.submit(RemoveRecords(list(versions)))
+
+    async def slide(self, piece: Arc, into: Arc, limit: int = STORE_READ_BATCH_MAX) -> int:
+        """Put up to `limit` node-managed records of `piece` at places of `into`; 0 once none are left there."""
+        return await self._writer.submit(SlideObjects(piece, into, limit))
 
     async def get_many(self, places: Sequence[RecordPlace]) -> list[Record | None]:
-        """The records at these places, None where there is none. DamagedData if one cannot be read."""
+        """The records at these places, None where there is none. DamagedData if one is not what was stored."""
         records: list[Record | None] = []
-        for start in range(0, len(places), STORE_READ_BATCH_MAX):
-            batch = places[start : start + STORE_READ_BATCH_MAX]
-            records += await self._workers.run("store-read", _read_records, self._environment, batch)
+        for found in await self.read([Spot(place) for place in places]):
+            if isinstance(found, DamagedData):
+                raise found
+            records.append(found)
+        return records
+
+    async def read(self, spots: Sequence[Spot]) -> list[Record | DamagedData | None]:
+        """Like `get_many`, of node-managed records too; each damaged one is an error in its place."""
+        records: list[Record | DamagedData | None] = []
+        for start in range(0, len(spots), STORE_READ_BATCH_MAX):
+            records += await self._view(reading.read_records, spots[start : start + STORE_READ_BATCH_MAX])
+        for found in records:
+            if isinstance(found, DamagedData):
+                self.damaged += 1
+                _log.error("%s", found)
         return records
 
     async def range(self, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> RangeAnswer:
         """At most `limit` >= 1 locations of records in the arc, from its first on."""
         assert limit >= 1
-        return await self._workers.run("store-read", _read_range, self._environment, scene, space, arc, limit)
+        return await self._view(reading.read_range, scene, space, arc, limit)
+
+    # ---------------------------------------------------------------------------------------- pieces of the line
+
+    async def manifest(self, arc: Arc, after: bytes | None, limit: int) -> Manifest:
+        """The first `limit` records of the arc behind the cursor `after`, over all spaces, without their bytes."""
+        return await self._view(walking.manifest, [arc], after, limit)
+
+    async def strays(self, arc: Arc | None, excluded: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
+        """Likewise the records that lie neither in the arc nor in the excluded ones."""
+        pieces = walking.outside([*excluded, *([arc] if arc is not None else [])])
+        return await self._view(walking.manifest, pieces, after, limit)
+
+    async def weigh(self, arc: Arc, bytes_wanted: int, *, from_right: bool) -> Weighed:
+        """How far from one side of the arc `bytes_wanted` reach, at least."""
+        return await self._view(walking.weigh, arc, bytes_wanted, from_right=from_right)
+
+    async def arc_totals(self, arc: Arc) -> Counts:
+        """Records and bytes in the arc, counted: some 2 us a record."""
+        return await self._view(walking.totals, arc)
+
+    async def holding(self) -> StoredHolding | None:
+        """What the line kept last; None if it never did."""
+        return await self._view(read_holding)
+
+    async def put_holding(self, arc: Arc | None, note: bytes) -> None:
+        """Keep the arc that puts are checked against, and the line's note, in one transaction. Durable on return."""
+        await self._writer.submit(PutHolding(arc, note))
+
+    async def renew_identity(self) -> StoreIdentity:
+        """Become a newcomer: a new incarnation that holds nothing. Records stay; the boot counter goes on."""
+        incarnation = self._entropy.token(INCARNATION_BYTES)
+        await self._writer.submit(RenewIdentity(incarnation))
+        self.identity = replace(self.identity, incarnation=incarnation)
+        return self.identity
+
+    # ------------------------------------------------------------------------------------------ headers and notes
 
     async def put_header(self, scene: SceneId, header: bytes) -> None:
         """Keep a scene's public header, already verified. Refused if the disk is full."""
         await self._writer.submit(PutValue(HEADERS, scene_key(scene), header))
 
     async def get_header(self, scene: SceneId) -> bytes | None:
-        return await self._workers.run("store-read", _read_value, self._environment, HEADERS, scene_key(scene))
+        return await self._view(reading.read_value, HEADERS, scene_key(scene))
 
     async def headers(self) -> dict[SceneId, bytes]:
-        return await self._workers.run("store-read", _read_headers, self._environment)
+        return await self._view(reading.read_headers)
 
     async def put_note(self, name: str, value: bytes) -> None:
         """Keep a small value of a service (a bound, a counter) durably under a name. Refused if the disk is full."""
         await self._writer.submit(PutValue(NOTES, name.encode(), value))
 
     async def get_note(self, name: str) -> bytes | None:
-        return await self._workers.run("store-read", _read_value, self._environment, NOTES, name.encode())
+        return await self._view(reading.read_value, NOTES, name.encode())
+
+    # ------------------------------------------------------------------------------------------------- statistics
 
     @property
     def record_count(self) -> int:
@@ -109,6 +173,20 @@ class Store:
         disk_bytes = space.used + space.reusable + space.free
         return StoreStatistics(total.records, total.bytes, spaces, space.used, disk_bytes)
 
+    async def _view(self, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:
+        """Call a function with an unchanging view of the tables, in a reading thread."""
+        return await self._workers.run("store-read", partial(_in_view, self._environment, function, *args, **options))
+
+
+def _in_view(environment: Environment, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:
+    with environment.read() as transaction:
+        return function(transaction, *args, **options)
+
+
+def _with_headers(puts: Sequence[Put]) -> list[tuple[RecordHeader, Put]]:
+    """A header that does not parse is its caller's trouble, and must not reach a batch that others share."""
+    return [(put.record.header, put) for put in puts]
+
 
 @asynccontextmanager
 async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_bytes: int = STORE_RESERVE_BYTES) -> AsyncIterator[Store]:
@@ -119,44 +197,10 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
         incarnation = world.entropy.token(INCARNATION_BYTES)
         identity = await workers.run("store", claim, environment, str(folder), node_id, incarnation)
         writer = GroupWriter(workers, environment, reserve_bytes)
-        writer.counts = await workers.run("store", _read_counts, environment)
+        writer.counts = await workers.run("store", _in_view, environment, read_counts)
         async with background_tasks() as nursery:
             nursery.start_soon(writer.run)
             yield Store(world, environment, identity, writer)
     finally:
         with trio.CancelScope(shield=True):
             await workers.run("store", environment.close)
-
-
-def _read_records(environment: Environment, places: Sequence[RecordPlace]) -> list[Record | None]:
-    with environment.read() as transaction:
-        values = (transaction.get(RECORDS, record_key(place)) for place in places)
-        return [unpack_record(value) if value is not None else None for value in values]
-
-
-def _read_range(environment: Environment, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> RangeAnswer:
-    first, last = (record_key(RecordPlace(scene, space, place)) for place in (arc.first, arc.last))
-    locations: list[Location] = []
-    with environment.read() as transaction:
-        for key in transaction.keys(RECORDS, first, last):
-            if len(locations) == limit:
-                return RangeAnswer(locations, Arc(arc.first, locations[-1]), complete=False)
-            locations.append(location_of(key))
-    return RangeAnswer(locations, arc, complete=True)
-
-
-def _read_value(environment: Environment, table: str, key: bytes) -> bytes | None:
-    with environment.read() as transaction:
-        value = transaction.get(table, key)
-        return bytes(value) if value is not None else None
-
-
-def _read_headers(environment: Environment) -> dict[SceneId, bytes]:
-    with environment.read() as transaction:
-        rows = transaction.scan(HEADERS, b"", b"\xff" * 4)
-        return {scene_of(key): bytes(value) for key, value in rows}
-
-
-def _read_counts(environment: Environment) -> dict[tuple[SceneId, SpaceId], Counts]:
-    with environment.read() as transaction:
-        return read_counts(transaction)

@@ -8,16 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from scenefold.store import open_store
-from unit.store.samples import NODE, place, record, world
+from unit.store.samples import place, record, whole_store, world
 
 WRITER = """
 import sys
 from pathlib import Path
 import trio
 sys.path.insert(0, {tests!r})
-from scenefold.store import Outcome, open_store
-from unit.store.samples import NODE, put, world
+from scenefold.store import Outcome
+from unit.store.samples import put, whole_store, world
 
 async def write(store, start):
     for number in range(start, 1 << 30, 16):
@@ -27,7 +26,7 @@ async def write(store, start):
         sys.stdout.flush()
 
 async def main():
-    async with open_store(world(), Path({folder!r}), NODE) as store:
+    async with whole_store(world(), Path({folder!r})) as store:
         async with trio.open_nursery() as nursery:
             for start in range(16):
                 nursery.start_soon(write, store, start)
@@ -50,7 +49,7 @@ def acknowledged_before_kill(folder: Path, count_min: int) -> list[int]:
 @pytest.mark.parametrize("count_min", [1, 17, 400])
 async def test_what_was_acknowledged_before_a_kill_is_there(tmp_path: Path, count_min: int) -> None:
     acknowledged = acknowledged_before_kill(tmp_path, count_min)
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         found = await store.get_many([place(number) for number in acknowledged])
         assert found == [record(number, size=20_000) for number in acknowledged]
         statistics = await store.statistics()

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
 
 from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId, node_id_of
-from scenefold.base.location import Location
-from scenefold.crypto import Record, RecordHeader, RecordPlace
-from scenefold.store import LmdbDisk, Put
+from scenefold.base.location import WHOLE_LINE, Arc, Location
+from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace
+from scenefold.store import LmdbDisk, Put, Store, open_store
 from scenefold.world import World, offline_world
 
 NODE: NodeId = node_id_of("127.0.0.2")
@@ -40,9 +44,32 @@ def record(number: int, *, seq: int = 1, text: bytes = b"", size: int = 64, spac
     return Record(header.encode(), bytes(64), ciphertext)
 
 
+def managed(object_number: int, *, seq: int = 1, text: bytes = b"", size: int = 64, space: int = SPACE, scene: int = SCENE) -> Record:
+    """A record whose place the node chooses."""
+    fixed = record(object_number, seq=seq, text=text, size=size, space=space, scene=scene)
+    header = replace(fixed.header, location=Location(bytes(4) + object_id(object_number)), placement=PLACED_BY_NODE)
+    return Record(header.encode(), fixed.signature, fixed.ciphertext)
+
+
+def object_id(number: int) -> bytes:
+    return hashlib.sha256(b"%d" % number).digest()[:16]
+
+
 def put(number: int, *, expect: bytes | None = None, **details: int) -> Put:
     return Put(record(number, **details), expect)
 
 
 def world(*, map_bytes: int = 1 << 20) -> World:
     return offline_world(disk=LmdbDisk(map_bytes_first=map_bytes))
+
+
+def arc(first: int, last: int) -> Arc:
+    return Arc(Location.from_number(first), Location.from_number(last))
+
+
+@asynccontextmanager
+async def whole_store(where: World, folder: Path, **options: int) -> AsyncIterator[Store]:
+    """The store of a node that owns the whole line."""
+    async with open_store(where, folder, NODE, **options) as store:
+        await store.put_holding(WHOLE_LINE, b"")
+        yield store

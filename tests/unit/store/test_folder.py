@@ -18,11 +18,11 @@ from scenefold.store import LmdbDisk, StoreIdentity, open_store
 from scenefold.store.folder import LOCK_NAME
 from scenefold.store.identity import FORMAT_VERSION
 from scenefold.store.layout import IDENTITY, TABLES
-from unit.store.samples import NODE, put, world
+from unit.store.samples import NODE, put, whole_store, world
 
 
 async def identity_of(folder: Path) -> StoreIdentity:
-    async with open_store(world(), folder, NODE) as store:
+    async with whole_store(world(), folder) as store:
         return store.identity
 
 
@@ -66,7 +66,7 @@ async def test_a_damaged_identity(tmp_path: Path) -> None:
 
 
 async def test_records_without_an_identity(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         await store.put([put(1)])
     environment = LmdbDisk().open(tmp_path, TABLES)
     environment.update(lambda transaction: transaction.delete(IDENTITY, b"format"))
@@ -75,7 +75,7 @@ async def test_records_without_an_identity(tmp_path: Path) -> None:
 
 
 async def test_a_folder_in_use_here(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE):
+    async with whole_store(world(), tmp_path):
         assert f"in use by process {os.getpid()}" in await fault(tmp_path)
     await identity_of(tmp_path)
 

@@ -13,20 +13,20 @@ import trio
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.store import LmdbDisk, Outcome, open_store
+from scenefold.store import LmdbDisk, Outcome
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
-from unit.store.samples import NODE, SCENE, place, put, record, world
+from unit.store.samples import SCENE, place, put, record, whole_store, world
 
 FILLING = """
 import resource, signal, sys
 from pathlib import Path
 import trio
 sys.path.insert(0, {tests!r})
-from scenefold.store import Outcome, open_store
-from unit.store.samples import NODE, place, put, record, world
+from scenefold.store import Outcome
+from unit.store.samples import place, put, record, whole_store, world
 
 async def main():
-    async with open_store(world(map_bytes=1 << 18), Path({folder!r}), NODE, reserve_bytes=0) as store:
+    async with whole_store(world(map_bytes=1 << 18), Path({folder!r}), reserve_bytes=0) as store:
         outcomes = []
         for number in range(200):
             [result] = await store.put([put(number, size=60_000)])
@@ -54,7 +54,7 @@ def fill(folder: Path) -> int:
 
 async def test_when_the_file_cannot_grow(tmp_path: Path) -> None:
     full = fill(tmp_path)
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         assert await store.get_many([place(number) for number in range(full)]) == [record(number, size=60_000) for number in range(full)]
         [again] = await store.put([put(500)])
         assert again.outcome is Outcome.STORED
@@ -87,7 +87,7 @@ class TroubledDisk:
 @pytest.mark.expect_log("new records are refused")
 async def test_a_full_disk_acknowledges_nothing(tmp_path: Path) -> None:
     disk = TroubledDisk()
-    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+    async with whole_store(offline_world(disk=disk), tmp_path) as store:
         disk.trouble = DiskFull("no room at all")
         results = await store.put([put(1), put(2)])
         assert [result.outcome for result in results] == [Outcome.FULL] * 2
@@ -106,7 +106,7 @@ async def test_a_failing_disk_stops_the_node(tmp_path: Path) -> None:
     disk = TroubledDisk()
 
     async def use_it() -> None:
-        async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        async with whole_store(offline_world(disk=disk), tmp_path) as store:
             disk.trouble = DiskFailed("the disk is on fire")
             with pytest.raises(Refused):
                 await store.put([put(1)])
@@ -114,5 +114,5 @@ async def test_a_failing_disk_stops_the_node(tmp_path: Path) -> None:
 
     with pytest.raises(LocalFault, match="on fire"):
         await use_it()
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         assert await store.get_many([place(1)]) == [None]

@@ -9,26 +9,21 @@ import trio
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
-from scenefold.store import Counts, Outcome, Put, PutResult, open_store
-from unit.store.samples import NODE, SCENE, SPACE, place, put, record, world
-
-
-def arc(first: int, last: int) -> Arc:
-    return Arc(Location.from_number(first), Location.from_number(last))
+from scenefold.store import Counts, Outcome, Put, PutResult
+from unit.store.samples import SCENE, SPACE, arc, place, put, record, whole_store, world
 
 
 async def test_what_is_put_is_there_after_opening_again(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path / "data", NODE) as store:
+    async with whole_store(world(), tmp_path / "data") as store:
         assert await store.put([put(1), put(2, size=60_000)]) == [
             PutResult(Outcome.STORED, record(1).header.digest),
             PutResult(Outcome.STORED, record(2, size=60_000).header.digest),
         ]
         await store.put_header(SCENE, b"public")
         await store.put_note("bound", b"\x01")
-    async with open_store(world(), tmp_path / "data", NODE) as store:
+    async with whole_store(world(), tmp_path / "data") as store:
         assert await store.get_many([place(2), place(3), place(1)]) == [record(2, size=60_000), None, record(1)]
         assert await store.get_header(SCENE) == b"public"
         assert await store.get_header(SceneId(8)) is None
@@ -39,7 +34,7 @@ async def test_what_is_put_is_there_after_opening_again(tmp_path: Path) -> None:
 
 async def test_versions_and_expectations(tmp_path: Path) -> None:
     first, second = record(1, seq=1, text=b"a"), record(1, seq=2, text=b"b")
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         results = await store.put([Put(first, b""), Put(second, b""), Put(second, first.header.digest), Put(first), Put(second, b"")])
         assert [result.outcome for result in results] == [
             Outcome.STORED,
@@ -55,7 +50,7 @@ async def test_versions_and_expectations(tmp_path: Path) -> None:
 
 async def test_of_many_who_expect_nothing_there_one_wins(tmp_path: Path) -> None:
     outcomes: list[Outcome] = []
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
 
         async def try_one(number: int) -> None:
             [result] = await store.put([Put(record(1, text=b"%d" % number), b"")])
@@ -68,7 +63,7 @@ async def test_of_many_who_expect_nothing_there_one_wins(tmp_path: Path) -> None
 
 
 async def test_range_is_in_order_and_says_what_it_covers(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         await store.put([put(number) for number in (30, 10, 20, (1 << 160) - 1, 0)])
         await store.put([put(15, space=SPACE + 1), put(15, scene=SCENE + 1)])
         answer = await store.range(SCENE, SPACE, arc(10, 40), 10)
@@ -85,12 +80,12 @@ async def test_range_is_in_order_and_says_what_it_covers(tmp_path: Path) -> None
 
 
 async def test_statistics_follow_every_change(tmp_path: Path) -> None:
-    overhead = 4 + 149 + 64
-    async with open_store(world(), tmp_path, NODE) as store:
+    overhead = 8 + 149 + 64
+    async with whole_store(world(), tmp_path) as store:
         await store.put([put(1, size=100), put(2, size=200), put(1, space=5, size=50)])
         await store.put([put(1, seq=2, size=1000)])
         await store.put([put(1, seq=1, size=9)])
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         statistics = await store.statistics()
     assert statistics.spaces == {(SCENE, SPACE): Counts(2, 1200 + 2 * overhead), (SCENE, 5): Counts(1, 50 + overhead)}
     assert (statistics.records, statistics.bytes) == (3, 1250 + 3 * overhead)
@@ -98,14 +93,14 @@ async def test_statistics_follow_every_change(tmp_path: Path) -> None:
 
 
 async def test_more_reads_than_one_batch(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         await store.put([put(number) for number in range(300)])
         records = await store.get_many([place(number) for number in range(300)])
     assert [found.header.location.number for found in records if found] == list(range(300))
 
 
 async def test_the_map_grows_under_readers(tmp_path: Path) -> None:
-    async with open_store(world(map_bytes=1 << 18), tmp_path, NODE) as store:
+    async with whole_store(world(map_bytes=1 << 18), tmp_path) as store:
         done = trio.Event()
         await store.put([put(0)])
 
@@ -125,9 +120,9 @@ async def test_the_map_grows_under_readers(tmp_path: Path) -> None:
 
 @pytest.mark.expect_log("full but for its reserve")
 async def test_below_the_reserve_new_records_are_refused(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         await store.put([put(1)])
-    async with open_store(world(), tmp_path, NODE, reserve_bytes=1 << 60) as store:
+    async with whole_store(world(), tmp_path, reserve_bytes=1 << 60) as store:
         for _ in range(3):
             [result] = await store.put([put(2)])
             assert result == PutResult(Outcome.FULL)
@@ -137,7 +132,7 @@ async def test_below_the_reserve_new_records_are_refused(tmp_path: Path) -> None
 
 
 async def test_an_ill_formed_record_harms_nobody_else(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         with pytest.raises(DamagedData):
             await store.put([put(1), Put(Record(b"short", bytes(64), b""))])
         [result] = await store.put([put(1)])
@@ -145,7 +140,7 @@ async def test_an_ill_formed_record_harms_nobody_else(tmp_path: Path) -> None:
 
 
 async def test_a_cancelled_put_leaves_the_store_usable(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         async with trio.open_nursery() as nursery:
             for number in range(20):
                 nursery.start_soon(store.put, [put(number, size=60_000)])
@@ -156,7 +151,7 @@ async def test_a_cancelled_put_leaves_the_store_usable(tmp_path: Path) -> None:
 
 
 async def test_a_put_after_the_end_is_refused(tmp_path: Path) -> None:
-    async with open_store(world(), tmp_path, NODE) as store:
+    async with whole_store(world(), tmp_path) as store:
         pass
     with pytest.raises(Refused) as caught:
         await store.put([put(1)])

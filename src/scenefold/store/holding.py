@@ -1,0 +1,91 @@
+"""The arc that this node owns, as the disk knows it (specs/10-store.md, Holding).
+
+The line keeps its holding here: an arc, or none, and a note that only it reads. Both change in one transaction, and
+every put is checked against the arc inside the transaction that stores it. So there is no moment, whatever crashes
+when, at which a record is acknowledged for a place that was given away before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.location import LOCATION_BYTES, Arc, Location
+from scenefold.store.changes import storage_full
+from scenefold.store.layout import HOLDING, IDENTITY
+from scenefold.store.statistics import Tally
+from scenefold.world.ports import ReadTransaction, WriteTransaction
+
+ARC_KEY = b"arc"
+NOTE_KEY = b"note"
+
+
+class StoredHolding(NamedTuple):
+    """The arc, None for a node that owns nothing, and the line's note."""
+
+    arc: Arc | None
+    note: bytes
+
+
+def read_arc(transaction: ReadTransaction) -> Arc | None:
+    """The arc that puts are checked against; None before any was written, too."""
+    value = transaction.get(HOLDING, ARC_KEY)
+    if value is None or not len(value):
+        return None
+    data = bytes(value)
+    if len(data) != 2 * LOCATION_BYTES or data[:LOCATION_BYTES] > data[LOCATION_BYTES:]:
+        raise DamagedData("the stored arc of this node is damaged", remedy="wipe the folder: the node comes back as a newcomer")
+    return Arc(Location(data[:LOCATION_BYTES]), Location(data[LOCATION_BYTES:]))
+
+
+def read_holding(transaction: ReadTransaction) -> StoredHolding | None:
+    """None if none was ever written, or the identity was renewed since."""
+    note = transaction.get(HOLDING, NOTE_KEY)
+    return None if note is None else StoredHolding(read_arc(transaction), bytes(note))
+
+
+@dataclass(frozen=True, slots=True)
+class PutHolding:
+    """Replace the arc and the note together. It may use the reserve: giving an arc away makes room."""
+
+    arc: Arc | None
+    note: bytes
+
+    @property
+    def size_bytes(self) -> int:
+        return len(self.note) + 128
+
+    @property
+    def uses_reserve(self) -> bool:
+        return True
+
+    def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
+        transaction.put(HOLDING, ARC_KEY, b"" if self.arc is None else self.arc.first + self.arc.last)
+        transaction.put(HOLDING, NOTE_KEY, self.note)
+
+    def when_full(self) -> None:
+        raise storage_full()
+
+
+@dataclass(frozen=True, slots=True)
+class RenewIdentity:
+    """A new incarnation, which owns nothing. Records stay, and are strays from now on; so does the boot counter."""
+
+    incarnation: bytes
+
+    @property
+    def size_bytes(self) -> int:
+        return 128
+
+    @property
+    def uses_reserve(self) -> bool:
+        return True
+
+    def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
+        transaction.put(IDENTITY, b"incarnation", self.incarnation)
+        transaction.delete(HOLDING, ARC_KEY)
+        transaction.delete(HOLDING, NOTE_KEY)
+
+    def when_full(self) -> None:
+        raise storage_full()

@@ -1,0 +1,78 @@
+"""What readers do inside a view of the tables. Plain functions for the reading threads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Arc, Location
+from scenefold.crypto import Record, RecordPlace
+from scenefold.store.layout import HEADERS, OBJECTS_END, RECORDS, Spot, location_of, object_of, record_key, scene_of, unpack_record
+from scenefold.store.placing import known_place
+from scenefold.store.walking import describe
+from scenefold.world.ports import ReadTransaction
+
+
+@dataclass(frozen=True, slots=True)
+class RangeAnswer:
+    """Locations in order, and in a node-managed space the object at each. `covered` is the part of the arc that they
+    are all of; all of it if `complete`."""
+
+    locations: list[Location]
+    covered: Arc
+    complete: bool
+    objects: list[bytes]
+
+
+def read_records(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[Record | DamagedData | None]:
+    """What lies at each spot, checked byte for byte; an error instead of a record that has changed on the disk."""
+    return [_read_record(transaction, spot) for spot in spots]
+
+
+def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedData | None:
+    place, object_id = spot
+    value = transaction.get(RECORDS, record_key(place, object_id))
+    if value is None and object_id:
+        known = known_place(transaction, place.scene, place.space, object_id)
+        value = None if known is None else transaction.get(RECORDS, record_key(RecordPlace(place.scene, place.space, known), object_id))
+    if value is None:
+        return None
+    try:
+        return unpack_record(value)
+    except DamagedData as error:
+        return DamagedData(error.what, where=describe(spot), remedy="write it anew, or restore it from a copy")
+
+
+def read_range(transaction: ReadTransaction, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> RangeAnswer:
+    """The first `limit` records in the arc; of one location all or none, so that the next question begins behind it."""
+    first, last = record_key(RecordPlace(scene, space, arc.first)), record_key(RecordPlace(scene, space, arc.last), OBJECTS_END)
+    locations: list[Location] = []
+    objects: list[bytes] = []
+    for key in transaction.keys(RECORDS, first, last):
+        if len(locations) == limit:
+            whole = _whole_places(locations, location_of(key))
+            return RangeAnswer(locations[:whole], Arc(arc.first, locations[whole - 1]), complete=False, objects=objects[:whole])
+        locations.append(location_of(key))
+        if object_of(key):
+            objects.append(object_of(key))
+    return RangeAnswer(locations, arc, complete=True, objects=objects)
+
+
+def _whole_places(locations: Sequence[Location], following: Location) -> int:
+    """How many of the locations are answered if the next record lies at `following`: objects may share a place."""
+    count = len(locations)
+    while count and locations[count - 1] == following:
+        count -= 1
+    # More objects at one place than an answer holds: the node chooses places so that this cannot come to pass.
+    return count or len(locations)
+
+
+def read_value(transaction: ReadTransaction, table: str, key: bytes) -> bytes | None:
+    value = transaction.get(table, key)
+    return bytes(value) if value is not None else None
+
+
+def read_headers(transaction: ReadTransaction) -> dict[SceneId, bytes]:
+    return {scene_of(key): bytes(value) for key, value in transaction.scan(HEADERS, b"", b"\xff" * 4)}

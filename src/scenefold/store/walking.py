@@ -1,0 +1,159 @@
+"""Walks over the records of pieces of the line, across all spaces: for handovers, balance and strays. Plain functions.
+
+A handover asks what lies in an arc, whatever scene it belongs to. Keys are ordered by scene, space, location, so that
+is one walk a space and piece; the spaces are those that the table of statistics has ever seen. A cursor is the
+key of the last entry given: the next walk begins behind it, whatever has changed meanwhile.
+"""
+
+from __future__ import annotations
+
+import heapq
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.location import FIRST, LAST, Arc, Location
+from scenefold.crypto import RecordPlace
+from scenefold.store.layout import (
+    OBJECTS_END,
+    RECORDS,
+    STATISTICS,
+    Spot,
+    location_of,
+    object_of,
+    record_key,
+    space_of,
+    spot_of,
+    stored_header,
+)
+from scenefold.store.statistics import Counts, SpaceAddress
+from scenefold.world.ports import ReadTransaction
+
+_log = logging.getLogger("scenefold.store")
+
+
+class Entry(NamedTuple):
+    """A stored record without its bytes. `size` as stored, `digest` of the ciphertext: which version it is."""
+
+    place: RecordPlace
+    object: bytes
+    digest: bytes
+    size: int
+
+    @property
+    def spot(self) -> Spot:
+        return Spot(self.place, self.object)
+
+
+class Manifest(NamedTuple):
+    """Entries in the order of (scene, space, location, object), and where to go on; None behind the last one."""
+
+    entries: list[Entry]
+    cursor: bytes | None
+
+
+class Weighed(NamedTuple):
+    """What lies between `location` and the side that it was weighed from, both included."""
+
+    location: Location
+    records: int
+    bytes: int
+
+
+def outside(pieces: Iterable[Arc]) -> list[Arc]:
+    """The rest of the line, in order."""
+    rest: list[Arc] = []
+    begin: Location | None = FIRST
+    for piece in sorted(pieces, key=lambda arc: arc.first):
+        if begin is None:
+            break
+        if piece.first > begin:
+            rest.append(Arc(begin, Location.from_number(piece.first.number - 1)))
+        following = piece.last.next()
+        begin = None if following is None else max(begin, following)
+    if begin is not None:
+        rest.append(Arc(begin, LAST))
+    return rest
+
+
+def manifest(transaction: ReadTransaction, pieces: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
+    """The first `limit` >= 1 entries in the pieces (ascending, apart from each other) behind the cursor."""
+    entries: list[Entry] = []
+    looked_at, seen = None, 0
+    for key in islice(entry_keys(transaction, pieces, after=after), limit):
+        looked_at, seen = key, seen + 1
+        value = transaction.get(RECORDS, key)
+        assert value is not None
+        spot = spot_of(key)
+        try:
+            entries.append(Entry(*spot, stored_header(value).digest, len(value)))
+        except DamagedData as error:
+            # Nobody could take it from us. It stays where it is until a sound version replaces it.
+            _log.error("a damaged record is left out of a list: %s (%s)", error, describe(spot))
+    return Manifest(entries, looked_at if seen == limit else None)
+
+
+def entry_keys(
+    transaction: ReadTransaction, pieces: Sequence[Arc], *, after: bytes | None = None, managed_only: bool = False
+) -> Iterator[bytes]:
+    """Keys of the records in the pieces, space by space."""
+    for space in spaces(transaction):
+        if after is not None and space < space_of(after):
+            continue
+        for piece in pieces:
+            first, last = _ends(space, piece)
+            if after is not None and after >= last:
+                continue
+            begin = first if after is None or after < first else after + b"\0"
+            for key in transaction.keys(RECORDS, begin, last):
+                if managed_only and not object_of(key):
+                    # A space is node-managed as a whole, or not at all.
+                    break
+                yield key
+
+
+def spaces(transaction: ReadTransaction) -> list[SpaceAddress]:
+    """Every space that ever held a record here, in order."""
+    return [space_of(key) for key in transaction.keys(STATISTICS, b"", b"\xff" * 6)]
+
+
+def totals(transaction: ReadTransaction, arc: Arc) -> Counts:
+    records = stored_bytes = 0
+    for space in spaces(transaction):
+        for _key, value in transaction.scan(RECORDS, *_ends(space, arc)):
+            records += 1
+            stored_bytes += len(value)
+    return Counts(records, stored_bytes)
+
+
+def weigh(transaction: ReadTransaction, arc: Arc, bytes_wanted: int, *, from_right: bool) -> Weighed:
+    """How far from one side of the arc so many bytes reach, all spaces together: at least that many if there are.
+
+    All records of the last location are counted, since a bound cannot part them. Nothing there: the side itself.
+    """
+    walks = [_sizes(transaction, space, arc, from_right) for space in spaces(transaction)]
+    location, records, stored_bytes = (arc.last if from_right else arc.first), 0, 0
+    for place, size in heapq.merge(*walks, key=lambda found: found[0], reverse=from_right):
+        if stored_bytes >= bytes_wanted and place != location:
+            break
+        location, records, stored_bytes = place, records + 1, stored_bytes + size
+    return Weighed(location, records, stored_bytes)
+
+
+def describe(spot: Spot) -> str:
+    """The place of a record, for people."""
+    place, object_id = spot
+    suffix = f", object {object_id.hex()}" if object_id else ""
+    return f"scene {place.scene:08x}, space {place.space}, {place.location.hex()}{suffix}"
+
+
+def _sizes(transaction: ReadTransaction, space: SpaceAddress, arc: Arc, from_right: bool) -> Iterator[tuple[Location, int]]:
+    for key, value in transaction.scan(RECORDS, *_ends(space, arc), reverse=from_right):
+        yield location_of(key), len(value)
+
+
+def _ends(space: SpaceAddress, arc: Arc) -> tuple[bytes, bytes]:
+    """The first and the last key that a record in the arc may have."""
+    return record_key(RecordPlace(*space, arc.first)), record_key(RecordPlace(*space, arc.last), OBJECTS_END)

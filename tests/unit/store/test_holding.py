@@ -1,0 +1,90 @@
+"""If this failed, a node would acknowledge records for places that it has given away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import trio
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.location import WHOLE_LINE
+from scenefold.base.reasons import RejectReason
+from scenefold.store import LmdbDisk, Outcome, PutResult, Store, StoredHolding, open_store
+from scenefold.store.layout import HOLDING, TABLES
+from unit.store.samples import NODE, arc, place, put, record, whole_store, world
+
+
+async def outcomes(store: Store, *numbers: int) -> list[Outcome]:
+    return [result.outcome for result in await store.put([put(number) for number in numbers])]
+
+
+async def test_only_what_lies_in_the_arc_is_stored(tmp_path: Path) -> None:
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await outcomes(store, 1) == [Outcome.NOT_OWNED]
+        await store.put_holding(arc(10, 20), b"")
+        expected = [Outcome.NOT_OWNED, Outcome.STORED, Outcome.STORED, Outcome.NOT_OWNED]
+        assert await outcomes(store, 9, 10, 20, 21) == expected
+        await store.put_holding(None, b"")
+        assert await outcomes(store, 10) == [Outcome.NOT_OWNED]
+        assert await store.get_many([place(9), place(10)]) == [None, record(10)]
+    assert PutResult(Outcome.NOT_OWNED).reason is RejectReason.NOT_MY_LOCATION
+
+
+async def test_the_holding_survives_the_process(tmp_path: Path) -> None:
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.holding() is None
+        await store.put_holding(arc(1, 2), b"note")
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.holding() == StoredHolding(arc(1, 2), b"note")
+        await store.put_holding(None, b"")
+        assert await store.holding() == StoredHolding(None, b"")
+
+
+async def test_of_puts_that_race_with_a_release_none_lands_behind_it(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        stored: list[int] = []
+        released = trio.Event()
+
+        async def write(number: int) -> None:
+            began_after = released.is_set()
+            [outcome] = await outcomes(store, number)
+            if outcome is Outcome.STORED:
+                assert not began_after
+                stored.append(number)
+
+        async with trio.open_nursery() as nursery:
+            for number in range(100):
+                nursery.start_soon(write, number)
+            await store.put_holding(None, b"")
+            released.set()
+            for number in range(100, 120):
+                nursery.start_soon(write, number)
+        entries = (await store.manifest(WHOLE_LINE, None, 1000)).entries
+        assert sorted(entry.place.location.number for entry in entries) == sorted(stored)
+
+
+async def test_a_renewed_node_holds_nothing_and_keeps_its_records(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1)])
+        before = store.identity
+        after = await store.renew_identity()
+        assert after.incarnation != before.incarnation
+        assert (after.node, after.boot) == (before.node, before.boot)
+        assert await store.holding() is None
+        assert await outcomes(store, 2) == [Outcome.NOT_OWNED]
+        assert await store.get_many([place(1)]) == [record(1)]
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert (store.identity.incarnation, store.identity.boot) == (after.incarnation, after.boot + 1)
+
+
+@pytest.mark.parametrize("value", [b"x", b"\xff" * 20 + b"\0" * 20])
+async def test_a_damaged_arc_owns_nothing(tmp_path: Path, value: bytes) -> None:
+    async with whole_store(world(), tmp_path):
+        pass
+    environment = LmdbDisk().open(tmp_path, TABLES)
+    environment.update(lambda transaction: transaction.put(HOLDING, b"arc", value))
+    environment.close()
+    async with open_store(world(), tmp_path, NODE) as store:
+        with pytest.raises(DamagedData, match="arc of this node"):
+            await store.holding()

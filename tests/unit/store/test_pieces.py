@@ -1,0 +1,152 @@
+"""If this failed, a handover would leave records behind, take others' along, or delete what was written meanwhile."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
+from scenefold.store import Counts, Manifest, Outcome, Put, Spot, Store
+from scenefold.store.walking import outside
+from unit.store.samples import SCENE, SPACE, arc, managed, place, put, record, whole_store, world
+
+STORED_BYTES = 64 + 8 + 149 + 64
+LOADED = arc(0, 60)
+
+
+async def everything(store: Store, piece: Arc, limit: int) -> list[Manifest]:
+    pages = [await store.manifest(piece, None, limit)]
+    while pages[-1].cursor is not None:
+        pages.append(await store.manifest(piece, pages[-1].cursor, limit))
+    return pages
+
+
+async def test_a_manifest_lists_the_records_of_all_spaces_page_by_page(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(number, space=space, scene=scene) for scene in (9, 7) for space in (3, 2) for number in (40, 30, 20, 10)])
+        for limit in (1, 2, 3, 4, 8, 100):
+            pages = await everything(store, arc(15, 30), limit)
+            assert all(len(page.entries) <= limit for page in pages)
+            entries = [entry for page in pages for entry in page.entries]
+            assert [(entry.place.scene, entry.place.space, entry.place.location.number) for entry in entries] == [
+                (scene, space, number) for scene in (7, 9) for space in (2, 3) for number in (20, 30)
+            ]
+        assert {(entry.digest, entry.size) for entry in entries} == {(record(1).header.digest, STORED_BYTES)}
+        assert await store.manifest(arc(50, 60), None, 5) == Manifest([], None)
+
+
+async def test_only_the_very_version_is_removed(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1), put(2), put(3)])
+        gone = [(entry.spot, entry.digest) for entry in (await store.manifest(arc(1, 2), None, 9)).entries]
+        newer = record(2, seq=2, text=b"newer")
+        await store.put([Put(newer)])
+        assert await store.remove(gone) == 1
+        assert await store.remove(gone) == 0
+        assert await store.get_many([place(number) for number in (1, 2, 3)]) == [None, newer, record(3)]
+        assert (await store.statistics()).spaces == {(SCENE, SPACE): Counts(2, 2 * STORED_BYTES)}
+        assert await store.arc_totals(WHOLE_LINE) == Counts(2, 2 * STORED_BYTES)
+
+
+async def test_copies_are_merged_by_version_wherever_they_lie(tmp_path: Path) -> None:
+    old, new = record(1, seq=1, text=b"old"), record(1, seq=2, text=b"new")
+    async with whole_store(world(), tmp_path) as store:
+        await store.put_holding(None, b"")
+        for copy, outcome in ((old, Outcome.STORED), (new, Outcome.STORED), (old, Outcome.STALE), (new, Outcome.STORED)):
+            [result] = await store.merge([Put(copy, expect=b"")])
+            assert result.outcome is outcome
+        assert await store.get_many([place(1)]) == [new]
+
+
+async def test_copies_may_use_the_reserve(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path, reserve_bytes=1 << 60) as store:
+        [result] = await store.merge([put(1)])
+        assert result.outcome is Outcome.STORED
+
+
+async def test_strays_are_what_lies_outside(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(number, space=space) for space in (2, 3) for number in range(0, 100, 10)])
+
+        async def strays(own: Arc | None, *excluded: Arc) -> list[int]:
+            numbers, cursor = [], None
+            while True:
+                entries, cursor = await store.strays(own, excluded, cursor, 3)
+                numbers += [entry.place.location.number for entry in entries if entry.place.space == 2]
+                if cursor is None:
+                    return numbers
+
+        assert await strays(arc(20, 60)) == [0, 10, 70, 80, 90]
+        assert await strays(arc(20, 60), arc(70, 80), arc(0, 0)) == [10, 90]
+        assert await strays(None) == list(range(0, 100, 10))
+        assert await strays(WHOLE_LINE) == []
+
+
+async def test_weighing_from_both_sides(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(number, space=space) for space, numbers in ((2, (10, 30, 50)), (3, (20, 30, 40))) for number in numbers])
+
+        async def weigh(records: int, *, from_right: bool, piece: Arc = LOADED) -> tuple[int, int]:
+            found = await store.weigh(piece, records * STORED_BYTES, from_right=from_right)
+            assert found.bytes == found.records * STORED_BYTES
+            return found.location.number, found.records
+
+        assert [await weigh(wanted, from_right=False) for wanted in (1, 2, 3, 4, 5, 99)] == [
+            (10, 1),
+            (20, 2),
+            (30, 4),
+            (30, 4),
+            (40, 5),
+            (50, 6),
+        ]
+        assert [await weigh(wanted, from_right=True) for wanted in (1, 2, 3, 4, 5, 99)] == [
+            (50, 1),
+            (40, 2),
+            (30, 4),
+            (30, 4),
+            (20, 5),
+            (10, 6),
+        ]
+        assert await weigh(1, from_right=True, piece=arc(0, 45)) == (40, 1)
+        assert await weigh(1, from_right=True, piece=arc(11, 15)) == (15, 0)
+        assert await weigh(1, from_right=False, piece=arc(11, 15)) == (11, 0)
+
+
+async def test_a_record_at_each_end_of_the_line(tmp_path: Path) -> None:
+    ends = [0, (1 << 160) - 1]
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(number) for number in ends])
+        pages = await everything(store, WHOLE_LINE, 1)
+        assert [entry.place.location.number for page in pages for entry in page.entries] == ends
+        assert (await store.weigh(WHOLE_LINE, 1, from_right=True)).location == LAST
+        assert (await store.weigh(WHOLE_LINE, 1, from_right=False)).location == FIRST
+
+
+async def test_node_managed_records_are_listed_read_and_removed_alike(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        copy = managed(1)
+        await store.merge([Put(copy, at=Location.from_number(5)), put(5)])
+        [first, second] = (await store.manifest(arc(5, 5), None, 9)).entries
+        assert (first.object, second.object) == (b"", copy.header.location[4:])
+        assert await store.read([second.spot, first.spot, Spot(place(5), bytes(16))]) == [copy, record(5), None]
+        assert await store.remove([(second.spot, second.digest)]) == 1
+        assert await store.read([second.spot]) == [None]
+
+
+NUMBERS = st.integers(0, 30)
+
+
+@given(st.lists(st.tuples(NUMBERS, NUMBERS).map(lambda ends: arc(min(ends), max(ends))), max_size=5), st.integers(0, 40))
+def test_every_place_is_inside_or_outside_and_never_both(pieces: list[Arc], number: int) -> None:
+    location = Location.from_number(number)
+    rest = outside(pieces)
+    assert any(location in piece for piece in pieces) != any(location in piece for piece in rest)
+    assert all(one.last < other.first for one, other in itertools.pairwise(rest))
+
+
+def test_nothing_is_outside_of_the_whole_line() -> None:
+    assert outside([]) == [WHOLE_LINE]
+    assert outside([WHOLE_LINE, arc(1, 2)]) == []
