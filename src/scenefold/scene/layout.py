@@ -44,13 +44,18 @@ DOCUMENT_LOCATION = FIRST
 
 @dataclass(frozen=True, slots=True)
 class SpaceLayout:
-    """A space as CreateSpace makes it."""
+    """A space as the first record of a scene's log creates it (scene/log/first.py).
+
+    Its lattice there spans the unit box: places in lists have no meaning in the world, and those of an import's geometry lie
+    in the lattice that the scene document names.
+    """
 
     id: SpaceId
     name: str
     dimensions: int
     curve: Literal["hilbert", "z-order"]
     node_managed: bool = False
+    render_output: bool = False
 
 
 SPACES: tuple[SpaceLayout, ...] = (
@@ -62,7 +67,7 @@ SPACES: tuple[SpaceLayout, ...] = (
     SpaceLayout(LIGHTS, "lights", 1, "hilbert"),
     SpaceLayout(INSTANCES, "instances", 1, "hilbert"),
     SpaceLayout(GROUPS, "groups", 1, "hilbert"),
-    SpaceLayout(RENDERS, "renders", 1, "hilbert", node_managed=True),
+    SpaceLayout(RENDERS, "renders", 1, "hilbert", node_managed=True, render_output=True),
     SpaceLayout(FILES, "files", 1, "hilbert"),
 )
 SPACE_NAMES: dict[int, str] = {space.id: space.name for space in SPACES}

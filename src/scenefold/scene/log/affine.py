@@ -1,0 +1,57 @@
+"""What a log has done to a space so far: one factor for all axes, then an offset (specs/16-scene-log.md, Transforms).
+
+    world = home · factor + offset            home = (world - offset) / factor
+
+`home` is where a point lay when the space was created, in the box of its lattice; `world` is where it lies now.
+Every step is monotone in every coordinate, in float64 too: a point inside a box is carried to a point inside the
+carried box. So a query that carries its box back finds whatever was put with the very same arithmetic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+
+@dataclass(frozen=True, slots=True)
+class Affine:
+    """A uniform scale about the world's origin, then a translation."""
+
+    factor: float
+    offset: tuple[float, ...]
+
+    @classmethod
+    def identity(cls, dimensions: int) -> Self:
+        return cls(1.0, (0.0,) * dimensions)
+
+    @property
+    def is_identity(self) -> bool:
+        return self.factor == 1.0 and not any(self.offset)
+
+    def translated(self, by: tuple[float, ...]) -> Affine:
+        """This, and then a translation."""
+        return Affine(self.factor, tuple(here + step for here, step in zip(self.offset, by, strict=True)))
+
+    def scaled(self, by: float) -> Affine:
+        """This, and then a scale about the world's origin."""
+        return Affine(self.factor * by, tuple(here * by for here in self.offset))
+
+    def apply(self, points: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        """World positions float64[..., D] of home positions."""
+        import numpy as np
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            found: npt.NDArray[np.float64] = np.asarray(points, np.float64) * self.factor + np.asarray(self.offset)
+        return found
+
+    def undo(self, points: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        """Home positions float64[..., D] of world positions."""
+        import numpy as np
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            found: npt.NDArray[np.float64] = (np.asarray(points, np.float64) - np.asarray(self.offset)) / self.factor
+        return found

@@ -1,0 +1,221 @@
+"""`SceneLog`: the state that a scene's records add up to (consensus.md §3; thesis B.3.1; specs/16-scene-log.md, Folding).
+
+A pure fold: `log.apply(record)` gives the next state, or Refused (ILL_FORMED) for a record that does not fit, and leaves
+the old one as it was. So a proposer applies its record before it sends it, and a reader applies all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TypeVar
+
+from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.limits import SPACES_PER_SCENE_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.scene.log.affine import Affine
+from scenefold.scene.log.space import LoggedSpace, Step
+from scenefold.wire import (
+    NO_RECORD,
+    AddObserver,
+    AddParticipant,
+    Batch,
+    CreateSpace,
+    CurveKind,
+    LogEntry,
+    LogRecord,
+    Member,
+    RemoveObserver,
+    RemoveParticipant,
+    ScaleSpace,
+    SceneMode,
+    SetMode,
+    SpaceEntry,
+    TranslateSpace,
+)
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, slots=True)
+class SceneLog:
+    """A log up to `position`; 0 is the empty one. `head`: the hash of its last record."""
+
+    position: int = 0
+    head: bytes = NO_RECORD
+    mode: SceneMode = SceneMode.EDIT
+    write_floor: int = 0
+    """Position of the newest change of mode: records of an earlier epoch are refused from then on."""
+    spaces: Mapping[SpaceId, LoggedSpace] = field(default_factory=lambda: MappingProxyType({}))
+    """In the order of their creation."""
+    participants: tuple[Member, ...] = ()
+    observers: tuple[Member, ...] = ()
+    requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """The position of every request id that is in the log."""
+
+    @classmethod
+    def of(cls, records: Iterable[LogRecord]) -> SceneLog:
+        """The fold of all records from the first on."""
+        log, requests = cls(), dict[bytes, int]()
+        for record in records:
+            # One dict for all of them: a log may have tens of thousands of records.
+            log = log._followed(record, requests)
+            requests[record.request_id] = record.position
+        return replace(log, requests=MappingProxyType(requests))
+
+    def apply(self, record: LogRecord) -> SceneLog:
+        """The log with one more record; Refused if it does not follow, or does not fit."""
+        log = self._followed(record, self.requests)
+        return replace(log, requests=_with(self.requests, record.request_id, record.position))
+
+    def _followed(self, record: LogRecord, requests: Mapping[bytes, int]) -> SceneLog:
+        if record.position != self.position + 1 or record.prev_hash != self.head:
+            raise _ill_formed(f"a record for position {record.position} does not follow position {self.position}")
+        if record.request_id in requests:
+            raise _ill_formed(f"this request is in the log already, at position {requests[record.request_id]}")
+        return replace(self._entered(record.entry, record.position), position=record.position, head=record.hash())
+
+    def next_record(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> LogRecord:
+        """The record that would bring `entry` into this log."""
+        return LogRecord(self.position + 1, self.head, request_id, origin, entry)
+
+    def space(self, space: SpaceId) -> LoggedSpace:
+        """The space of this id; LocalFault if there is none."""
+        found = self.spaces.get(space)
+        if found is None:
+            raise LocalFault("the scene has no such space", where=f"space {space}", remedy=f"it has {self._names()}")
+        return found
+
+    def named(self, name: str) -> LoggedSpace:
+        """The space of this name; LocalFault if there is none."""
+        for space in self.spaces.values():
+            if space.name == name:
+                return space
+        raise LocalFault(f"the scene has no space {name[:64]!r}", where="space name", remedy=f"it has {self._names()}")
+
+    def free_id(self) -> SpaceId:
+        """The lowest id above all that were ever given."""
+        return SpaceId(max(self.spaces, default=0) + 1)
+
+    def public_spaces(self) -> tuple[SpaceEntry, ...]:
+        """What the public header says of the spaces, in the order of their creation."""
+        return tuple(
+            SpaceEntry(space.id, space.parent, space.offset, space.copies, space.copies_min, space.render_output)
+            for space in self.spaces.values()
+        )
+
+    def _names(self) -> str:
+        return ", ".join(space.name or str(space.id) for space in self.spaces.values()) or "none"
+
+    # -------------------------------------------------------------------------------------------------- entries
+
+    def _entered(self, entry: LogEntry, position: int) -> SceneLog:
+        match entry:
+            case Batch():
+                log = self
+                for part in entry.entries:
+                    log = log._entered(part, position)
+                return log
+            case CreateSpace():
+                return self._created(entry, position)
+            case TranslateSpace():
+                space = self._moved(entry.space)
+                if len(entry.offset) != space.dimensions:
+                    raise _ill_formed(f"an offset of {len(entry.offset)} coordinates in a space of {space.dimensions} dimensions")
+                return self._stepped(space, Step(position, 1.0, entry.offset))
+            case ScaleSpace():
+                space = self._moved(entry.space)
+                return self._stepped(space, Step(position, entry.factor, (0.0,) * space.dimensions))
+            case SetMode():
+                return replace(self, mode=entry.mode, write_floor=position)
+            case AddParticipant():
+                return replace(self, participants=_joined(self.participants, entry.member))
+            case RemoveParticipant():
+                return replace(self, participants=_left(self.participants, entry.member))
+            case AddObserver():
+                return replace(self, observers=_joined(self.observers, entry.member))
+            case RemoveObserver():
+                return replace(self, observers=_left(self.observers, entry.member))
+            case _:
+                raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
+
+    def _created(self, entry: CreateSpace, position: int) -> SceneLog:
+        if entry.space in self.spaces:
+            raise _ill_formed(f"there is a space {entry.space} already")
+        if not entry.name or any(space.name == entry.name for space in self.spaces.values()):
+            raise _ill_formed(f"a space needs a name of its own, not {entry.name!r}")
+        if len(self.spaces) >= SPACES_PER_SCENE_MAX:
+            raise _ill_formed(f"a scene has at most {SPACES_PER_SCENE_MAX} spaces")
+        if not 1 <= entry.copies_min <= entry.copies:
+            raise _ill_formed(f"{entry.copies} copies, of which {entry.copies_min} must be there")
+        if not all(map(math.isfinite, (*entry.low, *entry.high))):
+            raise _ill_formed("the box of a space is finite")
+        created = LoggedSpace(
+            id=entry.space,
+            name=entry.name,
+            dimensions=entry.dimensions,
+            curve="z-order" if entry.curve is CurveKind.Z_ORDER else "hilbert",
+            low=entry.low,
+            high=entry.high,
+            transform=Affine.identity(entry.dimensions),
+            node_managed=entry.node_managed,
+            parent=entry.parent,
+            offset=entry.offset,
+            copies=entry.copies,
+            copies_min=entry.copies_min,
+            render_output=entry.render_output,
+            created=position,
+        )
+        if entry.parent:
+            self._check_shadow(created)
+        return replace(self, spaces=_with(self.spaces, entry.space, created))
+
+    def _check_shadow(self, shadow: LoggedSpace) -> None:
+        parent = self.spaces.get(shadow.parent)
+        if parent is None or parent.parent:
+            raise _ill_formed(f"space {shadow.id} cannot be a shadow of space {shadow.parent}")
+        if (parent.dimensions, parent.curve, parent.node_managed) != (shadow.dimensions, shadow.curve, shadow.node_managed):
+            raise _ill_formed(f"a shadow has the dimensions, curve and management of its parent, space {parent.id}")
+
+    def _moved(self, space: SpaceId) -> LoggedSpace:
+        found = self.spaces.get(space)
+        if found is None:
+            raise _ill_formed(f"there is no space {space}")
+        if found.parent:
+            raise _ill_formed(f"space {space} is a shadow: its addresses mean what they mean in space {found.parent}")
+        if found.node_managed:
+            raise _ill_formed(f"the nodes choose the places in space {space}: they have no positions")
+        return found
+
+    def _stepped(self, space: LoggedSpace, step: Step) -> SceneLog:
+        moved = space.stepped(step)
+        low, high = moved.world_box
+        if not all(map(math.isfinite, (moved.transform.factor, *moved.transform.offset, *low, *high))):
+            raise _ill_formed(f"space {space.id} would leave the range of numbers")
+        if not all(first < last for first, last in zip(low, high, strict=True)):
+            raise _ill_formed(f"space {space.id} would have no extent left")
+        return replace(self, spaces=_with(self.spaces, space.id, moved))
+
+
+def _joined(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:
+    if any(other.node == member.node for other in members):
+        raise _ill_formed(f"node {member.node} is a member already")
+    return (*members, member)
+
+
+def _left(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:
+    if member not in members:
+        raise _ill_formed(f"node {member.node} is no member in this incarnation")
+    return tuple(other for other in members if other != member)
+
+
+def _with(mapping: Mapping[Key, Value], key: Key, value: Value) -> Mapping[Key, Value]:
+    return MappingProxyType({**mapping, key: value})
+
+
+def _ill_formed(what: str) -> Refused:
+    return Refused(RejectReason.ILL_FORMED, what, where="scene log")

@@ -1,0 +1,45 @@
+"""A scene's log as it travels: signed records, packed, sealed under the scene's key (specs/16-scene-log.md, Bytes).
+
+Every record is signed by the scene's header key under the domain scenefold/log: whoever can only read the scene holds its
+symmetric key and could seal a log of their own, but not sign a record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.crypto import LOG_DOMAIN, PublicKey, SigningKey, open_log, seal_log
+from scenefold.scene.log.book import SceneLog
+from scenefold.wire import LogRecord, MalformedPacket, SignedRecord, pack_log, unpack_log
+
+
+def sign_record(record: LogRecord, header_key: SigningKey) -> SignedRecord:
+    """The record as the log keeps it."""
+    encoded = record.encode()
+    return SignedRecord(encoded, header_key.sign(LOG_DOMAIN, encoded))
+
+
+def seal_private(records: Sequence[SignedRecord], *, genesis: bytes, symmetric_key: bytes, key_epoch: int, nonce: bytes) -> bytes:
+    """The private part for the public header at the last record's position."""
+    return seal_log(
+        pack_log(records), genesis=genesis, position=len(records), symmetric_key=symmetric_key, key_epoch=key_epoch, nonce=nonce
+    )
+
+
+def open_private(
+    private: bytes, *, genesis: bytes, position: int, symmetric_key: bytes, header_key: PublicKey
+) -> tuple[SceneLog, tuple[SignedRecord, ...]]:
+    """The log's state at `position`, and its records. DamagedData if anything in it does not verify."""
+    where = f"scene {genesis[:4].hex()}, log position {position}"
+    opened = open_log(private, genesis=genesis, position=position, symmetric_key=symmetric_key)
+    try:
+        records = unpack_log(opened)
+        for record in records:
+            header_key.verify(record.signature, LOG_DOMAIN, record.record)
+        log = SceneLog.of(record.decoded() for record in records)
+    except (MalformedPacket, DamagedData, Refused) as problem:
+        raise DamagedData(f"the scene's log does not hold together: {problem.what}", where=where) from problem
+    if log.position != position:
+        raise DamagedData(f"the scene's log ends at position {log.position}", where=where)
+    return log, records

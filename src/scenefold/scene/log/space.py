@@ -1,0 +1,231 @@
+"""A space as its scene's log describes it, and what its addresses mean in the world (thesis B.3.1, B.3.3; specs/16-scene-log.md).
+
+    location -> cell -> centre of the cell, in the box of the lattice ("home") -> the log's transforms -> world
+
+A location never changes. A translation or scale changes where it lies in the world, and moves no record: so a box of the
+world is carried back to home before it becomes arcs of the line. Contents that hold positions are carried on from the log
+position that they were written under (`fast_forward`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, reduce
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import FIRST, Arc, Location
+from scenefold.scene.log.affine import Affine
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from scenefold.curve import Lattice
+
+    Points: TypeAlias = npt.NDArray[np.float64]
+    Cells: TypeAlias = npt.NDArray[np.uint64]
+
+
+NO_SPACE = SpaceId(0)
+
+
+class SpaceFault(LocalFault, ValueError):
+    """A position, box or transform that a space has no meaning for."""
+
+
+class Step(NamedTuple):
+    """What the log record at `position` did: a scale by `factor`, or (with factor 1) a translation by `offset`."""
+
+    position: int
+    factor: float
+    offset: tuple[float, ...]
+
+
+class CellBox(NamedTuple):
+    """Cells first..last along every axis, both included."""
+
+    first: Cells
+    last: Cells
+
+
+@dataclass(frozen=True)
+class LoggedSpace:
+    """One space. `low` and `high`: the box of the world that its lattice was laid over at its creation."""
+
+    id: SpaceId
+    name: str
+    dimensions: int
+    curve: Literal["hilbert", "z-order"]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    transform: Affine
+    """Home to world, by all that the log says."""
+    node_managed: bool = False
+    parent: SpaceId = NO_SPACE
+    """Of a shadow: the space whose records it copies."""
+    offset: Location = FIRST
+    copies: int = 1
+    copies_min: int = 1
+    render_output: bool = False
+    created: int = 1
+    """The log position of its creation."""
+    steps: tuple[Step, ...] = field(default=(), repr=False)
+
+    # ------------------------------------------------------------------------------------------------ transforms
+
+    def stepped(self, step: Step) -> LoggedSpace:
+        """The space after one more step."""
+        return replace(self, steps=(*self.steps, step), transform=_after(self.transform, step))
+
+    def transform_since(self, position: int) -> Affine:
+        """What happened after this log position."""
+        return self._composed([step for step in self.steps if step.position > position])
+
+    def transform_until(self, position: int) -> Affine:
+        """What happened up to this log position, itself included."""
+        return self._composed([step for step in self.steps if step.position <= position])
+
+    def _composed(self, steps: Iterable[Step]) -> Affine:
+        return reduce(_after, steps, Affine.identity(self.dimensions))
+
+    @cached_property
+    def world_box(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Where the lattice's box lies in the world now."""
+        import numpy as np
+
+        low, high = (self.transform.apply(np.asarray(corner)) for corner in (self.low, self.high))
+        return tuple(low.tolist()), tuple(high.tolist())
+
+    def fast_forward(self, points: npt.ArrayLike, written_at: int) -> Points:
+        """World positions float64[n, D] that a payload held when it was written under a log position, as they are now.
+
+        Directions stay as they are, for a scale is the same along all axes; lengths grow by `transform_since(...).factor`.
+        """
+        rows = self._rows(points)
+        since = self.transform_since(written_at)
+        return rows if since.is_identity else since.apply(rows)
+
+    # ------------------------------------------------------------------------------------------------- addresses
+
+    def world_of(self, locations: Sequence[bytes] | npt.NDArray[np.bytes_], at: int | None = None) -> Points:
+        """World positions float64[n, D] of the centres of the cells that hold the locations; `at`: as of that log position."""
+        transform = self.transform if at is None else self.transform_until(at)
+        return transform.apply(self.lattice.centres(self.lattice.curve.decode(locations)))
+
+    def locations_of(self, points: npt.ArrayLike) -> list[Location]:
+        """The first location of the cell that each world position lies in; SpaceFault for one outside of the space."""
+        rows = self._rows(points)
+        low, high = self.world_box
+        inside = ((rows >= low) & (rows <= high)).all(axis=1)
+        if not inside.all():
+            row = rows[int(inside.argmin())].tolist()
+            raise SpaceFault(f"the position {_text(row)} lies outside of the space", where=self._where, remedy=self._extent)
+        found = self.lattice.curve.encode(self.lattice.cells(self.transform.undo(rows)))
+        return [Location.from_padded(location) for location in found.tolist()]
+
+    def cell_box(self, low: Sequence[float], high: Sequence[float]) -> CellBox:
+        """The cells that a world box meets. SpaceFault for a box that is none, or that meets no cell."""
+        import numpy as np
+
+        corners = np.stack([self._corner(low), self._corner(high)])
+        if (corners[0] > corners[1]).any():
+            axis = int(np.argmax(corners[0] > corners[1]))
+            what = f"the box ends at {corners[1][axis]:g} before it begins at {corners[0][axis]:g} on axis {axis}"
+            raise SpaceFault(what, where=self._where, remedy="give its low corner first")
+        world_low, world_high = self.world_box
+        if (corners[1] < world_low).any() or (corners[0] > world_high).any():
+            raise SpaceFault(f"the box {_text(low)} to {_text(high)} lies outside of the space", where=self._where, remedy=self._extent)
+        return CellBox(*self.lattice.cells(self.transform.undo(corners)))
+
+    def box_arcs(self, low: Sequence[float], high: Sequence[float], limit: int) -> list[Arc]:
+        """At most `limit` arcs of the line, ascending, that hold every location in the world box; they may hold others, too."""
+        box = self.cell_box(low, high)
+        return [Arc(Location(first), Location(last)) for first, last in self.lattice.curve.arcs(box.first, box.last, limit)]
+
+    def in_cells(self, locations: Sequence[bytes], box: CellBox) -> npt.NDArray[np.bool_]:
+        """Which locations lie in cells of the box: bool[n]."""
+        import numpy as np
+
+        cells = self.lattice.curve.decode(locations)
+        inside: npt.NDArray[np.bool_] = np.all((cells >= box.first) & (cells <= box.last), axis=1)
+        return inside
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """Cells over the box of the creation. SpaceFault in a space whose places the nodes choose."""
+        import numpy as np
+
+        from scenefold.curve import Curve, Lattice
+
+        if self.node_managed:
+            raise SpaceFault("the nodes choose the places in this space", where=self._where, remedy="list its records instead")
+        return Lattice(Curve(self.curve, self.dimensions), np.asarray(self.low), np.asarray(self.high))
+
+    # ------------------------------------------------------------------------------------------------- arguments
+
+    def _corner(self, corner: Sequence[float]) -> Points:
+        import numpy as np
+
+        try:
+            row = np.asarray(corner, np.float64)
+        except (TypeError, ValueError) as problem:
+            raise SpaceFault(f"a corner consists of numbers: {problem}", where=self._where) from problem
+        if row.shape != (self.dimensions,):
+            count = len(corner) if row.ndim == 1 else f"shape {row.shape}"
+            raise SpaceFault(f"a corner has {self.dimensions} coordinates here, not {count}", where=self._where)
+        if np.isnan(row).any():
+            raise SpaceFault("a corner of the box is not a number (NaN)", where=self._where)
+        return row
+
+    def _rows(self, points: npt.ArrayLike) -> Points:
+        import numpy as np
+
+        try:
+            rows = np.asarray(points, np.float64)
+        except (TypeError, ValueError) as problem:
+            raise SpaceFault(f"positions are numbers: {problem}", where=self._where) from problem
+        if rows.ndim != 2 or rows.shape[1] != self.dimensions:
+            raise SpaceFault(f"positions have {self.dimensions} coordinates here, not shape {rows.shape}", where=self._where)
+        if np.isnan(rows).any():
+            raise SpaceFault("a position is not a number (NaN)", where=self._where)
+        return rows
+
+    @property
+    def _where(self) -> str:
+        return f"space {self.name or self.id}"
+
+    @property
+    def _extent(self) -> str:
+        low, high = self.world_box
+        return f"it spans {_text(low)} to {_text(high)}"
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        low, high = self.world_box
+        return {
+            "space": self.id,
+            "name": self.name,
+            "dimensions": self.dimensions,
+            "curve": self.curve,
+            "node_managed": self.node_managed,
+            "parent": self.parent,
+            "copies": self.copies,
+            "copies_min": self.copies_min,
+            "render_output": self.render_output,
+            "created": self.created,
+            "world_low": list(low),
+            "world_high": list(high),
+            "factor": self.transform.factor,
+            "offset": list(self.transform.offset),
+        }
+
+
+def _after(transform: Affine, step: Step) -> Affine:
+    return transform.scaled(step.factor).translated(step.offset)
+
+
+def _text(corner: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{float(part):g}" for part in corner) + ")"

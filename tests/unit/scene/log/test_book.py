@@ -1,0 +1,189 @@
+"""If this fails, two programs read different spaces from one log, or a log takes a record that it must not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.location import FIRST
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import SigningKey
+from scenefold.scene.layout import SPACES
+from scenefold.scene.log import SceneLog, first_log, first_record, open_private, seal_private, sign_record
+from scenefold.wire import (
+    AddObserver,
+    AddParticipant,
+    Batch,
+    CreateSpace,
+    CurveKind,
+    LogEntry,
+    LogRecord,
+    Member,
+    RemoveObserver,
+    RemoveParticipant,
+    ScaleSpace,
+    SceneMode,
+    SetMode,
+    TranslateSpace,
+    Trust,
+)
+
+GENESIS = bytes(range(32))
+ORIGIN = NodeId(7)
+KEY = bytes(24)
+HEADER_KEY = SigningKey(bytes(31) + b"\2")
+HALL = SpaceId(11)
+
+
+def space(**changes: Any) -> CreateSpace:
+    plain = CreateSpace(HALL, 3, CurveKind.HILBERT, False, SpaceId(0), FIRST, 1, 1, False, "hall", (0.0,) * 3, (8.0,) * 3)
+    return replace(plain, **changes)
+
+
+def with_entries(*entries: LogEntry) -> SceneLog:
+    log = first_log(GENESIS, ORIGIN)
+    for entry in entries:
+        log = log.apply(log.next_record(entry, log.position.to_bytes(16, "big"), ORIGIN))
+    return log
+
+
+def test_a_log_begins_with_the_spaces_of_the_layout() -> None:
+    log = first_log(GENESIS, ORIGIN)
+    assert log.position == 1
+    assert [(space.id, space.name, space.dimensions, space.curve) for space in log.spaces.values()] == [
+        (space.id, space.name, space.dimensions, space.curve) for space in SPACES
+    ]
+    assert log.free_id() == HALL
+    assert first_record(GENESIS, ORIGIN).encode() == first_record(GENESIS, ORIGIN).encode()
+    assert first_record(bytes(32), ORIGIN).request_id != first_record(GENESIS, ORIGIN).request_id
+
+
+def test_entries_add_up() -> None:
+    move, grow = TranslateSpace(HALL, (1.0, 2.0, 3.0)), ScaleSpace(HALL, 0.5)
+    log = with_entries(space(), Batch((move, grow)), SetMode(SceneMode.RENDER))
+    hall = log.named("hall")
+    assert (hall.created, hall.transform.factor, hall.transform.offset) == (2, 0.5, (0.5, 1.0, 1.5))
+    assert hall.world_box == ((0.5, 1.0, 1.5), (4.5, 5.0, 5.5))
+    assert hall is log.space(HALL)
+    assert (log.position, log.mode, log.write_floor) == (4, SceneMode.RENDER, 4)
+    assert [entry.space for entry in log.public_spaces()] == list(range(1, 12))
+
+
+def test_members_come_and_go() -> None:
+    one, two = Member(NodeId(1), bytes(16)), Member(NodeId(2), bytes(16))
+    log = with_entries(AddParticipant(one), AddParticipant(two), AddObserver(two), RemoveParticipant(one), RemoveObserver(two))
+    assert (log.participants, log.observers) == ((two,), ())
+
+
+SHADOW = space(space=SpaceId(12), name="shade", parent=HALL)
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        [space(space=SpaceId(2))],
+        [space(name="geometry")],
+        [space(name="")],
+        [space(copies_min=2)],
+        [space(copies=0, copies_min=0)],
+        [space(parent=SpaceId(99))],
+        [SHADOW],
+        [space(), replace(SHADOW, dimensions=2, low=(0.0,) * 2, high=(1.0,) * 2)],
+        [space(), SHADOW, replace(SHADOW, space=SpaceId(13), name="deeper", parent=SpaceId(12))],
+        [space(), SHADOW, TranslateSpace(SpaceId(12), (0.0,) * 3)],
+        [TranslateSpace(HALL, (0.0,) * 3)],
+        [space(), TranslateSpace(HALL, (0.0,) * 2)],
+        [space(), TranslateSpace(HALL, (1e18,) * 3)],
+        [space(), ScaleSpace(HALL, 1e-200), ScaleSpace(HALL, 1e-200)],
+        [space(), ScaleSpace(HALL, 1e200), ScaleSpace(HALL, 1e200)],
+        [space(node_managed=True), ScaleSpace(HALL, 2.0)],
+        [AddParticipant(Member(NodeId(1), bytes(16))), AddParticipant(Member(NodeId(1), b"i" * 16))],
+        [RemoveObserver(Member(NodeId(1), bytes(16)))],
+        [Trust(NodeId(1), True)],
+        [Batch((space(), space()))],
+    ],
+)
+def test_an_entry_that_does_not_fit_is_refused(entries: list[LogEntry]) -> None:
+    log = with_entries(*entries[:-1])
+    with pytest.raises(Refused) as refused:
+        log.apply(log.next_record(entries[-1], b"r" * 16, ORIGIN))
+    assert refused.value.reason is RejectReason.ILL_FORMED
+
+
+def test_a_record_follows_its_log() -> None:
+    log = with_entries(space())
+    for record in (
+        replace(log.next_record(ScaleSpace(HALL, 2.0), b"r" * 16, ORIGIN), position=2),
+        replace(log.next_record(ScaleSpace(HALL, 2.0), b"r" * 16, ORIGIN), prev_hash=bytes(32)),
+        log.next_record(ScaleSpace(HALL, 2.0), (1).to_bytes(16, "big"), ORIGIN),
+    ):
+        with pytest.raises(Refused):
+            log.apply(record)
+
+
+def test_what_is_not_there_is_named_with_what_is() -> None:
+    with pytest.raises(LocalFault, match="it has meta, geometry"):
+        with_entries().named("hall")
+    with pytest.raises(LocalFault, match="space 11"):
+        with_entries().space(HALL)
+
+
+def records_of(*entries: LogEntry) -> list[LogRecord]:
+    records = [first_record(GENESIS, ORIGIN)]
+    for index, entry in enumerate(entries):
+        records.append(SceneLog.of(records).next_record(entry, bytes([index]) * 16, ORIGIN))
+    return records
+
+
+@given(st.lists(st.sampled_from([1.0, 2.0, 0.5, 3.0]), max_size=5))
+def test_a_sealed_log_is_read_as_it_was(factors: list[float]) -> None:
+    records = records_of(space(), *(ScaleSpace(HALL, factor) for factor in factors))
+    signed = [sign_record(record, HEADER_KEY) for record in records]
+    private = seal_private(signed, genesis=GENESIS, symmetric_key=KEY, key_epoch=0, nonce=bytes(12))
+    log, found = open_private(private, genesis=GENESIS, position=len(records), symmetric_key=KEY, header_key=HEADER_KEY.public)
+    assert log == SceneLog.of(records)
+    assert list(found) == signed
+    step_by_step = SceneLog()
+    for record in records:
+        step_by_step = step_by_step.apply(record)
+    assert step_by_step == log
+
+
+def test_a_log_opens_for_its_scene_position_and_key_only() -> None:
+    signed = [sign_record(record, HEADER_KEY) for record in records_of(space())]
+    private = seal_private(signed, genesis=GENESIS, symmetric_key=KEY, key_epoch=0, nonce=bytes(12))
+    right: dict[str, Any] = {"genesis": GENESIS, "position": 2, "symmetric_key": KEY, "header_key": HEADER_KEY.public}
+    wrong: list[dict[str, Any]] = [
+        {"genesis": bytes(32)},
+        {"position": 1},
+        {"symmetric_key": b"k" * 24},
+        {"header_key": SigningKey(bytes(32)).public},
+    ]
+    for change in wrong:
+        with pytest.raises(DamagedData):
+            open_private(private, **{**right, **change})
+    for broken in (b"", private[:20], private[:-1], private[:-1] + bytes([private[-1] ^ 1]), b"\2" + private[1:]):
+        with pytest.raises(DamagedData):
+            open_private(broken, **right)
+
+
+def test_a_log_that_does_not_hold_together_is_damaged() -> None:
+    first, second = (sign_record(record, HEADER_KEY) for record in records_of(space()))
+    for records in ([second], [first, first], [replace(first, record=b"nonsense")], [second, first]):
+        signed = [sign_record_bytes(record.record) for record in records]
+        private = seal_private(signed, genesis=GENESIS, symmetric_key=KEY, key_epoch=0, nonce=bytes(12))
+        with pytest.raises(DamagedData):
+            open_private(private, genesis=GENESIS, position=len(records), symmetric_key=KEY, header_key=HEADER_KEY.public)
+
+
+def sign_record_bytes(record: bytes) -> Any:
+    from scenefold.crypto import LOG_DOMAIN
+    from scenefold.wire import SignedRecord
+
+    return SignedRecord(record, HEADER_KEY.sign(LOG_DOMAIN, record))
