@@ -13,10 +13,9 @@ import trio
 
 from integration.clusters import PATIENCE_S, Nodes, free_ports, links_of_user, nodes_here
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId, SpaceId
+from scenefold.base.ids import NodeId, SceneId, SpaceId, node_id_of
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.headers import decider_location
 from scenefold.wire import (
     EXPECT_ABSENT,
     AcceptData,
@@ -58,7 +57,8 @@ from scenefold.world import Links, Priority, open_links, real_world
 from scenefold.world.profile import ClusterProfile
 from unit.peer.scenes_made import SPACE, STRANGER, WRITER, first_header, later_header, offered, sealed
 
-SCENE = first_header()
+ORIGIN = node_id_of("127.0.0.2")
+SCENE = first_header(origin=ORIGIN)
 
 
 class User:
@@ -252,8 +252,10 @@ async def check_scenes(user: User) -> None:
     again = await user.create(SCENE, node=1)
     assert isinstance(again, AcceptSceneProposal), "announcing it again is harmless"
     for bent, reason in (
-        (replace(first_header(origin=NodeId(9)), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
-        (later_header(first_header(origin=NodeId(8))), RejectReason.UNKNOWN_SCENE_OR_SPACE),
+        (replace(first_header(origin=ORIGIN, write_floor=9), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
+        (later_header(first_header(origin=ORIGIN, write_floor=8)), RejectReason.UNKNOWN_SCENE_OR_SPACE),
+        (first_header(origin=NodeId(9)), RejectReason.NOT_AUTHORISED),
+        (later_header(SCENE, position=3), RejectReason.ILL_FORMED),
         (later_header(SCENE, STRANGER), RejectReason.SIGNATURE_INVALID),
     ):
         rejected = await user.create(bent, node=2)
@@ -266,8 +268,7 @@ async def check_scenes(user: User) -> None:
     assert await user.put(2, offered(sealed(later, location=place))) == [0]
     listed = await user.ask(2, ListScenes())
     assert isinstance(listed, ScenesListed) and listed.scenes == (later,)
-    decider = user.nodes.contexts[0].routing.owner_of(decider_location(SCENE.scene))
-    number = [member.node_id for member in user.nodes.profile.members].index(decider)
+    number = [member.node_id for member in user.nodes.profile.members].index(ORIGIN)
     request = RequestSceneLog(scene=SCENE.scene, genesis=SCENE.genesis, have=0, nonce=7, want=Want.LOG)
     log = await user.ask(number, request)
     assert isinstance(log, RespondSceneLog) and log.answer is not None
@@ -296,8 +297,7 @@ async def test_a_scene_that_nobody_made_is_unknown(tmp_path: Path) -> None:
 async def test_a_node_that_was_away_learns_of_the_scene(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 3, start=[0, 1, 2]) as nodes, links_of_user(nodes.profile) as links:
         user = User(nodes, links)
-        decider = nodes.contexts[0].routing.owner_of(decider_location(SCENE.scene))
-        away = next(node for node in range(3) if user.node_id(node) != decider)
+        away = next(node for node in range(3) if user.node_id(node) != ORIGIN)
         await nodes.stop(away)
         assert isinstance(await user.create(SCENE, node=next(iter(nodes.contexts))), AcceptSceneProposal)
         await nodes.start(away)

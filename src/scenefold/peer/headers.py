@@ -6,23 +6,13 @@ name for ever (genesis). So a node can keep and pass on headers of scenes that i
 
 from __future__ import annotations
 
-import hashlib
-
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import SceneId
-from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN
 from scenefold.peer.verification import KnownScene
 from scenefold.wire import SceneLogPublic
 
 FIRST_POSITION = 1
-
-
-def decider_location(scene: SceneId) -> Location:
-    """The place on the line whose owner decides alone about this scene's log, for now."""
-    digest = hashlib.sha256(b"scenefold/scene" + scene.to_bytes(4, "big")).digest()
-    return Location(digest[:LOCATION_BYTES])
 
 
 def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownScene:
@@ -53,6 +43,8 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
 def _check_succession(public: SceneLogPublic, known: SceneLogPublic) -> None:
     if public.genesis != known.genesis:
         raise Refused(RejectReason.POSITION_TAKEN, "another scene has this id here")
+    if public.origin != known.origin:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the header names another origin than the one before")
     if public.public_key != known.public_key:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header is signed with another key than the one before")
     if public.position < known.position or public.write_floor < known.write_floor:

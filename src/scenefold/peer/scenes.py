@@ -1,14 +1,13 @@
-"""Public scene headers: decided by one node, kept by all, fetched by whoever lacks one (specs/11-peers.md).
+"""Public scene headers: decided by one node, kept by all, fetched by whoever lacks one (specs/16-scene-log.md).
 
-For now a scene's log has one voter: the owner of the place that the scene id hashes to. It decides alone whether a
-first header is the scene's, persists it, and pushes it to all members. A node that was away meets the scene's id in a
-request, or in the list that it asks for at its start, and pulls the header from others. The private part of a log is
-opaque here; the decider keeps it for those who can open it.
+For now a scene's log has one participant: the node that its headers name as origin, for the scene's whole life. It decides
+alone what the next position is, persists header and sealed log in one transaction, and pushes the header to all members. A
+node that was away meets the scene's id or a newer position in a request, or in the list that it asks for at its start, and
+pulls the header from others, once for all who wait. The log is opaque here: whoever holds the scene's key opens it.
 """
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Sequence
 
@@ -19,9 +18,9 @@ from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.handlers import Handlers, Senders, node_of
-from scenefold.peer.headers import FIRST_POSITION, checked_header, decider_location
+from scenefold.peer.headers import checked_header
 from scenefold.peer.peers import Peers
-from scenefold.peer.routing import Routing
+from scenefold.peer.proposals import is_decided
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.verification import KnownScene
 from scenefold.store import Store
@@ -40,6 +39,7 @@ from scenefold.wire import (
     SceneLogPublic,
     ScenesListed,
     Want,
+    hash_of_record,
 )
 from scenefold.world import Priority, World
 
@@ -56,21 +56,24 @@ _log = logging.getLogger("scenefold.peer.scenes")
 class Scenes:
     """The scenes that this node knows. Used from the Trio thread only."""
 
-    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus, routing: Routing) -> None:
+    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus) -> None:
         self._world = world
         self._store = store
         self._peers = peers
         self._own = own
-        self._routing = routing
         self._known: dict[SceneId, KnownScene] = {}
         self._missed_at: dict[SceneId, float] = {}
+        self._pulls: dict[SceneId, trio.Event] = {}
         self._lock = trio.Lock()
 
     def register(self, handlers: Handlers) -> None:
-        handlers.add(ProposeSceneLog, self._on_propose)
-        handlers.add(RequestSceneLog, self._on_request)
-        handlers.add(RespondSceneLog, self._on_push, senders=Senders.NODES)
         handlers.add(ListScenes, self._on_list)
+
+    def register_logs(self, handlers: Handlers) -> None:
+        """Packets 5 to 7, where nobody else takes them first (the cluster's log has the same ones)."""
+        handlers.add(ProposeSceneLog, self.on_propose)
+        handlers.add(RequestSceneLog, self.on_request)
+        handlers.add(RespondSceneLog, self.on_push, senders=Senders.NODES)
 
     async def load(self) -> None:
         """Read what this node kept from before. DamagedData if a header does not verify any more."""
@@ -112,33 +115,38 @@ class Scenes:
     async def adopt(self, public: SceneLogPublic) -> KnownScene:
         """Verify a header and keep it durably; Refused if it must not be. One at a time."""
         async with self._lock:
-            before = self._known.get(public.scene)
-            if before is None and len(self._known) >= SCENES_LISTED_MAX:
-                raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster holds {SCENES_LISTED_MAX} scenes already")
-            if before is not None and before.public == public:
-                return before
-            scene = await self._world.workers.run("crypto", checked_header, public, before)
+            return await self._adopt(public, None)
+
+    async def _adopt(self, public: SceneLogPublic, private: bytes | None) -> KnownScene:
+        """Under the lock. `private`: the sealed log of this position, if this node is to keep it."""
+        before = self._known.get(public.scene)
+        if before is None and len(self._known) >= SCENES_LISTED_MAX:
+            raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster holds {SCENES_LISTED_MAX} scenes already")
+        if before is not None and before.public == public:
+            return before
+        scene = await self._world.workers.run("crypto", checked_header, public, before)
+        if private is None:
             await self._store.put_header(public.scene, public.encode())
-            self._known[public.scene] = scene
-            self._missed_at.pop(public.scene, None)
-            return scene
+        else:
+            await self._store.put_scene_log(public.scene, public.encode(), private)
+        self._known[public.scene] = scene
+        self._missed_at.pop(public.scene, None)
+        return scene
 
     # ------------------------------------------------------------------------------------------------- handlers
 
-    async def _on_propose(self, packet: ProposeSceneLog, peer: str) -> Packet:
-        decider = self._routing.owner_of(decider_location(packet.public.scene))
-        if decider != self._own.me:
+    async def on_propose(self, packet: ProposeSceneLog, peer: str) -> Packet:
+        """7: decide, if this node is the scene's origin; hand a user's proposal on to it otherwise."""
+        known = self._known.get(packet.public.scene)
+        origin = packet.public.origin if known is None else known.public.origin
+        if origin != self._own.me:
             if node_of(peer) is not None:
-                return self._rejection(packet, RejectReason.NOT_MY_LOCATION, decider)
-            return await self._peers.ask(decider, Priority.HIGH, packet, Packet, RELAY_S_MAX)
+                return self._rejection(packet, RejectReason.NOT_MY_LOCATION, origin)
+            if origin not in self._peers.others():
+                return self._rejection(packet, RejectReason.NOT_AUTHORISED, origin)
+            return await self._peers.ask(origin, Priority.HIGH, packet, Packet, RELAY_S_MAX)
         try:
-            if packet.genesis != packet.public.genesis:
-                raise Refused(RejectReason.ILL_FORMED, "the proposal is for another genesis than its header's")
-            if packet.public.position > FIRST_POSITION and packet.public.scene not in self._known:
-                raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "a scene begins with its first header")
-            scene = await self.adopt(packet.public)
-            if await self._store.get_note(_note(packet.public.scene)) is None:
-                await self._store.put_note(_note(packet.public.scene), packet.private)
+            scene = await self._decide(packet)
         except Refused as refusal:
             _log.info("scene proposal of %s refused: %s", peer, refusal)
             return self._rejection(packet, refusal.reason, self._own.me)
@@ -146,14 +154,24 @@ class Scenes:
         return AcceptSceneProposal(
             genesis=packet.genesis,
             proposal=packet.proposal,
-            record_hash=hashlib.new("sha512_256", packet.private).digest(),
+            record_hash=hash_of_record(packet.private),
             nodes=(Member(self._own.me, self._own.incarnation),),
             highest=None,
             mac_epoch=0,
             mac=b"",
         )
 
-    async def _on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
+    async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
+        async with self._lock:
+            known = self._known.get(packet.public.scene)
+            private = None if known is None else await self._store.get_scene_log(packet.public.scene)
+            if is_decided(packet, None if known is None else known.public, private):
+                assert known is not None
+                return known
+            return await self._adopt(packet.public, packet.private)
+
+    async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
+        """5: the newest header, and the sealed log with it if that was asked for and is kept here."""
         try:
             # Nodes that ask each other must not set off a round of asking: only users' questions do.
             scene = await self.known(packet.scene, position=packet.have, ask=node_of(peer) is None)
@@ -161,10 +179,16 @@ class Scenes:
             return RespondSceneLog(answer=None)
         if packet.genesis not in (b"", scene.public.genesis):
             return RespondSceneLog(answer=None)
-        private = await self._store.get_note(_note(packet.scene)) if packet.want is Want.LOG else None
-        return RespondSceneLog(answer=_answer(scene.public, packet.nonce, private))
+        if packet.want is not Want.LOG:
+            return RespondSceneLog(answer=_answer(scene.public, packet.nonce, None))
+        async with self._lock:
+            # Header and log change together, so both are read between two changes.
+            public = self._known[packet.scene].public
+            private = await self._store.get_scene_log(packet.scene)
+        return RespondSceneLog(answer=_answer(public, packet.nonce, private))
 
-    async def _on_push(self, packet: RespondSceneLog, peer: str) -> None:
+    async def on_push(self, packet: RespondSceneLog, peer: str) -> None:
+        """6 that nobody asked for: a header that was decided."""
         if packet.answer is not None:
             await self._try_adopt(packet.answer.public, peer)
 
@@ -174,23 +198,43 @@ class Scenes:
     # ------------------------------------------------------------------------------------------------ the others
 
     async def _pull(self, scene: SceneId, position: int) -> None:
-        now = self._world.clock.now()
-        if now - self._missed_at.get(scene, now - MISS_S) < MISS_S:
+        """Ask the others for a header of this position or later; one round at a time for each scene, whoever needs it."""
+        while not self._is_known(scene, position):
+            missed_at = self._missed_at.get(scene)
+            if missed_at is not None and self._world.clock.now() - missed_at < MISS_S:
+                return
+            running = self._pulls.get(scene)
+            if running is None:
+                break
+            await running.wait()
+        else:
             return
+        done = self._pulls[scene] = trio.Event()
+        try:
+            await self._ask_around(scene, position)
+        finally:
+            del self._pulls[scene]
+            done.set()
+
+    async def _ask_around(self, scene: SceneId, position: int) -> None:
         request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
-        for member in self._peers.others(first=self._routing.owner_of(decider_location(scene))):
+        known = self._known.get(scene)
+        for member in self._peers.others(first=None if known is None else known.public.origin):
             try:
                 answer = (await self._peers.ask(member, Priority.HIGH, request, RespondSceneLog, ASK_S_MAX)).answer
             except (Unreachable, Refused, PeerFault):
                 continue
             if answer is not None and answer.public.scene == scene:
                 await self._try_adopt(answer.public, address_of(member))
-                found = self._known.get(scene)
-                if found is not None and found.public.position >= position:
+                if self._is_known(scene, position):
                     return
         if len(self._missed_at) > SCENES_LISTED_MAX:
             self._missed_at.clear()
-        self._missed_at[scene] = now
+        self._missed_at[scene] = self._world.clock.now()
+
+    def _is_known(self, scene: SceneId, position: int) -> bool:
+        found = self._known.get(scene)
+        return found is not None and found.public.position >= position
 
     async def _push(self, public: SceneLogPublic) -> None:
         """Tell all others, waiting a bounded time. Whoever misses it pulls it later."""
@@ -239,7 +283,3 @@ def _answer(public: SceneLogPublic, nonce: int, private: bytes | None) -> SceneL
         mac_epoch=0,
         mac=b"",
     )
-
-
-def _note(scene: SceneId) -> str:
-    return f"scene-log/{scene:08x}"

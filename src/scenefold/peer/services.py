@@ -54,9 +54,10 @@ class PeerServices:
         own.update(memory_total_bytes=settings.memory_budget_bytes)
         handlers = Handlers(frozenset(keys), own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
         peers = Peers(world, links, own, roster, routing)
-        scenes = Scenes(world, store, peers, own, routing)
+        scenes = Scenes(world, store, peers, own)
         data = DataService(world, store, peers, scenes, routing, me)
         scenes.register(handlers)
+        scenes.register_logs(handlers)
         data.register(handlers)
         Members(own, roster, routing, scenes, keys).register(handlers)
         seeds = settings.seeds or profile.seeds

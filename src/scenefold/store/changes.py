@@ -55,3 +55,25 @@ class PutValue:
 
     def when_full(self) -> None:
         raise storage_full()
+
+
+@dataclass(frozen=True, slots=True)
+class PutValues:
+    """Values that belong together: after a crash all of them are there, or none."""
+
+    values: tuple[PutValue, ...]
+
+    @property
+    def size_bytes(self) -> int:
+        return sum(value.size_bytes for value in self.values)
+
+    @property
+    def uses_reserve(self) -> bool:
+        return True
+
+    def apply(self, transaction: WriteTransaction, tally: Tally, /) -> None:
+        for value in self.values:
+            value.apply(transaction, tally)
+
+    def when_full(self) -> None:
+        raise storage_full()

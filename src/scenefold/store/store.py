@@ -22,7 +22,7 @@ from scenefold.base.limits import STORE_READ_BATCH_MAX, STORE_RESERVE_BYTES
 from scenefold.base.location import Arc
 from scenefold.crypto import Record, RecordHeader, RecordPlace
 from scenefold.store import reading, walking
-from scenefold.store.changes import PutValue
+from scenefold.store.changes import PutValue, PutValues
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Put, PutResult
@@ -144,6 +144,15 @@ class Store:
         """Keep a scene's public header, already verified. Refused if the disk is full."""
         await self._writer.submit(PutValue(HEADERS, scene_key(scene), header))
 
+    async def put_scene_log(self, scene: SceneId, header: bytes, private: bytes) -> None:
+        """Keep a scene's public header and its sealed log in one transaction: they are of the same position, always."""
+        values = PutValue(HEADERS, scene_key(scene), header), PutValue(NOTES, _log_note(scene), private)
+        await self._writer.submit(PutValues(values))
+
+    async def get_scene_log(self, scene: SceneId) -> bytes | None:
+        """The sealed log, if this node keeps it."""
+        return await self._view(reading.read_value, NOTES, _log_note(scene))
+
     async def get_header(self, scene: SceneId) -> bytes | None:
         return await self._view(reading.read_value, HEADERS, scene_key(scene))
 
@@ -204,3 +213,7 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
     finally:
         with trio.CancelScope(shield=True):
             await workers.run("store", environment.close)
+
+
+def _log_note(scene: SceneId) -> bytes:
+    return b"scene-log/%08x" % scene

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SceneId
+from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PROPOSAL_DOMAIN
-from scenefold.peer.headers import checked_header, decider_location
+from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
 from scenefold.wire import KeyEntry, SceneLogPublic
 from unit.peer.scenes_made import HEADER_KEY, STRANGER, WRITER, first_header, later_header, signed
@@ -64,15 +64,11 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
         (later_header(FIRST, write_floor=3), RejectReason.POSITION_TAKEN),
         (later_header(FIRST, position=3, write_floor=0), RejectReason.POSITION_BEHIND),
         (later_header(FIRST, STRANGER, position=3, public_key=STRANGER.key_id), RejectReason.NOT_AUTHORISED),
+        (later_header(FIRST, position=3, origin=NodeId(2)), RejectReason.NOT_AUTHORISED),
         (later_header(FIRST, position=3, genesis=FIRST.genesis[:4] + bytes(28)), RejectReason.POSITION_TAKEN),
     ],
-    ids=["older", "same position otherwise", "floor sinks", "another header key", "another genesis"],
+    ids=["older", "same position otherwise", "floor sinks", "another header key", "another origin", "another genesis"],
 )
 def test_what_does_not_follow_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:
     known = KnownScene.of(later_header(FIRST, write_floor=2, mode=FIRST.mode))
     assert refusal(header, known) == reason
-
-
-def test_scenes_are_decided_all_over_the_line() -> None:
-    places = [decider_location(SceneId(scene)) for scene in range(1, 200)]
-    assert len({place[0] >> 6 for place in places}) == 4
