@@ -137,7 +137,7 @@ class Roster:
 
     # ---------------------------------------------------------------------------------------------------- hearing
 
-    def rises(self, status: Status, *, relayed: bool = False) -> bool:
+    def rises(self, status: Status) -> bool:
         """Whether hearing this status would change anything: of a registered incarnation, and newer than what we have."""
         peer = self._peers.get(status.node)
         return peer is not None and status.incarnation == peer.incarnation and status.lamport > _lamport_of(peer.status)
@@ -148,7 +148,7 @@ class Roster:
         What a peer says itself is one if it is newer than its last status. A relayed one must also be newer than what
         the peer has said on connections since then: else it is merely taken into the table.
         """
-        if not self.rises(status, relayed=relayed):
+        if not self.rises(status):
             return False
         peer = self._peers[status.node]
         is_sign = not relayed or status.lamport > peer.lamport
