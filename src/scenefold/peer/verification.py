@@ -3,19 +3,29 @@
 In this order, cheapest first: the header is that of the place it is offered for, and of the scene with this genesis;
 its epoch is not below the write floor; the scene's public header lists the writer for that epoch; the signature and
 the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
+
+Copies that another node hands over are verified alike, but for the write floor: they were accepted once, and must
+be movable in every mode.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, SpaceId
+from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import IllFormedRecord, PublicKey, Record, RecordHeader, RecordPlace, verify_record
-from scenefold.store import Put
-from scenefold.wire import PutItem, SceneLogPublic, WriterEntry
+from scenefold.crypto import PLACED_BY_NODE, IllFormedRecord, PublicKey, Record, RecordHeader, RecordPlace, verify_record
+from scenefold.store import OBJECT_BYTES, Put
+from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
+
+Item = TypeVar("Item", PutItem, HandItem)
+
+_NO_PLACE = bytes(LOCATION_BYTES - OBJECT_BYTES)
+"""What the header of a node-managed record has before the object id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +59,47 @@ class KnownScene:
 def verified_put(item: PutItem, scene: KnownScene) -> Put:
     """The record to be stored; Refused with the reason why it must not be."""
     record = Record(header_bytes=item.header, signature=item.signature, ciphertext=item.ciphertext)
+    header = _verified(record, item, scene)
+    if header.epoch < scene.public.write_floor:
+        raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
+    at = None if header.placement != PLACED_BY_NODE or item.location == header.location else item.location
+    return Put(record, item.expect, at)
+
+
+def verified_copy(item: HandItem, scene: KnownScene) -> Put:
+    """A record that another node hands over; Refused with the reason why it must not be kept."""
+    record = Record(header_bytes=item.header, signature=item.signature, ciphertext=item.ciphertext)
+    header = _verified(record, item, scene)
+    if item.object != object_of(header):
+        raise Refused(RejectReason.ILL_FORMED, "the record is that of another object")
+    return Put(record, at=item.location if item.object else None)
+
+
+def object_of(header: RecordHeader) -> bytes:
+    """The object id of a record in a node-managed space; b"" of any other."""
+    return bytes(header.location[-OBJECT_BYTES:]) if header.placement == PLACED_BY_NODE else b""
+
+
+def wants_place(item: PutItem) -> bytes:
+    """The object id if this is offered for a place of the node's choice, else b"". Looks at the header's bytes only."""
+    try:
+        header = RecordHeader.decode(item.header)
+    except IllFormedRecord:
+        return b""
+    return object_of(header) if item.location == header.location else b""
+
+
+def _verified(record: Record, item: PutItem | HandItem, scene: KnownScene) -> RecordHeader:
     try:
         header = record.header
         _check_scene(header, scene)
-        verify_record(record, scene.writer_key(header), RecordPlace(item.scene, item.space, item.location))
+        # Where a node-managed record lies is no business of its writer, so it is no part of what is signed.
+        signed_place = header.location if header.placement == PLACED_BY_NODE else item.location
+        return verify_record(record, scene.writer_key(header), RecordPlace(item.scene, item.space, signed_place))
     except IllFormedRecord as problem:
         raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
     except DamagedData as problem:
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
-    return Put(record, item.expect)
 
 
 def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
@@ -65,18 +107,22 @@ def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
         raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"the scene has no space {header.space}")
     if header.genesis != scene.public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the signed header is that of another scene")
-    if header.epoch < scene.public.write_floor:
-        raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
+    if header.placement == PLACED_BY_NODE and header.location[: len(_NO_PLACE)] != _NO_PLACE:
+        raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place")
 
 
-def verify_all(claims: Sequence[tuple[PutItem, KnownScene | None]]) -> list[Put | Refused]:
-    """Each item of its scene, which must be known: the put, or why not. Some 60 microseconds an item."""
-    return [_verdict(item, scene) for item, scene in claims]
+def verify_all(claims: Sequence[tuple[PutItem, KnownScene]]) -> list[Put | Refused]:
+    """Each item of its scene: the put, or why not. Some 60 microseconds an item."""
+    return [_verdict(verified_put, item, scene) for item, scene in claims]
 
 
-def _verdict(item: PutItem, scene: KnownScene | None) -> Put | Refused:
-    assert scene is not None
+def verify_copies(claims: Sequence[tuple[HandItem, KnownScene]]) -> list[Put | Refused]:
+    """The same for records that another node hands over."""
+    return [_verdict(verified_copy, item, scene) for item, scene in claims]
+
+
+def _verdict(verify: Callable[[Item, KnownScene], Put], item: Item, scene: KnownScene) -> Put | Refused:
     try:
-        return verified_put(item, scene)
+        return verify(item, scene)
     except Refused as refusal:
         return refusal

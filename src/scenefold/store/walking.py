@@ -100,7 +100,7 @@ def entry_keys(
 ) -> Iterator[bytes]:
     """Keys of the records in the pieces, space by space."""
     for space in spaces(transaction):
-        if after is not None and space < space_of(after):
+        if (after is not None and space < space_of(after)) or (managed_only and not _has_objects(transaction, space)):
             continue
         for piece in pieces:
             first, last = _ends(space, piece)
@@ -108,10 +108,8 @@ def entry_keys(
                 continue
             begin = first if after is None or after < first else after + b"\0"
             for key in transaction.keys(RECORDS, begin, last):
-                if managed_only and not object_of(key):
-                    # A space is node-managed as a whole, or not at all.
-                    break
-                yield key
+                if not managed_only or object_of(key):
+                    yield key
 
 
 def spaces(transaction: ReadTransaction) -> list[SpaceAddress]:
@@ -147,6 +145,10 @@ def describe(spot: Spot) -> str:
     place, object_id = spot
     suffix = f", object {object_id.hex()}" if object_id else ""
     return f"scene {place.scene:08x}, space {place.space}, {place.location.hex()}{suffix}"
+
+
+def _has_objects(transaction: ReadTransaction, space: SpaceAddress) -> bool:
+    return next(transaction.keys(OBJECTS, object_key(*space, b""), object_key(*space, OBJECTS_END)), None) is not None
 
 
 def _sizes(transaction: ReadTransaction, space: SpaceAddress, arc: Arc, from_right: bool) -> Iterator[tuple[Location, int]]:

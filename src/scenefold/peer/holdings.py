@@ -1,0 +1,65 @@
+"""What the data service must know before it may speak for a place: three small protocols, kept by line, lease and routing.
+
+A write is acknowledged, and nothing is called absent, only by a node that owns the place *and* holds an owner lease at
+the moment of answering (storage.md, Members and owners). So each answer is checked twice: before the work, to do none in
+vain, and after it, since the arc may have been given away or the lease have run out meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+from typing import Protocol
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
+
+
+class Holdings(Protocol):
+    """This node's part of the line, as it is durable (peer/line)."""
+
+    @property
+    def arc(self) -> Arc | None: ...
+
+    def owns(self, location: Location) -> bool: ...
+
+    def writing(self, locations: Sequence[Location]) -> AbstractAsyncContextManager[None]:
+        """Held around a write. Entering waits while one of the places is frozen; freezing waits for who is inside."""
+        ...
+
+
+class Lease(Protocol):
+    """The right to speak for what one owns, for a while (peer/lease)."""
+
+    def holds(self) -> bool: ...
+
+
+class Owners(Protocol):
+    """Who owns what, as far as this node knows (peer/routing)."""
+
+    def owner_of(self, location: Location) -> NodeId:
+        """Refused (16) while nothing is known."""
+        ...
+
+
+def other_owner(owners: Owners, location: Location, me: NodeId) -> NodeId:
+    """The other node that owns a place that is not ours; Refused (16) if it is between two owners, or nobody is known."""
+    owner = owners.owner_of(location)
+    if owner == me:
+        raise Refused(RejectReason.NOT_READY, "the place is changing hands")
+    return owner
+
+
+def no_lease() -> Refused:
+    """Why a node without a lease says nothing."""
+    return Refused(
+        RejectReason.NOT_READY,
+        "the node holds no lease just now, so it cannot answer for its places",
+        remedy="try again in a while; if it lasts, the cluster's voter cannot be reached",
+    )
+
+
+def silent_owner(owner: NodeId) -> Refused:
+    return Refused(RejectReason.NOT_READY, f"the owner {address_of(owner)} does not answer")

@@ -1,0 +1,68 @@
+"""Which places hold a record: packets 16 to 18 (thesis C.4; specs/11-peers.md, Ranges).
+
+A node answers for its own arc only, and says which part of the question it has answered; the asker goes on behind it.
+That nothing lies somewhere is a claim as well, so it needs a lease; without one, what is there is listed as stale.
+"""
+
+from __future__ import annotations
+
+from scenefold.base.limits import RANGE_LOCATIONS_MAX
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.handlers import Handlers
+from scenefold.peer.holdings import Holdings, Lease
+from scenefold.peer.scenes import Scenes
+from scenefold.store import Store
+from scenefold.wire import Packet, QueryRange, RejectRange, ReturnRange
+
+LOOKS_MAX = 3
+"""An arc that changes during a look makes it worthless; one that changes all the time is a case for the asker's patience."""
+
+
+class Ranges:
+    """The owner's side of range queries."""
+
+    def __init__(self, store: Store, scenes: Scenes, line: Holdings, lease: Lease) -> None:
+        self._store = store
+        self._scenes = scenes
+        self._line = line
+        self._lease = lease
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(QueryRange, self._on_query)
+
+    async def answer(self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX) -> ReturnRange | RejectRange:
+        """At most `limit` locations; Refused (19) if nobody knows the scene."""
+        await self._scenes.known(packet.scene)
+        for _ in range(LOOKS_MAX):
+            mine = self._mine(packet)
+            if mine is None:
+                return _rejection(packet, RejectReason.OUTSIDE_BOUNDS)
+            answer = await self._store.range(packet.scene, packet.space, mine, limit)
+            if self._mine(packet) != mine:
+                # What was given away may have been deleted while we looked.
+                continue
+            stale = not self._lease.holds()
+            if stale and not answer.locations:
+                return _rejection(packet, RejectReason.NOT_READY)
+            return ReturnRange(
+                scene=packet.scene,
+                space=packet.space,
+                first=answer.covered.first,
+                last=answer.covered.last,
+                locations=tuple(answer.locations),
+                objects=tuple(answer.objects),
+                stale=stale,
+            )
+        return _rejection(packet, RejectReason.NOT_READY)
+
+    def _mine(self, packet: QueryRange) -> Arc | None:
+        arc = self._line.arc
+        return None if arc is None else Arc(packet.first, packet.last).intersection(arc)
+
+    async def _on_query(self, packet: QueryRange, _peer: str) -> Packet:
+        return await self.answer(packet)
+
+
+def _rejection(packet: QueryRange, reason: RejectReason) -> RejectRange:
+    return RejectRange(scene=packet.scene, space=packet.space, location=packet.first, reason=reason)
