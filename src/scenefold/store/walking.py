@@ -17,11 +17,13 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.store.layout import (
+    OBJECTS,
     OBJECTS_END,
     RECORDS,
     STATISTICS,
     Spot,
     location_of,
+    object_key,
     object_of,
     record_key,
     space_of,
