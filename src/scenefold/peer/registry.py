@@ -215,7 +215,7 @@ class Registry:
         if not self.order:
             raise _ill_formed("a cluster's log begins with its founders")
         self.position = record.position
-        self.head = record.hash()
+        self.head = _hash_of(record)
         self._requests[record.request_id] = record.position
 
     def _found(self, entry: Found) -> None:
@@ -280,6 +280,11 @@ class Registry:
         if known is not None:
             del self._registered[node]
             self._removals[incarnation] = Removal(entry.member, entry.reason, position)
+
+
+@lru_cache(maxsize=2 * NODES_MAX)
+def _hash_of(record: LogRecord) -> bytes:
+    return record.hash()
 
 
 @lru_cache(maxsize=2 * NODES_MAX)

@@ -30,6 +30,8 @@ PUSH_PAUSE_S = 0.05
 """Between two pushes to one node: entries that are made meanwhile, as when a cluster starts, travel together."""
 PROPOSE_S_MAX = 30.0
 """The deadline of a proposal (consensus §5, request deadline)."""
+PROPOSE_ASK_S_MAX = 15.0
+"""For the voter to answer a proposal: before a removal it probes who is to be removed."""
 PROPOSE_RETRY_S = 0.5
 """Between two tries of one proposal while the voter is away."""
 VOTER_PATIENCE_S = 1.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -28,7 +29,7 @@ def test_founders_stand_in_id_order_with_even_arcs_before_anybody_registered() -
     assert registry.order == tuple(node(number) for number in range(4)) and registry.members == ()
     arcs = [registry.founding_arc(node(number)) for number in range(4)]
     assert arcs[0] is not None and arcs[0].first == FIRST and arcs[3] is not None and arcs[3].last == LAST
-    assert all(left and right and left.last.next() == right.first for left, right in zip(arcs, arcs[1:], strict=False))
+    assert all(left and right and left.last.next() == right.first for left, right in pairwise(arcs))
     assert registry.vacant_seat(node(2)) is not None and registry.current(node(2)) is None
 
 
@@ -150,7 +151,8 @@ def test_whatever_happens_order_and_members_fit_each_other(wishes: list[tuple[st
     first = record(registry, found(4))
     registry, kept = registry.apply(first), [first]
     for kind, number, other, life in wishes:
-        entry = {"a": add(number, left_of=other, life=life), "f": add(number, life=life), "r": remove(number, life=life)}[kind]
+        adding = add(number, left_of=None if kind == "f" else other, life=life)
+        entry = remove(number, life=life) if kind == "r" else adding
         step = record(registry, entry)
         before = registry
         try:

@@ -1,0 +1,84 @@
+"""Who may propose what to the cluster's log, and what a lease request signs (specs/15-cluster-log.md). Pure.
+
+That an entry fits behind the log says the registry; here it is judged whether this asker may propose it at all. A
+node registers itself and nobody else, with the key that the cluster knows of it; a removal may be proposed by every member.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import key_id_of
+from scenefold.peer.registry import Registry
+from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode, Trust
+from scenefold.world.facts import ClusterFacts
+
+BOOT_BITS = 32
+"""Of a Lamport time, from the top: the boot counter of its node."""
+
+
+def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts) -> None:
+    """Refused (12) if this node may not propose this entry."""
+    match entry:
+        case AddNode(member, key):
+            if member.node != proposer:
+                raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
+            credential = facts.credential(member.node)
+            if credential is not None and credential.public_key.key_id != key_id_of(key):
+                raise _not_authorised(f"{address_of(member.node)} was certified with another key")
+        case RemoveNode():
+            if registry.current(proposer) is None:
+                raise _not_authorised(f"{address_of(proposer)} is no member, and removes nobody")
+        case Trust() | RevokeNode():
+            if proposer not in registry.voters:
+                raise _not_authorised("only a voter proposes whom to trust and whose key to revoke")
+        case _:
+            raise Refused(RejectReason.ILL_FORMED, f"nobody proposes a {type(entry).__name__} to the cluster's log")
+
+
+def predecessor(entry: LogEntry, registry: Registry) -> Member | None:
+    """The incarnation that must go before this AddNode can be: that of a node whose disk was made anew."""
+    if not isinstance(entry, AddNode):
+        return None
+    known = registry.current(entry.member.node)
+    return None if known is None or known.incarnation == entry.member.incarnation else known.member
+
+
+def lease_message(genesis: bytes, have: int, head: bytes, nonce: int, member: Member, boot: int) -> bytes:
+    """What the asker of an owner lease signs: who it is, how far it knows which log, and that it asks just now."""
+    return b"".join((genesis, struct.pack(">Q", have), head, struct.pack(">QII", nonce, member.node, boot), member.incarnation))
+
+
+def life_of(nonce: int) -> int:
+    """The upper half of a nonce: drawn once when a node starts, so that two starts with the same boot counter differ."""
+    return nonce >> BOOT_BITS
+
+
+def is_rolled_back(recorded: tuple[int, int], boot: int, life: int) -> bool:
+    """Whether a start (boot counter, life) is not later than the recorded one: then the disk is a restored backup."""
+    known_boot, known_life = recorded
+    return boot < known_boot or (boot == known_boot and life != known_life)
+
+
+def in_words(entry: LogEntry) -> str:
+    """An entry for people: who, what, why."""
+    match entry:
+        case Found(founders):
+            return f"founded with {len(founders)} nodes"
+        case AddNode(member):
+            return f"{address_of(member.node)} is a member ({member.incarnation.hex()[:8]})"
+        case RemoveNode(member, reason):
+            return f"{address_of(member.node)} is removed: {reason}"
+        case Trust(node, trusted):
+            return f"{address_of(node)} is {'trusted' if trusted else 'no longer trusted'}"
+        case RevokeNode(node, key):
+            return f"the key {key:08x} of {address_of(node)} is revoked"
+        case _:
+            return type(entry).__name__
+
+
+def _not_authorised(what: str) -> Refused:
+    return Refused(RejectReason.NOT_AUTHORISED, what)

@@ -1,0 +1,213 @@
+"""The voter: it decides the cluster's log, for now alone, and grants owner leases (specs/15-cluster-log.md).
+
+With one voter there is no majority to ask, so PREPARE and ACCEPT fall together: an entry is committed once it is durable
+here, under its final bytes. Everybody else proposes to it. What it must not forget over a restart, the highest
+start of each node, is durable before the lease that rests on it is granted; when it last granted a lease to whom it may
+forget, because it then counts from its own start, as if it had granted one to everybody just before.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+import trio
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
+from scenefold.peer.log_rules import check_proposer, in_words, is_rolled_back, lease_message, life_of, predecessor
+from scenefold.peer.registry import Registry
+from scenefold.peer.timing import T_WAIT_S
+from scenefold.store import Store
+from scenefold.wire import AddNode, LogEntry, LogRecord, Member, RemoveNode, RequestSceneLog, SceneLogPublic, SignedRecord
+from scenefold.world import World
+from scenefold.world.facts import ClusterFacts
+
+Veto = Callable[[Member], Awaitable[str | None]]
+Commit = Callable[[SignedRecord, Registry], Awaitable[None]]
+
+_START = struct.Struct(">16sII")
+_log = logging.getLogger("scenefold.peer.cluster_log")
+
+
+class Voter:
+    """Made on the node that holds the log's signing key. `commit` makes a record durable and tells everybody."""
+
+    def __init__(
+        self, world: World, store: Store, facts: ClusterFacts, key: SigningKey, registry: Callable[[], Registry], commit: Commit
+    ) -> None:
+        self._world = world
+        self._store = store
+        self._facts = facts
+        self._key = key
+        self._registry = registry
+        self._commit = commit
+        self._lock = trio.Lock()
+        self._leased_at: dict[NodeId, float] = {}
+        self._starts: dict[NodeId, tuple[bytes, int, int]] = {}
+        self._started_at = world.clock.now()
+        self.veto: Veto | None = None
+        """Asked about removals that another node proposes: a reason against it, or None."""
+
+    def leased_at(self, node: NodeId) -> float | None:
+        """Local time of the last lease that was granted to a node; None since this start."""
+        return self._leased_at.get(node)
+
+    def lapsed(self, learnt_at: Callable[[int], float]) -> list[NodeId]:
+        """Members that hold no lease any more, wherever their clocks stand."""
+        registry, now = self._registry(), self._world.clock.now()
+        silent = []
+        for node in registry.members:
+            known = registry.current(node)
+            assert known is not None
+            since = max(self._since(node), learnt_at(known.position))
+            if node not in registry.voters and now - since > T_WAIT_S:
+                silent.append(node)
+        return silent
+
+    # ---------------------------------------------------------------------------------------------------- entries
+
+    async def decide(self, entry: LogEntry, request_id: bytes, proposer: NodeId) -> int:
+        """Commit an entry, and answer its position; Refused with the reason.
+
+        A request that was committed before is answered as it was then. Position and chain are set here: who proposes
+        need not know what was decided a moment ago.
+        """
+        self._refuse_unless_allowed(entry, request_id, proposer)
+        if isinstance(entry, RemoveNode) and self._committed_at(entry, request_id) is None:
+            await self._hear_veto(entry.member, proposer)
+        async with self._lock:
+            known = self._committed_at(entry, request_id)
+            if known is not None:
+                return known
+            self._refuse_unless_allowed(entry, request_id, proposer)
+            old = predecessor(entry, self._registry())
+            if old is not None:
+                await self._retire(old)
+            return await self._append(entry, request_id, proposer)
+
+    async def found(self, entry: LogEntry) -> None:
+        """Commit the first record."""
+        async with self._lock:
+            if self._registry().position == 0:
+                await self._append(entry, self._world.entropy.token(16), self._facts.voter)
+
+    def _committed_at(self, entry: LogEntry, request_id: bytes) -> int | None:
+        """Where this was committed already; a member that registers again, not knowing that it has, is welcome."""
+        registry = self._registry()
+        known = registry.current(entry.member.node) if isinstance(entry, AddNode) else None
+        if known is not None and isinstance(entry, AddNode) and known.member == entry.member:
+            return known.position
+        return registry.position_of(request_id)
+
+    def _refuse_unless_allowed(self, entry: LogEntry, request_id: bytes, proposer: NodeId) -> None:
+        if self._committed_at(entry, request_id) is None:
+            check_proposer(entry, proposer, self._registry(), self._facts)
+
+    async def _hear_veto(self, member: Member, proposer: NodeId) -> None:
+        """Who leaves by itself is not held back; anybody else may turn out to be alive."""
+        if member.node == proposer or self.veto is None or not self._registry().stands(member.node):
+            return
+        objection = await self.veto(member)
+        if objection is not None:
+            raise Refused(RejectReason.BUSY, f"{address_of(member.node)} is not removed: {objection}")
+
+    async def _retire(self, old: Member) -> None:
+        """Remove the incarnation before a new one, once no lease of it can be alive."""
+        wait_s = self._since(old.node) + T_WAIT_S - self._world.clock.now()
+        if wait_s >= 0:
+            raise Refused(RejectReason.BUSY, f"id in use: {address_of(old.node)} may hold a lease for {wait_s:.0f} s more")
+        reason = "its data folder was made anew"
+        await self._append(RemoveNode(old, reason), self._world.entropy.token(16), self._facts.voter)
+
+    async def _append(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> int:
+        registry = self._registry()
+        record = LogRecord(registry.position + 1, registry.head, request_id, origin, entry)
+        after = registry.apply(record)
+        data = record.encode()
+        # Shielded: the asker's connection may end, but a record that is half committed would be decided twice.
+        with trio.CancelScope(shield=True):
+            await self._commit(SignedRecord(data, self._key.sign(LOG_DOMAIN, data)), after)
+        _log.info("cluster log, position %d: %s", record.position, in_words(entry))
+        return record.position
+
+    def header(self, position: int) -> SceneLogPublic:
+        """The signed public header of a committed position."""
+        header = replace(self._facts.genesis_header, position=position)
+        return replace(header, signature=self._key.sign(HEADER_DOMAIN, header.signable()))
+
+    # ----------------------------------------------------------------------------------------------------- leases
+
+    async def grant(self, packet: RequestSceneLog, asker: NodeId) -> bool:
+        """Whether the asker has a lease from when it asked on; False if its log is not the newest.
+
+        Refused: 12 not a member, 18 an incarnation that was removed, or a disk that was rolled back; 4 the proof is wrong.
+        """
+        member = packet.member
+        if member is None or packet.mini_status is None or member.node != asker:
+            raise Refused(RejectReason.NOT_AUTHORISED, "a lease is asked for by the node itself, with its mini status")
+        self._refuse_unless_current(member)
+        if packet.have != self._registry().position:
+            return False
+        boot = packet.mini_status.lamport >> 32
+        self._check_proof(packet, member, boot)
+        await self._note_start(member, boot, life_of(packet.nonce))
+        # The log may have gone on while the start was being written.
+        self._refuse_unless_current(member)
+        if packet.have != self._registry().position:
+            return False
+        self._leased_at[asker] = self._world.clock.now()
+        return True
+
+    def _refuse_unless_current(self, member: Member) -> None:
+        registry = self._registry()
+        removal = registry.removal(member.incarnation)
+        if removal is not None:
+            raise Refused(RejectReason.WRONG_INCARNATION, f"this incarnation was removed: {removal.reason}")
+        if not registry.is_current(member):
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{address_of(member.node)} is no member under this incarnation")
+
+    def _check_proof(self, packet: RequestSceneLog, member: Member, boot: int) -> None:
+        registry = self._registry()
+        key = registry.key_of(member.node)
+        assert key is not None
+        genesis = self._facts.genesis_header.genesis
+        try:
+            key.verify(packet.proof, LEASE_DOMAIN, lease_message(genesis, packet.have, registry.head, packet.nonce, member, boot))
+        except DamagedData as problem:
+            raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
+
+    async def _note_start(self, member: Member, boot: int, life: int) -> None:
+        """Keep the newest start of a node durably; Refused (18) if this one is not newer."""
+        known = self._starts.get(member.node) or await self._recorded_start(member.node)
+        if known is not None and known[0] == member.incarnation:
+            if is_rolled_back(known[1:], boot, life):
+                text = f"the disk of {address_of(member.node)} was rolled back: it started as number {boot}, after number {known[1]}"
+                raise Refused(RejectReason.WRONG_INCARNATION, text)
+            if known[1:] == (boot, life):
+                self._starts[member.node] = known
+                return
+        start = (member.incarnation, boot, life)
+        await self._store.put_note(_note(member.node), _START.pack(*start))
+        self._starts[member.node] = start
+
+    async def _recorded_start(self, node: NodeId) -> tuple[bytes, int, int] | None:
+        data = await self._store.get_note(_note(node))
+        if data is None:
+            return None
+        try:
+            incarnation, boot, life = _START.unpack(data)
+        except struct.error as problem:
+            raise DamagedData("the recorded start of a node is damaged", where=_note(node)) from problem
+        return incarnation, boot, life
+
+    def _since(self, node: NodeId) -> float:
+        return self._leased_at.get(node, self._started_at)
+
+
+def _note(node: NodeId) -> str:
+    return f"cluster-log/start/{node:08x}"
