@@ -26,6 +26,7 @@ from scenefold.crypto.keys import (
     key_id_of,
 )
 from scenefold.crypto.logs import open_log, seal_log
+from scenefold.crypto.objects import OBJECT_BYTES, object_of, signed_place, wanted_place
 from scenefold.crypto.record_header import (
     HEADER_BYTES,
     NONCE_BYTES,
@@ -57,6 +58,7 @@ __all__ = [
     "LEASE_DOMAIN",
     "LOG_DOMAIN",
     "NONCE_BYTES",
+    "OBJECT_BYTES",
     "PLACED_BY_CLIENT",
     "PLACED_BY_NODE",
     "PROPOSAL_DOMAIN",
@@ -80,6 +82,7 @@ __all__ = [
     "key_id_of",
     "make_private_folder",
     "new_symmetric_key",
+    "object_of",
     "open_log",
     "open_record",
     "parse_datagram",
@@ -90,9 +93,11 @@ __all__ = [
     "seal_record",
     "server_context",
     "sign_datagram",
+    "signed_place",
     "verify_datagram",
     "verify_record",
     "verify_records",
     "version_key",
+    "wanted_place",
     "write_secret",
 ]

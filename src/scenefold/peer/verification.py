@@ -16,16 +16,22 @@ from typing import TypeVar
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, SpaceId
-from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PLACED_BY_NODE, IllFormedRecord, PublicKey, Record, RecordHeader, RecordPlace, verify_record
-from scenefold.store import OBJECT_BYTES, Put
+from scenefold.crypto import (
+    PLACED_BY_NODE,
+    IllFormedRecord,
+    PublicKey,
+    Record,
+    RecordHeader,
+    RecordPlace,
+    object_of,
+    signed_place,
+    verify_record,
+)
+from scenefold.store import Put
 from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
 
 Item = TypeVar("Item", PutItem, HandItem)
-
-_NO_PLACE = bytes(LOCATION_BYTES - OBJECT_BYTES)
-"""What the header of a node-managed record has before the object id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +81,6 @@ def verified_copy(item: HandItem, scene: KnownScene) -> Put:
     return Put(record, at=item.location if item.object else None)
 
 
-def object_of(header: RecordHeader) -> bytes:
-    """The object id of a record in a node-managed space; b"" of any other."""
-    return bytes(header.location[-OBJECT_BYTES:]) if header.placement == PLACED_BY_NODE else b""
-
-
 def wants_place(item: PutItem) -> bytes:
     """The object id if this is offered for a place of the node's choice, else b"". Looks at the header's bytes only."""
     try:
@@ -107,7 +108,7 @@ def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
         raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"the scene has no space {header.space}")
     if header.genesis != scene.public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the signed header is that of another scene")
-    if header.placement == PLACED_BY_NODE and header.location[: len(_NO_PLACE)] != _NO_PLACE:
+    if header.placement == PLACED_BY_NODE and header.location != signed_place(object_of(header)):
         raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place")
 
 

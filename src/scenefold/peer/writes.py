@@ -16,12 +16,12 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PLACED_BY_NODE
+from scenefold.crypto import PLACED_BY_NODE, wanted_place
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Lease, Owners, other_owner
 from scenefold.peer.scenes import Scenes
 from scenefold.peer.verification import KnownScene, verify_all, wants_place
-from scenefold.store import Outcome, Put, PutResult, Store, wanted_place
+from scenefold.store import Outcome, Put, PutResult, Store
 from scenefold.wire import AcceptData, Packet, ProposeData, PutItem, PutMany, PutManyReply, PutOutcome, RejectData
 from scenefold.world import World
 

@@ -3,17 +3,15 @@
 from scenefold.store.holding import StoredHolding
 from scenefold.store.identity import StoreIdentity
 from scenefold.store.judging import Outcome, Put, PutResult
-from scenefold.store.layout import OBJECT_BYTES, Spot
+from scenefold.store.layout import Spot
 from scenefold.store.lmdb_disk import LmdbDisk
 from scenefold.store.measuring import Rate, StoreRates, measure_store
-from scenefold.store.placing import wanted_place
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.store import Store, open_store
 from scenefold.store.walking import Entry, Manifest, Weighed
 
 __all__ = [
-    "OBJECT_BYTES",
     "Counts",
     "Entry",
     "LmdbDisk",
@@ -32,5 +30,4 @@ __all__ = [
     "Weighed",
     "measure_store",
     "open_store",
-    "wanted_place",
 ]

@@ -30,7 +30,7 @@ from typing import NamedTuple
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Location
-from scenefold.crypto import Record, RecordHeader, RecordPlace
+from scenefold.crypto import OBJECT_BYTES, Record, RecordHeader, RecordPlace
 
 RECORDS = "records"
 OBJECTS = "objects"
@@ -41,7 +41,6 @@ NOTES = "notes"
 IDENTITY = "identity"
 TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY)
 
-OBJECT_BYTES = 16
 OBJECTS_END = b"\xff" * OBJECT_BYTES
 """Behind a location's key: the last object that may lie there."""
 RECORD_OVERHEAD_BYTES = 8

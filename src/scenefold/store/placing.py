@@ -9,18 +9,13 @@ knows an old place of an object that has slid on since still reaches it here.
 from __future__ import annotations
 
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.base.location import LOCATION_BYTES, Arc, Location
-from scenefold.crypto import RecordPlace
+from scenefold.base.location import Arc, Location
+from scenefold.crypto import RecordPlace, wanted_place
 from scenefold.store.layout import OBJECTS, OBJECTS_END, RECORDS, object_key, record_key
 from scenefold.world.ports import ReadTransaction
 
 STEPS_MAX = 64
 """Places tried. If all are taken, two objects share one: their keys differ all the same."""
-
-
-def wanted_place(object_id: bytes) -> Location:
-    """The place on the line that an object would have if one node owned everything."""
-    return Location(object_id.ljust(LOCATION_BYTES, b"\0"))
 
 
 def known_place(transaction: ReadTransaction, scene: SceneId, space: SpaceId, object_id: bytes) -> Location | None:

@@ -12,20 +12,18 @@ from dataclasses import dataclass, replace
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.location import Arc, Location
-from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace
+from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of
 from scenefold.store.changes import storage_full
 from scenefold.store.holding import read_arc
 from scenefold.store.judging import Outcome, Put, PutResult, judge
 from scenefold.store.layout import (
-    OBJECT_BYTES,
     OBJECTS,
     RECORDS,
     Spot,
     object_key,
-    object_of,
     pack_record,
     record_key,
-    space_of,
+    spot_of,
     stored_header,
 )
 from scenefold.store.placing import free_place, known_place
@@ -145,7 +143,7 @@ class SlideObjects:
         return len(found)
 
     def _slide(self, transaction: WriteTransaction, key: bytes) -> None:
-        (scene, space), object_id = space_of(key), object_of(key)
+        (scene, space, _), object_id = spot_of(key)
         value = transaction.get(RECORDS, key)
         assert value is not None
         location = free_place(transaction, scene, space, object_id, self.into)
@@ -158,13 +156,8 @@ class SlideObjects:
         raise storage_full()
 
 
-def object_id_of(header: RecordHeader) -> bytes:
-    """The object id of a node-managed record; b"" of any other."""
-    return bytes(header.location[-OBJECT_BYTES:]) if header.placement == PLACED_BY_NODE else b""
-
-
 def _spot(header: RecordHeader, at: Location | None) -> Spot:
-    return Spot(RecordPlace(header.scene, header.space, header.location if at is None else at), object_id_of(header))
+    return Spot(RecordPlace(header.scene, header.space, header.location if at is None else at), object_of(header))
 
 
 def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
@@ -183,7 +176,7 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
 
 def _managed_place(transaction: WriteTransaction, arc: Arc, new: RecordHeader, at: Location | None) -> Location:
     """Where a node-managed record is, or shall be: at `at`, where it slid to, or at a free place."""
-    object_id = object_id_of(new)
+    object_id = object_of(new)
     if at is not None and transaction.get(RECORDS, record_key(*_spot(new, at))) is not None:
         return at
     known = known_place(transaction, new.scene, new.space, object_id)

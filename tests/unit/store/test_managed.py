@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenefold.base.location import WHOLE_LINE, Location
-from scenefold.crypto import RecordPlace
-from scenefold.store import Outcome, Put, Spot, Store, wanted_place
+from scenefold.crypto import RecordPlace, wanted_place
+from scenefold.store import Outcome, Put, Spot, Store
 from unit.store.samples import SCENE, SPACE, arc, managed, object_id, put, whole_store, world
 
 
