@@ -1,7 +1,8 @@
 """Which coroutine answers which packet, and who may send it (specs/11-peers.md, Handlers).
 
 Services add their handlers here, the renderer does likewise; connections of both ports ask this one table. Who a
-peer is says its certificate: "node:<id>" of a registered member, or "user:<name>". A handler raises what is
+peer is says its certificate: "node:<id>", or "user:<name>". A node need not be a member: it has to ask before it can become
+one. A service that only members may ask looks into the cluster's log itself. A handler raises what is
 somebody else's fault (Refused with a reason, above all); serving turns that into a Fault for this one request.
 """
 
@@ -15,6 +16,7 @@ from typing import Any, TypeVar
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.registry import Registry
 from scenefold.wire import MiniStatus, Packet
 
 P = TypeVar("P", bound=Packet)
@@ -38,8 +40,8 @@ def node_of(peer: str) -> NodeId | None:
 class Handlers:
     """The table. `own_mini` is put on every answer; `hear` gets the mini status of every node that asks."""
 
-    def __init__(self, members: frozenset[NodeId], own_mini: Callable[[], MiniStatus], hear: Callable[[MiniStatus], None]) -> None:
-        self._members = members
+    def __init__(self, registry: Callable[[], Registry], own_mini: Callable[[], MiniStatus], hear: Callable[[MiniStatus], object]) -> None:
+        self._registry = registry
         self._own_mini = own_mini
         self._hear = hear
         self._table: dict[type[Packet], tuple[Handler[Any], Senders]] = {}
@@ -68,6 +70,9 @@ class Handlers:
     def _sender(self, peer: str) -> Senders:
         if peer.startswith("user:"):
             return Senders.USERS
-        if node_of(peer) in self._members:
-            return Senders.NODES
-        raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is no member of this cluster")
+        node = node_of(peer)
+        if node is None:
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is neither node nor user")
+        if self._registry().is_barred(node):
+            raise Refused(RejectReason.KEY_REVOKED, f"the key of {peer} is revoked")
+        return Senders.NODES

@@ -160,6 +160,13 @@ class Registry:
     def is_revoked(self, node: NodeId, key: KeyId) -> bool:
         return (node, key) in self._revoked
 
+    def is_barred(self, node: NodeId) -> bool:
+        """Whether a node's key was revoked and it is no member under another one: nobody talks to it."""
+        known = self._registered.get(node)
+        if known is not None:
+            return self.is_revoked(node, known.key.key_id)
+        return any(revoked == node for revoked, _ in self._revoked)
+
     def is_trusted(self, node: NodeId) -> bool:
         return node in self._trusted
 

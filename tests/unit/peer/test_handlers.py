@@ -9,9 +9,11 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import LAST
 from scenefold.base.reasons import RejectReason
 from scenefold.peer import Handlers, Senders, node_of
-from scenefold.wire import ListScenes, MiniStatus, Packet, RequestTable, ScenesListed
+from scenefold.wire import ListScenes, MiniStatus, Packet, RequestTable, RevokeNode, ScenesListed
+from unit.peer.logs_made import folded, found, key_of, node
 
 MINI = MiniStatus(5, NodeId(1), LAST, 0, 0, 0, 0, 0)
+REGISTRY = folded(found(2), RevokeNode(node(1), key_of(1).public.key_id))
 NODE, USER = "node:2", "user:owner"
 
 
@@ -20,7 +22,7 @@ class Heard(list[MiniStatus]):
 
 
 def a_table(heard: Heard | None = None) -> Handlers:
-    return Handlers(frozenset({NodeId(1), NodeId(2)}), lambda: MINI, (Heard() if heard is None else heard).append)
+    return Handlers(lambda: REGISTRY, lambda: MINI, (Heard() if heard is None else heard).append)
 
 
 async def answer(_packet: Packet, _peer: str) -> Packet:
@@ -61,8 +63,15 @@ async def test_who_may_not_send_it_is_refused(senders: Senders, allowed: str, re
     assert await reason_of(table, ListScenes(), refused) == RejectReason.NOT_AUTHORISED
 
 
-@pytest.mark.parametrize("peer", ["node:3", "node:x", "node:", "", "owner", "nodes:1"])
-async def test_who_is_no_member_is_refused(peer: str) -> None:
+async def test_a_node_may_ask_before_it_is_a_member_unless_its_key_is_revoked() -> None:
+    table = a_table()
+    table.add(ListScenes, answer)
+    assert await table.handle(ListScenes(), f"node:{node(7)}") is not None
+    assert await reason_of(table, ListScenes(), f"node:{node(1)}") == RejectReason.KEY_REVOKED
+
+
+@pytest.mark.parametrize("peer", ["node:x", "node:", "", "owner", "nodes:1"])
+async def test_who_is_neither_node_nor_user_is_refused(peer: str) -> None:
     table = a_table()
     table.add(ListScenes, answer)
     assert await reason_of(table, ListScenes(), peer) == RejectReason.NOT_AUTHORISED
@@ -94,6 +103,6 @@ def test_one_class_has_one_handler() -> None:
         table.add(ListScenes, answer)
 
 
-@pytest.mark.parametrize("name, node", [("node:7", 7), ("user:7", None), ("node:-7", None), ("", None)])
-def test_a_certificate_name_says_which_node(name: str, node: int | None) -> None:
-    assert node_of(name) == node
+@pytest.mark.parametrize("name, number", [("node:7", 7), ("user:7", None), ("node:-7", None), ("", None)])
+def test_a_certificate_name_says_which_node(name: str, number: int | None) -> None:
+    assert node_of(name) == number

@@ -1,0 +1,84 @@
+"""If this fails, a wiped or restored disk speaks as if nothing had happened, or a node never becomes a member."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenefold.base.errors import Refused
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.enrolment import Step, next_step
+from scenefold.peer.log_rules import check_proposer, is_rolled_back, life_of, predecessor
+from scenefold.peer.registry import Registry
+from scenefold.wire import LogEntry, Member, RevokeNode, Trust
+from unit.peer.logs_made import add, facts, folded, found, key_of, member, node, remove
+
+CASES = {
+    "nothing is known": (Registry(), member(1), False, Step.WAIT),
+    "a founder that never registered": (folded(found(3), add(0)), member(1), False, Step.TAKE_SEAT),
+    "registered": (folded(found(3), add(0), add(1)), member(1), False, Step.BE_MEMBER),
+    "registered, and its disk was rolled back": (folded(found(3), add(0), add(1)), member(1), True, Step.RENEW),
+    "removed": (folded(found(3), add(0), add(1), remove(1)), member(1), False, Step.RENEW),
+    "removed, and back under another incarnation": (
+        folded(found(3), add(0), add(1), remove(1), add(1, left_of=0, life=1)),
+        member(1),
+        False,
+        Step.RENEW,
+    ),
+    "a wiped founder": (folded(found(3), add(0), add(1)), member(1, life=1), False, Step.JOIN),
+    "a removed founder with a new incarnation": (folded(found(3), add(0), add(1), remove(1)), member(1, life=1), False, Step.JOIN),
+    "a spare": (folded(found(3), add(0)), member(7), False, Step.JOIN),
+    "the voter, wiped": (folded(found(3), add(0)), member(0, life=1), False, Step.GIVE_UP),
+    "the voter at its first start": (folded(found(3)), member(0), False, Step.TAKE_SEAT),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_next_step_follows_from_the_log(name: str) -> None:
+    registry, me, rolled_back, step = CASES[name]
+    assert next_step(registry, me, is_rolled_back=rolled_back) is step
+
+
+def refusal(entry: LogEntry, proposer: int, registry: Registry) -> RejectReason:
+    with pytest.raises(Refused) as caught:
+        check_proposer(entry, node(proposer), registry, facts(3, spares=1))
+    return caught.value.reason
+
+
+def test_a_node_registers_itself_with_the_key_that_it_was_certified_with() -> None:
+    registry = folded(found(3), add(0))
+    check_proposer(add(1), node(1), registry, facts(3))
+    check_proposer(add(9, left_of=0), node(9), registry, facts(3))  # certified later, unknown to these facts
+    assert refusal(add(1), 2, registry) == RejectReason.NOT_AUTHORISED
+    stolen = add(3, left_of=0)
+    forged = type(stolen)(stolen.member, key_of(9).public.raw, stolen.address, stolen.left_of)
+    assert refusal(forged, 3, registry) == RejectReason.NOT_AUTHORISED
+
+
+def test_members_propose_removals_and_voters_the_rest() -> None:
+    registry = folded(found(3), add(0), add(1))
+    check_proposer(remove(1), node(1), registry, facts(3))
+    check_proposer(remove(2), node(1), registry, facts(3))
+    assert refusal(remove(1), 2, registry) == RejectReason.NOT_AUTHORISED, "no member yet"
+    for entry in (Trust(node(1), True), RevokeNode(node(1), key_of(1).public.key_id)):
+        check_proposer(entry, node(0), registry, facts(3))
+        assert refusal(entry, 1, registry) == RejectReason.NOT_AUTHORISED
+    assert refusal(found(3), 0, registry) == RejectReason.ILL_FORMED
+
+
+def test_only_another_incarnation_of_the_same_node_has_to_go_first() -> None:
+    registry = folded(found(3), add(0), add(1))
+    assert predecessor(add(1, left_of=0, life=1), registry) == member(1)
+    assert predecessor(add(1), registry) is None and predecessor(add(2), registry) is None
+    assert predecessor(remove(1), registry) is None
+
+
+def test_a_start_that_is_not_later_than_the_recorded_one_is_that_of_an_old_disk() -> None:
+    assert is_rolled_back((7, 100), 6, 100) and is_rolled_back((7, 100), 6, 5)
+    assert is_rolled_back((7, 100), 7, 5), "the same boot counter, but another start"
+    assert not is_rolled_back((7, 100), 7, 100) and not is_rolled_back((7, 100), 8, 5)
+    assert life_of(0x1234_5678_9ABC_DEF0) == 0x1234_5678
+
+
+def test_members_are_told_apart_by_incarnation() -> None:
+    registry = folded(found(3), add(0), add(1))
+    assert registry.is_current(member(1)) and not registry.is_current(Member(node(1), bytes(16)))
