@@ -181,19 +181,19 @@ class _Transaction:
 
     def keys(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[bytes]:
         with self._transaction.cursor(self._tables[table]) as cursor:
-            if _set_at_end(cursor, last) if reverse else cursor.set_range(first):
+            if _begin(cursor, first, last, reverse):
                 for key in (cursor.iterprev if reverse else cursor.iternext)(keys=True, values=False):
                     found = bytes(key)
-                    if found < first if reverse else found > last:
+                    if not first <= found <= last:
                         return
                     yield found
 
     def scan(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[tuple[bytes, memoryview]]:
         with self._transaction.cursor(self._tables[table]) as cursor:
-            if _set_at_end(cursor, last) if reverse else cursor.set_range(first):
+            if _begin(cursor, first, last, reverse):
                 for key, value in (cursor.iterprev if reverse else cursor.iternext)():
                     found = bytes(key)
-                    if found < first if reverse else found > last:
+                    if not first <= found <= last:
                         return
                     yield found, cast(memoryview, value)
 
@@ -211,6 +211,16 @@ def _set_at_end(cursor: lmdb.Cursor, last: bytes) -> bool:
     if not cursor.set_range(last):
         return cursor.last()
     return bytes(cursor.key()) == last or cursor.prev()
+
+
+def _begin(cursor: lmdb.Cursor, first: bytes, last: bytes, reverse: bool) -> bool:
+    """Stand on the first entry of a walk; False if there is none in that direction."""
+    if not reverse:
+        return bool(cursor.set_range(first))
+    # LMDB looks upwards only: the entry behind `last` is found, or there is none and the walk begins at the end.
+    if not cursor.set_range(last):
+        return bool(cursor.last())
+    return bytes(cursor.key()) <= last or bool(cursor.prev())
 
 
 def _file_bytes(folder: Path) -> int:

@@ -65,7 +65,10 @@ class Clock(Protocol):
     """Time as this node sees it. Two nodes' clocks are never compared."""
 
     def now(self) -> float:
-        """Seconds on a clock that never goes back; its zero means nothing."""
+        """Seconds on a clock that never goes back, and goes on while the machine sleeps; its zero means nothing.
+
+        So who was suspended finds its leases expired, where Trio's deadlines may have stood still meanwhile.
+        """
         ...
 
     def wall(self) -> float:
@@ -179,17 +182,17 @@ class ReadTransaction(Protocol):
 
     def get(self, table: str, key: bytes) -> memoryview | None: ...
 
-    def keys(self, table: str, first: bytes, last: bytes) -> Iterator[bytes]:
-        """The keys first <= key <= last in byte order, without touching values."""
+    def keys(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[bytes]:
+        """The keys first <= key <= last in byte order, without touching values; in reverse from `last` down."""
         ...
 
-    def scan(self, table: str, first: bytes, last: bytes) -> Iterator[tuple[bytes, memoryview]]:
+    def scan(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[tuple[bytes, memoryview]]:
         """The same with values."""
         ...
 
 
 class WriteTransaction(ReadTransaction, Protocol):
-    """A view that sees its own changes."""
+    """A view that sees its own changes. Its memoryviews are valid until the next `put` or `delete` only."""
 
     def put(self, table: str, key: bytes, value: bytes) -> None: ...
 

@@ -1,4 +1,4 @@
-"""Worlds that the suite runs on. A simulated one is added by a class like `RealWorlds` and a line in conftest.py."""
+"""Worlds that the suite runs on: the real one and the simulated one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import secrets
 import socket
 from typing import Protocol
 
+import trio
+import trio.testing
+
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import Authority, Identity
 from scenefold.store import LmdbDisk
 from scenefold.world import Ports, World, real_world
+from scenefold.world.sim import SimNet
 
 
 class Worlds(Protocol):
@@ -25,6 +29,10 @@ class Worlds(Protocol):
 
     def stranger(self) -> World:
         """A user of another cluster, at the same place."""
+        ...
+
+    async def silence(self, seconds: float) -> None:
+        """Wait until no task has anything to do for so long, and nothing is on its way."""
         ...
 
 
@@ -55,8 +63,35 @@ class RealWorlds:
         # It trusts the cluster that it wants into, and has a certificate of its own cluster.
         return self._world(self._other_authority.issue("user:mallory", []), self.authority)
 
+    async def silence(self, seconds: float) -> None:
+        await trio.testing.wait_all_tasks_blocked(seconds)
+
     def _world(self, identity: Identity, authority: Authority) -> World:
         return real_world(identity, authority.certificate, ports=self.ports, disk=LmdbDisk(map_bytes_first=1 << 20))
+
+
+class SimWorlds:
+    """Machines of one simulated network; its tests run in virtual time (conftest.py)."""
+
+    def __init__(self, seed: int = 1) -> None:
+        self.net = SimNet(seed)
+
+    def address(self, number: int) -> str:
+        return f"10.0.0.{number + 1}"
+
+    def node(self, number: int) -> World:
+        return self.net.world(f"node:{node_id_of(self.address(number))}", self.address(number))
+
+    def user(self, name: str) -> World:
+        return self.net.world(f"user:{name}")
+
+    def stranger(self) -> World:
+        return self.net.world("user:mallory", authority="other")
+
+    async def silence(self, seconds: float) -> None:
+        # What is on its way takes virtual time, and nothing else does.
+        await trio.sleep(seconds)
+        await trio.testing.wait_all_tasks_blocked()
 
 
 def free_ports(address: str) -> tuple[int, int]:

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import pytest
 import trio
-import trio.testing
 
 from conformance.world.logs import logged
 from conformance.world.makers import Worlds
@@ -153,7 +152,7 @@ async def test_a_cancelled_request_frees_its_slot(worlds: Worlds) -> None:
             async with trio.open_nursery() as nursery:
                 for number in range(REQUESTS_IN_FLIGHT_MAX):
                     nursery.start_soon(channel.request, ask(number), LONG_S)
-                await trio.testing.wait_all_tasks_blocked(0.01)
+                await worlds.silence(0.01)
                 nursery.cancel_scope.cancel()
         await channel.request(ListScenes(request_id=0, mini_status=None), LONG_S)
 
@@ -173,7 +172,7 @@ async def test_who_asks_for_much_and_reads_nothing_binds_few_large_answers(world
         for number in range(1, REQUESTS_HANDLED_MAX):
             await greedy.send(encode_frame(ListScenes(request_id=number)))
         # What the transport itself takes up lets a few more through.
-        await trio.testing.wait_all_tasks_blocked(0.3)
+        await worlds.silence(0.3)
         assert 0 < asked <= BULK_ANSWERS_MAX + 4
         await greedy.send(encode_frame(replace(ask(1), request_id=99)))
         reader, answered = FrameReader(), 0
@@ -237,7 +236,8 @@ async def test_packets_without_an_answer_arrive_before_an_orderly_end(worlds: Wo
             for number in range(100):
                 await channel.send(rays(10_000, number))
         await all_here.wait()
-    assert received == list(range(100))
+    # Each is handled in a task of its own, so nothing promises the order.
+    assert sorted(received) == list(range(100))
 
 
 async def test_no_more_is_handled_at_a_time_than_allowed(worlds: Worlds) -> None:
@@ -303,7 +303,7 @@ async def test_patience_with_malformed_packets_ends(worlds: Worlds) -> None:
             for _ in range(9):
                 await connection.send(frame(b"\xc1"))
             # Patience is judged when more arrives.
-            await trio.testing.wait_all_tasks_blocked(0.05)
+            await worlds.silence(0.05)
             await connection.send(frame(b"\xc1"))
         assert await connection.receive(1) == b""
 
@@ -363,6 +363,8 @@ async def test_links_share_one_channel_and_find_a_node_again(worlds: Worlds) -> 
                         requests.start_soon(request, links)
                 await links.send(address, LOW, rays(10), LONG_S)
                 nursery.cancel_scope.cancel()
+            # Until the end of the node's life is heard, requests would go into the dead channel.
+            await worlds.silence(0.1)
             assert len(peers) == life + 1
 
 

@@ -1,0 +1,183 @@
+"""How connections of a simulated network begin: a knock, an answer, two identities.
+
+The client knocks (one and a half round trips: TCP, and TLS up to the node's certificate), hears who is there, and may
+talk at once; the node sees the client's certificate half a round trip later, and only then serves it. As with TLS 1.3, a
+client that is refused by the node learns it when it next receives.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import trio
+
+from scenefold.base.errors import Unreachable
+from scenefold.base.ids import node_id_of
+from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX
+from scenefold.world.ports import ConnectionLost, Endpoint, Serve
+from scenefold.world.quiet import QuietLog
+from scenefold.world.sim.machines import Machine, Process
+from scenefold.world.sim.streams import SimConnection
+
+if TYPE_CHECKING:
+    from scenefold.world.sim.net import SimNet
+
+KNOCK_AGAIN_S = 1.0
+"""TCP sends its first packet again after a second."""
+
+_log = logging.getLogger("scenefold.world.network")
+
+
+class Listener:
+    """A listening port of a process."""
+
+    def __init__(self, net: SimNet, process: Process, machine: Machine, where: Endpoint, serve: Serve) -> None:
+        self.process = process
+        self._net = net
+        self._machine = machine
+        self._where = where
+        self._serve = serve
+        self._arrived: deque[SimConnection] = deque()
+        self._waiting = trio.lowlevel.ParkingLot()
+        self._quiet = QuietLog(_log)
+        self._open = 0
+        machine.listeners[where.port] = self
+        process.listeners[self] = None
+
+    async def run(self, task_status: trio.TaskStatus[None]) -> None:
+        try:
+            async with trio.open_nursery() as nursery:
+                task_status.started()
+                while True:
+                    nursery.start_soon(self._receive, await self._next())
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        self.process.listeners.pop(self, None)
+        if self._machine.listeners.get(self._where.port) is self:
+            del self._machine.listeners[self._where.port]
+        while self._arrived:
+            self._arrived.popleft().abort()
+
+    async def _next(self) -> SimConnection:
+        while not self._arrived:
+            await self._waiting.park()
+        return self._arrived.popleft()
+
+    async def _receive(self, connection: SimConnection) -> None:
+        if self._open >= CONNECTIONS_MAX:
+            self._complain("full", f"refused: {CONNECTIONS_MAX} connections are open")
+            connection.abort()
+            return
+        self._open += 1
+        try:
+            await self._serve(connection)
+        except ConnectionLost as error:
+            self._complain("lost", f"{connection.peer}: {error}")
+        finally:
+            self._open -= 1
+            await connection.aclose()
+
+    def admit(self, connection: SimConnection, stranger: bool) -> None:
+        """The client's certificate arrives."""
+        if stranger:
+            self._complain("stranger", "connection refused: its certificate is not valid here: unknown authority")
+            connection.abort()
+        elif self not in self.process.listeners:
+            connection.abort()
+        else:
+            self._arrived.append(connection)
+            self._waiting.unpark()
+
+    def turn_away(self) -> None:
+        """A client found somebody else here than it wanted."""
+        self._complain("stranger", "connection refused: the connection was cut")
+
+    def _complain(self, kind: str, text: str) -> None:
+        self._quiet.say(self._net.now, self._where.address, kind, text)
+
+
+@dataclass(slots=True, eq=False)
+class Dial:
+    """One attempt to connect."""
+
+    process: Process
+    address: str
+    port: int
+    done: trio.Event = field(default_factory=trio.Event)
+    connection: SimConnection | None = None
+    failure: str = ""
+    is_abandoned: bool = False
+
+    def finish(self, connection: SimConnection | None, failure: str = "") -> None:
+        self.connection, self.failure = connection, failure
+        self.done.set()
+
+
+async def connect(net: SimNet, process: Process, address: str, port: int) -> SimConnection:
+    """Connect to a node; Unreachable with the reason if that is not possible."""
+    await trio.lowlevel.checkpoint()
+    where = f"{address}:{port}"
+    if not process.is_alive:
+        raise _unreachable(where, "the machine of this process has crashed")
+    dial = Dial(process, address, port)
+    net.after_trips((process.machine.name, address), 3, _knock, net, dial)
+    try:
+        with trio.move_on_after(HANDSHAKE_S_MAX):
+            await dial.done.wait()
+    finally:
+        dial.is_abandoned = dial.connection is None
+    if dial.connection is None:
+        raise _unreachable(where, dial.failure or f"no answer within {HANDSHAKE_S_MAX:g} s")
+    return dial.connection
+
+
+def _knock(net: SimNet, dial: Dial) -> None:
+    """The client's first packets are at the node."""
+    here, there = dial.process.machine.name, dial.address
+    machine = net.machine_at(there)
+    if dial.is_abandoned or not dial.process.is_alive:
+        return
+    if machine is None or not net.reaches((here, there)) or not net.reaches((there, here)):
+        net.after(KNOCK_AGAIN_S, _knock, net, dial)
+        return
+    held = net.held_until(machine)
+    if held is not None:
+        net.at(held, _knock, net, dial)
+        return
+    listener = machine.listeners.get(dial.port)
+    if listener is None:
+        net.after_trips((there, here), 1, dial.finish, None, "connection refused")
+        return
+    there_pipe, back_pipe = net.pipes(dial.process, listener.process, (here, there))
+    node_side = SimConnection(net, listener.process, dial.process.name, back_pipe, there_pipe)
+    client_side = SimConnection(net, dial.process, listener.process.name, there_pipe, back_pipe)
+    net.after_trips((there, here), 1, _meet, dial, listener, client_side, node_side)
+
+
+def _meet(dial: Dial, listener: Listener, client_side: SimConnection, node_side: SimConnection) -> None:
+    """The node's certificate is at the client."""
+    expected = f"node:{node_id_of(dial.address)}"
+    stranger = listener.process.authority != dial.process.trusts
+    if dial.is_abandoned or not dial.process.is_alive or node_side.is_gone:
+        client_side.abort()
+        node_side.abort()
+        dial.finish(None, "the connection was cut")
+    elif client_side.peer != expected or stranger:
+        listener.turn_away()
+        client_side.abort()
+        node_side.abort()
+        dial.finish(None, f"{client_side.peer} answers there instead of {expected}")
+    else:
+        client_stranger = dial.process.authority != listener.process.trusts
+        client_side.introduce(lambda node_side: listener.admit(node_side, client_stranger))
+        dial.finish(client_side)
+
+
+def _unreachable(where: str, why: str) -> Unreachable:
+    remedy = "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
+    return Unreachable(f"no connection to the node: {why}", where=where, remedy=remedy)

@@ -1,0 +1,84 @@
+"""Work for threads, run inline (port `Workers`).
+
+A call is atomic, but never at once: tasks have their turn before it and after it, and in lanes with a cost virtual time
+passes on both sides. As with threads, the wait for the lane can be cancelled and a call that has begun is waited for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import trio
+
+from scenefold.world.sim.machines import Process
+from scenefold.world.sim.paths import Paths
+from scenefold.world.sim.time import current_time_of_simulation
+from scenefold.world.sim.weather import Delay
+
+T = TypeVar("T")
+
+WIDTHS: Mapping[str, int] = {"crypto": 2, "store": 1, "store-read": 2, "render": 2, "import": 2, "film": 2}
+"""How many calls of a lane run at once. The names are those of the real world."""
+COSTS: Mapping[str, Delay] = {
+    "crypto": Delay(0.0001, 0.0001, 0.01),
+    "store": Delay(0.0005, 0.001, 0.1),
+    "store-read": Delay(0.00005, 0.0001, 0.01),
+}
+"""Virtual seconds of one call; a lane that is not here costs none."""
+SYNCING_LANE = "store"
+"""Its calls take as much longer as the disk is slow."""
+
+
+class SimWorkers:
+    """The lanes of one process."""
+
+    def __init__(self, process: Process, paths: Paths, costs: Mapping[str, Delay] = COSTS) -> None:
+        self._process = process
+        self._paths = paths
+        self._costs = costs
+        self._limiters: dict[str, trio.CapacityLimiter] = {}
+
+    async def run(self, lane: str, function: Callable[..., T], *args: object) -> T:
+        assert lane in WIDTHS, f"no lane is called {lane!r}"
+        await trio.lowlevel.checkpoint()
+        cost = self._cost(lane)
+        if cost == 0.0:
+            result = function(*args)
+            await trio.lowlevel.cancel_shielded_checkpoint()
+            return result
+        async with self._limiter(lane):
+            before = cost * self._process.machine.dice.random()
+            await self._elapse(before)
+            if not self._process.is_alive:
+                await trio.lowlevel.checkpoint()
+            result = function(*args)
+            await self._elapse(cost - before)
+            return result
+
+    def _limiter(self, lane: str) -> trio.CapacityLimiter:
+        if lane not in self._limiters:
+            self._limiters[lane] = trio.CapacityLimiter(WIDTHS[lane])
+        return self._limiters[lane]
+
+    def _cost(self, lane: str) -> float:
+        machine = self._process.machine
+        own = self._costs.get(lane)
+        cost = own.draw(machine.dice) if own is not None else 0.0
+        if lane == SYNCING_LANE:
+            cost += machine.disk.sync_s
+        return cost * self._paths.slowness(machine.name)
+
+    async def _elapse(self, seconds: float) -> None:
+        """Let virtual time pass, whoever is cancelled meanwhile; the death of the process ends it."""
+        process = self._process
+        if process.is_alive:
+            current_time_of_simulation().after(seconds, self._end, trio.lowlevel.current_task())
+            await process.last()
+
+    def _end(self, task: trio.lowlevel.Task) -> None:
+        time, machine = current_time_of_simulation(), self._process.machine
+        if machine.paused_until > time.now:
+            time.after(machine.paused_until - time.now, self._end, task)
+        else:
+            self._process.wake(task)
