@@ -140,8 +140,16 @@ CLIENT_STATUS_S = 5.0
 """Seconds after which a node counts as missing when its status is asked for."""
 CLIENT_TRIES_MAX = 4
 """Tries of one call; with the pauses between them a restarting node is waited for about two seconds."""
+CLIENT_LOG_TRIES_MAX = 12
+"""Tries to change a scene's log while others change it, too: each try loses against one of them at most."""
+CLIENT_BOX_ARCS = 64
+"""Arcs of the line that a box is looked for in: each costs a request, and fewer arcs hold more that is not in the box."""
+CLIENT_BUSY_TRIES_MAX = 12
+"""Tries of a call whose node answers "not now": at the shortest pauses 13 s, longer than a node is without a lease."""
 CLIENT_PAUSE_S = 0.15
 """The first pause between tries; each is three times the one before, give or take a half."""
+CLIENT_PAUSE_S_MAX = 3.0
+"""Pauses do not grow beyond this."""
 CLIENT_FRAMES_IN_FLIGHT = 8
 """Bulk requests of one client at a time: 16 MiB on the way."""
 CLIENT_FRAMES_PER_NODE = 2

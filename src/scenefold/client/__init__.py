@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
+    from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
     from scenefold.client.scene import Scene, SceneInfo
@@ -25,6 +26,7 @@ _HOMES = {
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
+    "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.reading": "open_scene_with_keys",
     "scenefold.client.scene": "Scene SceneInfo",
@@ -47,6 +49,7 @@ __all__ = [
     "ABSENT",
     "Cluster",
     "ClusterStatus",
+    "Found",
     "FreshItem",
     "ImportReport",
     "Keyring",

@@ -7,7 +7,7 @@ Space and importer build on the three calls here, which speak payloads on one si
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple, TypeVar
 
@@ -18,16 +18,19 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import deliver, fetch
+from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Draft, Opened, SceneIdentity, open_all, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.versions import Sequencer
-from scenefold.crypto import RecordHeader, SigningKey
-from scenefold.wire import EXPECT_ABSENT, PutItem, QueryRange, RejectRange, ReturnRange
+from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
+from scenefold.scene.log import SceneLog
+from scenefold.wire import EXPECT_ABSENT, LogEntry, PutItem, QueryRange, RejectRange, ReturnRange
 
 Result = TypeVar("Result")
 
-NONCE_BYTES = 12
+_BEHIND = frozenset({RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED})
+"""What a node says to whoever signs under a log position that is over."""
 
 
 class Wish(NamedTuple):
@@ -37,6 +40,8 @@ class Wish(NamedTuple):
     location: Location
     payload: bytes
     expect: bytes | None = None
+    content_position: int | None = None
+    """The log position that coordinates in the payload belong to; None: that of the log as the scene knows it."""
 
 
 class Placed(NamedTuple):
@@ -57,6 +62,8 @@ class SceneAccess:
     writer: SigningKey | None
     session: int = 0
     sequencer: Sequencer = field(default_factory=Sequencer)
+    log: LogAccess | None = None
+    """None: nothing is known of the scene's log, and records are written at the position of `identity`."""
 
     async def put(self, wishes: Sequence[Wish]) -> list[Placed]:
         """Seal, send, and wait until every record is durable or refused for its version.
@@ -64,27 +71,75 @@ class SceneAccess:
         A wish that may replace what is there is given a higher version and sent again if a newer one was there.
         Refused for any other reason than a stale version; Unreachable if an owner stays away.
         """
+        await self._check_mode(wishes)
         placed: list[Placed | None] = [None] * len(wishes)
         pending = list(range(len(wishes)))
+        refreshed = False
         for _ in range(CLIENT_TRIES_MAX):
             items = await self._seal([wishes[index] for index in pending])
             outcomes = await deliver(self.calls, items)
+            behind: list[int] = []
             for index, item, outcome in zip(pending, items, outcomes, strict=True):
-                if outcome.reason not in (0, RejectReason.STALE_VERSION):
-                    raise self._refused(outcome.reason, item)
                 placed[index] = Placed(outcome.reason, digest_of(item), outcome.node)
+                if outcome.reason in _BEHIND and not refreshed and self.log is not None:
+                    behind.append(index)
+                elif outcome.reason not in (0, RejectReason.STALE_VERSION):
+                    raise self._refused(outcome.reason, item)
+            if behind:
+                # The log went on without us. What was not stored is signed anew, under the position that is known now.
+                await self.refresh()
+                await self._check_mode([wishes[index] for index in behind])
+                refreshed = True
             stale = [index for index in pending if _is_stale(placed[index]) and wishes[index].expect != EXPECT_ABSENT]
             if not stale:
-                break
-            there = await self.get([(wishes[index].space, wishes[index].location) for index in stale])
-            # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
-            pending = [index for index, found in zip(stale, there, strict=True) if _may_replace(wishes[index], found)]
+                pending = behind
+            else:
+                there = await self.get([(wishes[index].space, wishes[index].location) for index in stale])
+                # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
+                pending = behind + [index for index, found in zip(stale, there, strict=True) if _may_replace(wishes[index], found)]
             if not pending:
                 break
         else:
             remedy = "somebody else writes there all the time; try again"
             raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
         return [outcome for outcome in placed if outcome is not None]
+
+    async def refresh(self) -> None:
+        """Take the newest public header: what is written from now on is written under its position."""
+        if self.log is not None:
+            header = await self.log.header(self.identity.position + 1)
+            if header is not None and header.position > self.identity.position:
+                self.identity = self.identity.with_header(header)
+
+    async def read_log(self) -> ReadLog:
+        """The newest log. Payloads that are written from now on hold coordinates as it says."""
+        return self._known(await self._log_or_fault().newest())
+
+    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry]) -> ReadLog:
+        """Bring an entry into the log; see `LogAccess.propose`."""
+        return self._known(await self._log_or_fault().propose(entry_of))
+
+    def _known(self, log: ReadLog) -> ReadLog:
+        if log.header.position >= self.identity.position:
+            self.identity = replace(self.identity.with_header(log.header), content_position=log.header.position)
+        return log
+
+    def _log_or_fault(self) -> LogAccess:
+        if self.log is None:
+            raise LocalFault("the log of this scene is not known here", where=f"scene {self.name}")
+        return self.log
+
+    async def _check_mode(self, wishes: Sequence[Wish]) -> None:
+        """An author writes nothing that is no output while the scene is being rendered (consensus.md §7)."""
+        if self._is_frozen(wishes):
+            await self.refresh()
+        if self._is_frozen(wishes):
+            remedy = "switch it back to edit mode first"
+            raise Refused(RejectReason.MODE_FORBIDS, "the scene is in render mode", where=f"scene {self.name}", remedy=remedy)
+
+    def _is_frozen(self, wishes: Sequence[Wish]) -> bool:
+        outputs = self.identity.outputs
+        return outputs is not None and any(wish.space not in outputs for wish in wishes)
 
     async def get(self, keys: Sequence[tuple[SpaceId, Location]]) -> list[Opened | None]:
         """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify."""
@@ -144,7 +199,16 @@ class SceneAccess:
             raise LocalFault("this scene is open for reading only", where=f"scene {self.name}", remedy=remedy)
         wall, token = self.calls.world.clock.wall(), self.calls.world.entropy.token
         drafts = [
-            Draft(wish.space, wish.location, wish.payload, wish.expect, self.sequencer.next(wall), token(NONCE_BYTES)) for wish in wishes
+            Draft(
+                wish.space,
+                wish.location,
+                wish.payload,
+                wish.expect,
+                self.sequencer.next(wall),
+                token(NONCE_BYTES),
+                wish.content_position,
+            )
+            for wish in wishes
         ]
         items: list[PutItem] = []
         sizes = [len(draft.payload) for draft in drafts]

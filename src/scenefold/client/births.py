@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId
-from scenefold.base.location import FIRST
+from scenefold.base.ids import KeyId, NodeId, SceneId
 from scenefold.crypto import HEADER_DOMAIN, PublicKey, SigningKey
-from scenefold.scene.layout import SPACES
-from scenefold.wire import KeyEntry, SceneLogPublic, SceneMode, SpaceEntry, WriterEntry
+from scenefold.scene.log import first_log, first_record, sign_record
+from scenefold.wire import NO_GENESIS, KeyEntry, SceneLogPublic, SceneMode, SignedRecord, WriterEntry
 from scenefold.world.keyring import SceneKeys
 
 ED25519 = 1
@@ -36,6 +35,11 @@ def first_header(keys: SceneKeys, writer: PublicKey, origin: NodeId) -> SceneLog
     return replace(header, signature=header_key.sign(HEADER_DOMAIN, header.signable()))
 
 
+def first_records(keys: SceneKeys, origin: NodeId) -> tuple[SignedRecord, ...]:
+    """The scene's log at its first position: the spaces that every scene has."""
+    return (sign_record(first_record(keys.genesis, origin), SigningKey.from_seed(keys.header_seed)),)
+
+
 def writers_of(header: SceneLogPublic) -> dict[KeyId, PublicKey]:
     """The keys of all writers that a header names in full."""
     named = {entry.key for entry in header.writers}
@@ -54,26 +58,30 @@ def verify_header(header: SceneLogPublic, scene: SceneId, genesis: bytes, header
     if header_key is None:
         if header.with_genesis().genesis != genesis:
             raise DamagedData("the scene's header does not prove itself", where=where)
-        header_key = next((key for key in map(_key, header.keys) if key.key_id == header.public_key), None)
-    if header_key is None:
-        raise DamagedData("the scene's header does not hold its key", where=where)
+        header_key = header_key_of(header)
     header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
 
 
-def _key(entry: KeyEntry) -> PublicKey:
-    return PublicKey(entry.raw)
+def header_key_of(header: SceneLogPublic) -> PublicKey:
+    """The key that a header says it is signed with; DamagedData if it does not hold it."""
+    for entry in header.keys:
+        key = PublicKey(entry.raw)
+        if key.key_id == header.public_key:
+            return key
+    raise DamagedData("the scene's header does not hold its key", where=f"scene {header.scene:08x}")
 
 
 def _first_header(header_key: SigningKey, writer: PublicKey, origin: NodeId) -> SceneLogPublic:
     keys = {key.key_id: key for key in (header_key.public, writer)}
     return SceneLogPublic(
         scene=SceneId(1),
-        genesis=bytes(32),
+        genesis=NO_GENESIS,
         origin=origin,
         position=FIRST_POSITION,
         write_floor=0,
         mode=SceneMode.EDIT,
-        spaces=tuple(SpaceEntry(space.id, SpaceId(0), FIRST, 1, 1, space.node_managed) for space in SPACES),
+        # The genesis, which is not known yet, changes nothing about the spaces of the first record.
+        spaces=first_log(NO_GENESIS, origin).public_spaces(),
         writers=(WriterEntry(writer.key_id, 0, _POSITION_MAX),),
         public_key=header_key.key_id,
         private_key=KeyId(0),

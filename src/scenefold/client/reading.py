@@ -9,9 +9,10 @@ from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import verify_header, writers_of
+from scenefold.client.births import header_key_of, verify_header, writers_of
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
+from scenefold.client.scene_log import LogAccess, LogKeys
 from scenefold.client.sealing import SceneIdentity
 from scenefold.wire import SceneLogPublic
 from scenefold.world import Links, World
@@ -40,6 +41,8 @@ def open_scene_with_keys(
         writers=writers_of(header),
         symmetric_key=symmetric_key,
         key_epoch=key_epoch,
-    )
+    ).with_header(header)
     calls = Calls(world, links, [address for _, address in members], [node_id for node_id, _ in members])
-    return Scene(SceneAccess(calls, name or f"{header.scene:08x}", identity, writer=None))
+    name = name or f"{header.scene:08x}"
+    keys = LogKeys(header.scene, header.genesis, symmetric_key, key_epoch, header_key_of(header))
+    return Scene(SceneAccess(calls, name, identity, writer=None, log=LogAccess(calls, name, keys)))

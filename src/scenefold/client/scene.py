@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
 from scenefold.client.importing import ImportReport, prepare_import, store_import
+from scenefold.client.new_space import SpaceOptions, new_space
 from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.space import Space
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
+from scenefold.scene.log import LoggedSpace
 
 if TYPE_CHECKING:
     from scenefold.scene.payloads.document import SceneDocument
@@ -62,6 +65,28 @@ class Scene:
     def space(self, space_id: int) -> Space:
         """A space by its number (scenefold.scene.layout)."""
         return Space(self.access, SpaceId(space_id))
+
+    async def spaces(self) -> list[LoggedSpace]:
+        """All spaces by the newest log, in the order of their creation."""
+        return list((await self.access.read_log()).state.spaces.values())
+
+    async def space_named(self, name: str | int) -> Space:
+        """A space by its name, or by its number; LocalFault if the scene has none such."""
+        log = (await self.access.read_log()).state
+        found = log.space(SpaceId(name)) if isinstance(name, int) else log.named(name)
+        return self.space(found.id)
+
+    async def create_space(
+        self, name: str, box: tuple[Sequence[float], Sequence[float]] | None = None, **options: Unpack[SpaceOptions]
+    ) -> Space:
+        """Make a space, for ever: nodes know of it from the next record on.
+
+        `box`: low and high corner, in the world, of what its lattice spans; by default the unit box of `dimensions`
+        (default: 3, or as the box has). See `SpaceOptions` for the rest. LocalFault if a space of that name or number exists.
+        """
+        make = new_space(name, box, **options)
+        log = await self.access.change_log(make)
+        return self.space(log.state.named(name).id)
 
     async def content(self) -> SceneDocument | None:
         """The scene document, from which all tables are found; None if no import was completed yet."""

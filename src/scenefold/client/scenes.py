@@ -10,27 +10,15 @@ from typing import Any, TypeVar
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import FIRST_POSITION, born, first_header, verify_header, writers_of
+from scenefold.client.births import born, first_header, first_records, writers_of
 from scenefold.client.calls import Calls
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
+from scenefold.client.scene_log import LogAccess, LogKeys
 from scenefold.client.sealing import SceneIdentity
 from scenefold.crypto import SYMMETRIC_KEY_BYTES, SigningKey
-from scenefold.wire import (
-    AcceptSceneProposal,
-    Ballot,
-    ListScenes,
-    Phase,
-    ProposalId,
-    ProposeSceneLog,
-    RejectSceneProposal,
-    RequestSceneLog,
-    RespondSceneLog,
-    SceneLogPublic,
-    ScenesListed,
-    Want,
-)
+from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed
 from scenefold.world.keyring import Keyring, SceneKeys, checked_name
 
 Result = TypeVar("Result")
@@ -136,14 +124,7 @@ class Scenes:
 
     async def _header(self, keys: SceneKeys) -> SceneLogPublic | None:
         """The newest header that a node knows, verified; None if the cluster does not know the scene."""
-        nonce = int.from_bytes(self._calls.world.entropy.token(8), "big")
-        packet = RequestSceneLog(keys.scene_id, keys.genesis, 0, nonce, Want.HEADER)
-        reply = await self._calls.ask_any(packet, RespondSceneLog)
-        if reply.answer is None:
-            return None
-        header = reply.answer.public
-        verify_header(header, keys.scene_id, keys.genesis, SigningKey.from_seed(keys.header_seed).public)
-        return header
+        return await self._log(keys).header()
 
     async def _announce(self, keys: SceneKeys, *, is_new: bool = False) -> Scene:
         """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""
@@ -151,25 +132,13 @@ class Scenes:
         if header is None:
             what = "the scene was made by another user or for other nodes"
             raise LocalFault(what, where=f"scene {keys.name}", remedy="use the profile that made it")
-        packet = ProposeSceneLog(
-            genesis=keys.genesis,
-            proposal=ProposalId(FIRST_POSITION, Ballot(1, header.origin), Phase.ACCEPT),
-            route=(header.origin,),
-            nodes=(),
-            highest=None,
-            takeover=False,
-            public=header,
-            private=b"",
-            mac_epoch=0,
-            mac=b"",
-        )
-        reply = await self._calls.ask_any(packet, (AcceptSceneProposal, RejectSceneProposal))
-        if isinstance(reply, RejectSceneProposal):
+        try:
+            await self._log(keys).announce(header, first_records(keys, self._origin))
+        except Refused:
             if is_new:
                 # The cluster has no such scene, so its keys open nothing. When it was unreachable we could not know.
                 await self._on_disk(self._keyring.remove, keys.name)
-            words = reply.reason.name.lower().replace("_", " ")
-            raise Refused(reply.reason, f"the cluster refused the scene: {words}", where=f"scene {keys.name}")
+            raise
         return self._scene(keys, header)
 
     def _scene(self, keys: SceneKeys, header: SceneLogPublic) -> Scene:
@@ -180,10 +149,15 @@ class Scenes:
             writers=writers_of(header),
             symmetric_key=keys.symmetric_key,
             key_epoch=keys.key_epoch,
-        )
+        ).with_header(header)
         writer = self._writer if self._writer.key_id in identity.writers else None
         session = int.from_bytes(self._calls.world.entropy.token(_SESSION_BYTES), "big")
-        return Scene(SceneAccess(self._calls, keys.name, identity, writer, session))
+        return Scene(SceneAccess(self._calls, keys.name, identity, writer, session, log=self._log(keys)))
+
+    def _log(self, keys: SceneKeys) -> LogAccess:
+        header_key = SigningKey.from_seed(keys.header_seed).public
+        opening = LogKeys(keys.scene_id, keys.genesis, keys.symmetric_key, keys.key_epoch, header_key, keys.header_seed)
+        return LogAccess(self._calls, keys.name, opening)
 
 
 def _names_by_genesis(keyring: Keyring) -> dict[bytes, str]:

@@ -8,13 +8,29 @@ under the scene's key. Any of these failing is DamagedData naming the place.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.crypto import PublicKey, Record, RecordPlace, SigningKey, open_record, seal_record, verify_record
-from scenefold.wire import PutItem, RecordBytes
+from scenefold.client.births import writers_of
+from scenefold.client.tombstones import is_tombstone
+from scenefold.crypto import (
+    PLACED_BY_CLIENT,
+    PLACED_BY_NODE,
+    PublicKey,
+    Record,
+    RecordPlace,
+    SigningKey,
+    open_record,
+    seal_record,
+    signed_place,
+    verify_record,
+)
+from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode
+
+Key = tuple[SpaceId, Location] | tuple[SpaceId, Location, bytes]
+"""Where a record lies; in a node-managed space with its object id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +44,21 @@ class SceneIdentity:
     writers: Mapping[KeyId, PublicKey]
     symmetric_key: bytes
     key_epoch: int
+    content_position: int | None = None
+    """The log position that the coordinates in new payloads belong to; None: `position`."""
+    outputs: frozenset[SpaceId] | None = None
+    """In render mode the spaces that may still be written; None: edit mode."""
+
+    def with_header(self, header: SceneLogPublic) -> SceneIdentity:
+        """The same scene as a newer header tells of it. What payloads are written for stays as it was."""
+        outputs = frozenset(entry.space for entry in header.spaces if entry.render_output)
+        return replace(
+            self,
+            position=header.position,
+            writers=writers_of(header),
+            content_position=self.position if self.content_position is None else self.content_position,
+            outputs=outputs if header.mode is SceneMode.RENDER else None,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +71,10 @@ class Draft:
     expect: bytes | None
     seq: int
     nonce: bytes
+    content_position: int | None = None
+    """Where it differs from the scene's."""
+    object: bytes = b""
+    """Of a node-managed record: its id. `location` is then where it lies, or `signed_place` of the id: anywhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +84,13 @@ class Opened:
     payload: bytes
     seq: int
     digest: bytes
+    content_position: int = 0
+    """The log position that the coordinates in the payload belong to."""
+
+    @property
+    def deleted(self) -> bool:
+        """Whether this says that nothing lies here any more."""
+        return is_tombstone(self.payload)
 
 
 def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: Sequence[Draft]) -> list[PutItem]:
@@ -57,12 +99,12 @@ def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: 
 
 
 def open_all(
-    identity: SceneIdentity, keys: Sequence[tuple[SpaceId, Location]], records: Sequence[RecordBytes | None]
+    identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]
 ) -> list[Opened | None]:
     """Verify and decrypt every record that is there."""
     return [
-        None if record is None else _open(identity, space, location, record)
-        for (space, location), record in zip(keys, records, strict=True)
+        None if record is None else _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)
+        for key, record in zip(keys, records, strict=True)
     ]
 
 
@@ -71,16 +113,17 @@ def _seal(identity: SceneIdentity, writer: SigningKey, session: int, draft: Draf
         scene=identity.scene,
         genesis=identity.genesis,
         space=draft.space,
-        location=draft.location,
+        location=signed_place(draft.object) if draft.object else draft.location,
         epoch=identity.position,
         seq=draft.seq,
         session=session,
-        content_position=identity.position,
+        content_position=_content_position(identity, draft),
         key_epoch=identity.key_epoch,
         payload=draft.payload,
         symmetric_key=identity.symmetric_key,
         signing_key=writer,
         nonce=draft.nonce,
+        placement=PLACED_BY_NODE if draft.object else PLACED_BY_CLIENT,
     )
     return PutItem(
         identity.scene,
@@ -93,7 +136,13 @@ def _seal(identity: SceneIdentity, writer: SigningKey, session: int, draft: Draf
     )
 
 
-def _open(identity: SceneIdentity, space: SpaceId, location: Location, found: RecordBytes) -> Opened:
+def _content_position(identity: SceneIdentity, draft: Draft) -> int:
+    if draft.content_position is not None:
+        return draft.content_position
+    return identity.position if identity.content_position is None else identity.content_position
+
+
+def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id: bytes, found: RecordBytes) -> Opened:
     where = f"scene {identity.scene:08x}, space {space}, {location.hex()}"
     record = Record(found.header, found.signature, found.ciphertext)
     try:
@@ -103,7 +152,11 @@ def _open(identity: SceneIdentity, space: SpaceId, location: Location, found: Re
         writer = identity.writers.get(claimed.writer)
         if writer is None:
             raise DamagedData(f"a record by key {claimed.writer:08x}, which is no writer of the scene")
-        header = verify_record(record, writer, RecordPlace(identity.scene, space, location))
-        return Opened(open_record(record, identity.symmetric_key), header.seq, header.digest)
+        # A node-managed record may lie anywhere; that it is this object is what its writer signed.
+        place = signed_place(object_id) if object_id else location
+        header = verify_record(record, writer, RecordPlace(identity.scene, space, place))
+        if header.placement != (PLACED_BY_NODE if object_id else PLACED_BY_CLIENT):
+            raise DamagedData("a node answered with a record of another kind of space")
+        return Opened(open_record(record, identity.symmetric_key), header.seq, header.digest, header.content_position)
     except DamagedData as error:
         raise DamagedData(error.what, where=where, remedy=error.remedy) from error

@@ -1,4 +1,8 @@
-"""A space of a scene: records by location, as the user of the client sees them."""
+"""A space of a scene: records by location and by position in the world, as the user of the client sees them.
+
+Positions mean what the scene's log says: each call that speaks of them reads the newest log first (scene_log.py), so a
+space that somebody else moved a moment ago is asked where it is now.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,10 @@ from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess, Wish
 from scenefold.client.fresh import FreshItem, put_fresh
-from scenefold.wire import EXPECT_ABSENT
+from scenefold.client.positions import Found, found_in_box, logged_space, movable
+from scenefold.client.sealing import Opened
+from scenefold.scene.log import LoggedSpace
+from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
 
 ABSENT = EXPECT_ABSENT
 """As `expect`: the place must be empty."""
@@ -74,6 +81,58 @@ class Space:
             payloads += [None if found is None else found.payload for found in await self._access.get(keys)]
         return payloads
 
+    async def read(self, locations: Sequence[Location]) -> list[Opened | None]:
+        """Like `get_many`, with the version: its digest, and the log position that coordinates in the payload belong to.
+
+        `info().fast_forward(positions, content_position)` carries such coordinates on to now.
+        """
+        return await self._access.get([(self.id, location) for location in locations])
+
     def query(self, first: Location = FIRST, last: Location = LAST) -> AsyncIterator[Location]:
         """Locations that hold records, from `first` to `last`, both included, in the order of the line."""
         return self._access.locations(self.id, first, last)
+
+    # ------------------------------------------------------------------------------------------- the world around
+
+    async def info(self) -> LoggedSpace:
+        """The space as the scene's log describes it now: dimensions, box, transforms; maps locations to positions."""
+        return await logged_space(self._access, self.id)
+
+    async def translate(self, offset: Sequence[float]) -> LoggedSpace:
+        """Move the space: from now on its addresses mean places that lie by `offset` further. No record is moved.
+
+        Gives the space as it is then. LocalFault for an offset of another number of coordinates, or not finite.
+        """
+        by = tuple(map(float, offset))
+        log = await self._access.change_log(lambda log: TranslateSpace(movable(log, self.id), by))
+        return log.state.space(self.id)
+
+    async def scale(self, factor: float) -> LoggedSpace:
+        """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved."""
+        by = float(factor)
+        log = await self._access.change_log(lambda log: ScaleSpace(movable(log, self.id), by))
+        return log.state.space(self.id)
+
+    async def put_at(self, position: Sequence[float], payload: bytes) -> Location:
+        """Store a record at a position in the world, or the next free place along the line; gives its location.
+
+        LocalFault for a position outside of the space.
+        """
+        return (await self.put_all_at([(position, payload)]))[0]
+
+    async def put_all_at(self, items: Sequence[tuple[Sequence[float], bytes]]) -> list[Location]:
+        """`put_at` for many records at once; nothing is stored if one of the positions lies outside."""
+        if not items:
+            return []
+        space = await self.info()
+        wanted = await self._access.in_crypto_lane(space.locations_of, [list(position) for position, _ in items])
+        return await self.put_fresh([(location, payload) for location, (_, payload) in zip(wanted, items, strict=True)])
+
+    async def query_box(self, low: Sequence[float], high: Sequence[float]) -> AsyncIterator[Found]:
+        """Records whose cell meets the box low..high of the world, or is next to one that does: location and position.
+
+        A record that found its place taken lies a cell further, so look at what a payload says where the edge matters.
+        SpaceFault for a box that is none, or that lies outside of the space.
+        """
+        async for found in found_in_box(self._access, await self.info(), low, high):
+            yield found

@@ -15,7 +15,7 @@ from typing import Any
 import trio
 
 from scenefold.base.errors import Unreachable
-from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
@@ -36,6 +36,7 @@ from scenefold.wire import (
     QueryRange,
     RecordBytes,
     RejectRange,
+    RejectSceneProposal,
     RequestSceneLog,
     RequestTable,
     RespondSceneLog,
@@ -45,6 +46,7 @@ from scenefold.wire import (
     SceneLogPublic,
     ScenesListed,
     Status,
+    Want,
     decode_packet,
     encode_packet,
 )
@@ -94,6 +96,9 @@ class FakeNodes:
     addresses: tuple[str, ...] = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
     records: dict[tuple[int, Location], PutItem] = field(default_factory=dict)
     headers: dict[int, SceneLogPublic] = field(default_factory=dict)
+    logs: dict[int, bytes] = field(default_factory=dict)
+    before_proposals: list[Callable[[], Any]] = field(default_factory=list)
+    """Done, one for each proposal, before it is looked at: what somebody else does at that moment."""
     away: set[str] = field(default_factory=set)
     busy: Counter[str] = field(default_factory=Counter)
     """How many requests of each node are still answered with busy."""
@@ -146,16 +151,30 @@ class FakeNodes:
             case QueryRange():
                 return self._query(address, packet)
             case ProposeSceneLog():
-                self.headers[packet.public.scene] = packet.public
-                return AcceptSceneProposal(packet.genesis, packet.proposal, bytes(32), (), None, 0, b"")
+                if self.before_proposals:
+                    self.before_proposals.pop()()
+                return self._propose(packet)
             case RequestSceneLog():
                 header = self.headers.get(packet.scene)
-                answer = header and SceneLogAnswer(packet.nonce, 2, 1, Ballot(0, NodeId(0)), (), header, None, 0, b"")
+                private = (
+                    self.logs.get(packet.scene) if packet.want is Want.LOG and header and address_of(header.origin) == address else None
+                )
+                answer = header and SceneLogAnswer(packet.nonce, 2, 1, Ballot(0, NodeId(0)), (), header, private, 0, b"")
                 return RespondSceneLog(answer)
             case ListScenes():
                 return ScenesListed(tuple(self.headers.values()))
             case _:
                 return Fault(RejectReason.ILL_FORMED, "what?")
+
+    def _propose(self, packet: ProposeSceneLog) -> Packet:
+        known = self.headers.get(packet.public.scene)
+        before = 0 if known is None else known.position
+        if packet.public.position != before + 1 and (packet.public, packet.private) != (known, self.logs.get(packet.public.scene)):
+            reason = RejectReason.POSITION_TAKEN if packet.public.position == before else RejectReason.POSITION_BEHIND
+            return RejectSceneProposal(packet.genesis, packet.proposal, reason, (), Ballot(0, NodeId(0)), NodeId(0), 0, b"")
+        self.headers[packet.public.scene] = packet.public
+        self.logs[packet.public.scene] = packet.private
+        return AcceptSceneProposal(packet.genesis, packet.proposal, bytes(32), (), None, 0, b"")
 
     def _put(self, address: str, item: PutItem) -> PutOutcome:
         owner = self.table.owner_of(item.location)
@@ -163,6 +182,9 @@ class FakeNodes:
             return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner.node_id)
         present = self.records.get((item.space, item.location))
         new = RecordHeader.decode(item.header)
+        header = self.headers.get(item.scene)
+        if header is not None and new.epoch < header.write_floor:
+            return PutOutcome(RejectReason.MODE_FORBIDS, item.location, NodeId(0))
         if present is not None and present.header != item.header:
             old = RecordHeader.decode(present.header)
             if item.expect is not None and item.expect != old.digest:

@@ -7,10 +7,11 @@ from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.bytes import open_private, seal_private, sign_record
 from scenefold.scene.log.first import first_entry, first_log, first_record
-from scenefold.scene.log.space import LoggedSpace, SpaceFault
+from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
 
 __all__ = [
     "Affine",
+    "CellBox",
     "LoggedSpace",
     "SceneLog",
     "SpaceFault",

@@ -50,6 +50,13 @@ class CellBox(NamedTuple):
     first: Cells
     last: Cells
 
+    def grown(self, cell_bits: int) -> CellBox:
+        """This and the cells beside it, of 2^cell_bits along every axis."""
+        import numpy as np
+
+        one, most = np.uint64(1), np.uint64((1 << cell_bits) - 1)
+        return CellBox(self.first - np.minimum(self.first, one), self.last + np.minimum(most - self.last, one))
+
 
 @dataclass(frozen=True)
 class LoggedSpace:
@@ -142,7 +149,10 @@ class LoggedSpace:
 
     def box_arcs(self, low: Sequence[float], high: Sequence[float], limit: int) -> list[Arc]:
         """At most `limit` arcs of the line, ascending, that hold every location in the world box; they may hold others, too."""
-        box = self.cell_box(low, high)
+        return self.arcs_of(self.cell_box(low, high), limit)
+
+    def arcs_of(self, box: CellBox, limit: int) -> list[Arc]:
+        """The same for a box of cells."""
         return [Arc(Location(first), Location(last)) for first, last in self.lattice.curve.arcs(box.first, box.last, limit)]
 
     def in_cells(self, locations: Sequence[bytes], box: CellBox) -> npt.NDArray[np.bool_]:

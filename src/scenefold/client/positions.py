@@ -1,0 +1,79 @@
+"""From positions in the world to records and back, by what a scene's log says (specs/16-scene-log.md, Boxes).
+
+A box is carried back through the log's transforms, cut into a bounded number of arcs of the line, and each arc is asked for.
+Arcs hold more than the box does; what lies in no cell of the box is left out here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.ids import SpaceId
+from scenefold.base.limits import CLIENT_BOX_ARCS
+from scenefold.base.location import Location
+from scenefold.client.access import SceneAccess
+from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, SPACE_NAMES
+from scenefold.scene.log import CellBox, LoggedSpace, SceneLog
+
+_BATCH = 1_024
+"""Locations that are looked at together."""
+
+
+class Found(NamedTuple):
+    """A record of a box, and where its cell's centre lies in the world now."""
+
+    location: Location
+    position: tuple[float, ...]
+
+
+async def logged_space(access: SceneAccess, space: SpaceId) -> LoggedSpace:
+    """A space by the newest log. The geometry of an import lies in the lattice that the scene document names."""
+    found = (await access.read_log()).state.space(space)
+    return await _with_lattice_of_import(access, found) if space == GEOMETRY else found
+
+
+async def found_in_box(access: SceneAccess, space: LoggedSpace, low: Sequence[float], high: Sequence[float]) -> AsyncIterator[Found]:
+    """See `Space.query_box`."""
+    box = space.cell_box(low, high).grown(space.lattice.curve.cell_bits)
+    for arc in await access.in_crypto_lane(space.arcs_of, box, CLIENT_BOX_ARCS):
+        batch: list[Location] = []
+        async for location in access.locations(space.id, arc.first, arc.last):
+            batch.append(location)
+            if len(batch) == _BATCH:
+                for found in await access.in_crypto_lane(_inside, space, box, batch):
+                    yield found
+                batch = []
+        for found in await access.in_crypto_lane(_inside, space, box, batch):
+            yield found
+
+
+def movable(log: SceneLog, space: SpaceId) -> SpaceId:
+    """The id of a space that may be translated and scaled; LocalFault for one that every scene has."""
+    if space in SPACE_NAMES:
+        what = f"the space {SPACE_NAMES[space]} holds imported content, which renderers take as it lies"
+        raise LocalFault(
+            what, where=f"space {space}", remedy="move the objects in the file and import it again, or make a space of your own"
+        )
+    return log.space(space).id
+
+
+def _inside(space: LoggedSpace, box: CellBox, locations: list[Location]) -> list[Found]:
+    if not locations:
+        return []
+    kept = [location for location, inside in zip(locations, space.in_cells(locations, box), strict=True) if inside]
+    if not kept:
+        return []
+    return [Found(location, tuple(position)) for location, position in zip(kept, space.world_of(kept).tolist(), strict=True)]
+
+
+async def _with_lattice_of_import(access: SceneAccess, space: LoggedSpace) -> LoggedSpace:
+    from scenefold.scene.payloads.document import decode_document
+
+    (found,) = await access.get([(META, DOCUMENT_LOCATION)])
+    if found is None:
+        return space
+    document = decode_document(found.payload)
+    return replace(space, low=tuple(document.lattice_low.tolist()), high=tuple(document.lattice_high.tolist()))

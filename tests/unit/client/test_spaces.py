@@ -1,0 +1,221 @@
+"""If this fails, spaces are made twice or not at all, their records are looked for where they are not, or one author undoes another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from trio.testing import MockClock
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.ids import node_id_of
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.scene import Scene
+from scenefold.client.scenes import Scenes
+from scenefold.crypto import HEADER_DOMAIN, RecordHeader, SigningKey
+from scenefold.scene.layout import GEOMETRY, SPACES
+from scenefold.wire import ProposeSceneLog, ScaleSpace, SceneMode, SetMode
+from scenefold.world.keyring import Keyring
+from unit.client.fake_nodes import FakeNodes
+
+WRITER = SigningKey(bytes(31) + b"\1")
+BOX = ((0.0, 0.0, 0.0), (8.0, 8.0, 8.0))
+
+
+def scenes_of(nodes: FakeNodes, folder: Path) -> Scenes:
+    return Scenes(nodes.calls(), Keyring(folder), WRITER, node_id_of("127.0.0.2"))
+
+
+async def scene_of(nodes: FakeNodes, folder: Path) -> Scene:
+    return await scenes_of(nodes, folder).open_or_create("kitchen")
+
+
+async def test_a_scene_begins_with_the_spaces_of_the_layout(autojump_clock: MockClock, tmp_path: Path) -> None:
+    scene = await scene_of(FakeNodes(), tmp_path)
+    spaces = await scene.spaces()
+    assert [(space.id, space.name) for space in spaces] == [(space.id, space.name) for space in SPACES]
+    assert (await scene.space_named("geometry")).id == (await scene.space_named(2)).id == GEOMETRY
+
+
+async def test_a_space_is_made_moved_and_asked_by_box(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX)
+    assert (hall.id, (await hall.info()).dimensions) == (11, 3)
+    points = np.random.default_rng(3).random((60, 3)) * 8
+    places = await hall.put_all_at([(point, b"%d" % index) for index, point in enumerate(points.tolist())])
+    assert len(set(places)) == 60
+    await hall.translate((100.0, 0.0, 0.0))
+    moved = await hall.scale(2.0)
+    assert (moved.transform.factor, moved.transform.offset) == (2.0, (200.0, 0.0, 0.0))
+    there = points * 2 + [200.0, 0.0, 0.0]
+    low, high = [202.0, 3.0, 1.0], [212.0, 12.0, 14.0]
+    found = {item.location: item.position async for item in hall.query_box(low, high)}
+    inside = ((there >= low) & (there <= high)).all(axis=1)
+    assert set(found) == {place for place, kept in zip(places, inside, strict=True) if kept}
+    for place, point, kept in zip(places, there, inside, strict=True):
+        if kept:
+            np.testing.assert_allclose(found[place], point, atol=1e-9)
+    assert await hall.get(places[7]) == b"7", "nothing was moved"
+    other = await (await scene_of(nodes, tmp_path)).space_named("hall")
+    assert {item.location async for item in other.query_box(low, high)} == set(found)
+
+
+async def test_records_at_one_position_are_all_found_there(autojump_clock: MockClock, tmp_path: Path) -> None:
+    scene = await scene_of(FakeNodes(), tmp_path)
+    for dimensions in (1, 4, 8):
+        space = await scene.create_space(f"space of {dimensions}", ((0.0,) * dimensions, (1.0,) * dimensions))
+        point = (0.3,) * dimensions
+        places = [await space.put_at(point, b"one"), await space.put_at(point, b"two")]
+        assert len({item.location async for item in space.query_box(point, point)} & set(places)) == 2
+
+
+async def test_records_say_under_which_position_they_were_written(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX)
+    place = await hall.put_at((1.0, 2.0, 3.0), b"a")
+    header = RecordHeader.decode(nodes.records[hall.id, place].header)
+    assert (header.epoch, header.content_position) == (2, 2)
+    other = await (await scene_of(nodes, tmp_path)).space_named("hall")
+    await other.translate((1.0, 0.0, 0.0))
+    written = await hall.put(place, b"b")
+    header = RecordHeader.decode(nodes.records[hall.id, place].header)
+    assert (header.epoch, header.content_position, header.digest) == (2, 2, written), "this client knows no more yet"
+    (opened,) = await hall.read([place])
+    assert opened is not None and (opened.payload, opened.content_position) == (b"b", 2)
+    np.testing.assert_array_equal((await hall.info()).fast_forward([[1.0, 2.0, 3.0]], opened.content_position), [[2.0, 2.0, 3.0]])
+
+
+async def test_two_authors_at_once_both_get_in(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX)
+    before = dict(nodes.headers), dict(nodes.logs)
+    await hall.translate((1.0, 0.0, 0.0))
+    fast = dict(nodes.headers), dict(nodes.logs)
+    nodes.headers, nodes.logs = dict(before[0]), dict(before[1])
+
+    def overtake() -> None:
+        nodes.headers, nodes.logs = fast
+
+    nodes.before_proposals = [overtake]
+    moved = await hall.scale(3.0)
+    assert (moved.transform.factor, moved.transform.offset) == (3.0, (3.0, 0.0, 0.0))
+    assert nodes.headers[scene.id].position == 4
+
+
+async def test_a_change_whose_answer_was_lost_is_made_once(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    hall = await (await scene_of(nodes, tmp_path)).create_space("hall", BOX)
+
+    def lose_replies() -> None:
+        nodes.lost_replies = 100
+
+    nodes.before_proposals = [lose_replies]
+    with pytest.raises(Unreachable, match="answer to a change was lost"):
+        await hall.translate((1.0, 0.0, 0.0))
+    nodes.lost_replies = 0
+    assert (await hall.info()).transform.offset == (1.0, 0.0, 0.0)
+
+    def lose_some() -> None:
+        nodes.lost_replies = 2
+
+    nodes.before_proposals = [lose_some]
+    assert (await hall.translate((1.0, 0.0, 0.0))).transform.offset == (2.0, 0.0, 0.0)
+
+
+async def test_without_the_keeper_of_the_log_it_is_said_who_is_missing(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    nodes.away = {"127.0.0.2"}
+    with pytest.raises(Unreachable, match=r"keeps the scene's log does not answer.*127\.0\.0\.2"):
+        await scene.spaces()
+    nodes.away = set()
+    nodes.logs.clear()
+    with pytest.raises(Unreachable, match="has lost it"):
+        await scene.spaces()
+
+
+async def test_a_log_of_another_position_is_not_believed(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    older = dict(nodes.logs)
+    await scene.create_space("hall", BOX)
+    nodes.logs = older
+    with pytest.raises(DamagedData, match="cannot be opened"):
+        await scene.spaces()
+
+
+async def test_who_signs_under_an_old_position_learns_the_new_one(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene, other = await scene_of(nodes, tmp_path), await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX, render_output=True)
+    await other.access.change_log(lambda _: SetMode(SceneMode.RENDER))
+    assert await hall.put_at((1.0, 1.0, 1.0), b"output")
+    with pytest.raises(Refused, match="render mode") as refused:
+        await scene.space(10).put(await hall.put_at((2.0, 2.0, 2.0), b"output"), b"edit")
+    assert refused.value.reason is RejectReason.MODE_FORBIDS
+    await other.access.change_log(lambda _: SetMode(SceneMode.EDIT))
+    place = Location.from_number(77)
+    await scene.space(10).put(place, b"edit")
+    assert RecordHeader.decode(nodes.records[10, place].header).epoch == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "complaint"),
+    [
+        (("hall",), {"dimensions": 17}, "1 to 8 dimensions, not 17"),
+        (("hall",), {"dimensions": 0}, "1 to 8 dimensions"),
+        (("hall", ((0.0,) * 17, (1.0,) * 17)), {}, "1 to 8 dimensions, not 17"),
+        (("hall", ((0.0, 2.0), (1.0, 1.0))), {}, "ends at 1 where it begins at 2 on axis 1"),
+        (("hall", ((0.0, 0.0), (1.0,))), {}, "2 coordinates, not 2 and 1"),
+        (("hall", ((0.0,), (float("nan"),))), {}, "finite"),
+        (("hall", BOX), {"curve": "peano"}, "no curve 'peano'"),
+        (("geometry", BOX), {}, "needs a name of its own"),
+        (("hall", BOX), {"space_id": 2}, "a space 2 already"),
+        (("hall", BOX), {"space_id": 9000}, "9000 lies outside"),
+        (("", BOX), {}, "cannot be the name"),
+        (("12", BOX), {}, "cannot be the name"),
+        (("ä" * 33, BOX), {}, "cannot be the name"),
+    ],
+)
+async def test_a_space_that_cannot_be_is_refused_with_words(
+    autojump_clock: MockClock, tmp_path: Path, arguments: tuple[Any, ...], options: dict[str, Any], complaint: str
+) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    with pytest.raises(LocalFault, match=complaint):
+        await scene.create_space(*arguments, **options)
+    assert sum(isinstance(packet, ProposeSceneLog) for _, packet in nodes.asked) == 1, "nothing but the scene itself was proposed"
+
+
+async def test_moves_that_cannot_be_are_refused_with_words(autojump_clock: MockClock, tmp_path: Path) -> None:
+    scene = await scene_of(FakeNodes(), tmp_path)
+    hall = await scene.create_space("hall", BOX)
+    with pytest.raises(LocalFault, match="offset of 2 coordinates in a space of 3"):
+        await hall.translate((1.0, 2.0))
+    for factor in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(LocalFault, match="factor"):
+            await hall.scale(factor)
+    with pytest.raises(LocalFault, match="holds imported content"):
+        await scene.space(GEOMETRY).scale(2.0)
+    with pytest.raises(LocalFault, match="no such space"):
+        await scene.space(99).scale(2.0)
+    with pytest.raises(LocalFault, match="outside of the space"):
+        await hall.put_at((9.0, 0.0, 0.0), b"")
+    with pytest.raises(LocalFault, match="outside of the space"):
+        _ = [found async for found in hall.query_box((9.0, 9.0, 9.0), (10.0, 10.0, 10.0))]
+
+
+async def test_a_header_that_was_not_signed_by_the_scene_is_not_believed(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    header = replace(nodes.headers[scene.id], position=2)
+    nodes.headers[scene.id] = replace(header, signature=WRITER.sign(HEADER_DOMAIN, header.signable()))
+    with pytest.raises(DamagedData):
+        await scene.access.change_log(lambda _: ScaleSpace(GEOMETRY, 2.0))
