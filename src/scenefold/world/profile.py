@@ -2,16 +2,18 @@
 
 Written by `scenectl cluster init`, read by every client and node (design page ux, Set-up):
 
-    cluster.toml             name, cluster id, ports, seeds, members (id, address, public signing key)
+    cluster.toml             name, cluster id, ports, seeds, nodes (id, address, public signing key), founders, voters, the
+                             public key of the cluster's log
     authority/               the cluster's certificate authority; its key is needed only to admit others
     datagram.key             32 bytes, the group key of datagrams
-    nodes/<address>/         a node's TLS identity and signing seed
+    nodes/<address>/         a node's TLS identity and signing seed; a voter's also holds the seed of the log's key
     users/<name>/            a user's TLS identity and signing seed
     scenes/<name>.toml       keys of scenes (keyring.py)
 
 A machine needs only its own part: cluster.toml, the authority's certificate, datagram.key and its own folder
 under nodes/ or users/. So each file is read when it is asked for, and a missing one is that request's error.
-The members of the cluster are known from the start, and change only by a new cluster.toml.
+The profile says who has credentials, not who is a member: founders are from the start, spares join and anybody may
+be removed, and all that stands in the cluster's log. The lowest of the founders is its voter.
 """
 
 from __future__ import annotations
@@ -37,51 +39,50 @@ from scenefold.crypto import (
     read_secret,
     write_secret,
 )
+from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import Keyring, checked_name
 from scenefold.world.ports import Ports
 from scenefold.world.toml_files import damaged, read_settings_toml, write_toml
 
 DEFAULT_USER = "owner"
 DATAGRAM_KEY_BYTES = 32
-_FORMAT = 1
+_FORMAT = 2
 _SETTINGS = "cluster.toml"
 _SEED = "signing.seed"
-
-
-@dataclass(frozen=True, slots=True)
-class Member:
-    """A registered node: its id, address, and the key that its status datagrams verify under."""
-
-    node_id: NodeId
-    address: str
-    public_key: PublicKey
+_LOG_SEED = "log.seed"
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterProfile:
-    """The profile in `folder`. Members are in id order, which is their order along the line."""
+    """The profile in `folder`. `members`: all nodes with credentials in id order, spares among them."""
 
     folder: Path
     name: str
     cluster_id: bytes
     ports: Ports
     seeds: tuple[str, ...]
-    members: tuple[Member, ...]
+    members: tuple[Credential, ...]
+    founders: tuple[NodeId, ...]
+    voters: tuple[NodeId, ...]
+    log_key: PublicKey
 
     @classmethod
-    def create(cls, folder: Path, name: str, node_addresses: Sequence[str], *, ports: Ports | None = None) -> ClusterProfile:
+    def create(
+        cls, folder: Path, name: str, node_addresses: Sequence[str], *, spares: Sequence[str] = (), ports: Ports | None = None
+    ) -> ClusterProfile:
         """Make a new cluster with these nodes and the user "owner" in `folder`, whole or not at all.
 
-        `folder` must not exist, or be empty. Takes some ten milliseconds a node.
+        The nodes found the cluster; `spares` get credentials, so that they can join it later. `folder` must not
+        exist, or be empty. Takes some ten milliseconds a node.
         """
         checked_name(name, "cluster")
-        addresses = _checked_addresses(node_addresses)
+        founders, addresses = _checked_addresses(node_addresses), _checked_addresses([*node_addresses, *spares])
         ports = _checked_ports(ports or Ports())
         _refuse_taken(folder)
         make_private_folder(folder.parent)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
         try:
-            _write_all(draft, name, addresses, ports)
+            _write_all(draft, name, addresses, founders, ports)
             draft.rename(folder)  # fails if somebody filled `folder` meanwhile
         except OSError as problem:
             raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder") from problem
@@ -97,10 +98,11 @@ class ClusterProfile:
             raise LocalFault("there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`")
         document = read_settings_toml(path)
         if document.get("format") != _FORMAT:
+            is_older = document.get("format") == 1
             raise LocalFault(
                 f"the profile has format {document.get('format')!r}, this program knows {_FORMAT}",
                 where=str(path),
-                remedy="use the program's version that wrote it",
+                remedy="make the cluster anew with `scenectl cluster init`" if is_older else "use the program's version that wrote it",
             )
         try:
             return _decoded(folder, document)
@@ -111,8 +113,21 @@ class ClusterProfile:
     def keyring(self) -> Keyring:
         return Keyring(self.folder / "scenes")
 
-    def member(self, address: str) -> Member:
-        """The member at an address; LocalFault if none is registered there."""
+    def facts(self) -> ClusterFacts:
+        """What a node is told of its cluster."""
+        return ClusterFacts(
+            name=self.name,
+            cluster_id=self.cluster_id,
+            ports=self.ports,
+            seeds=self.seeds,
+            credentials=self.members,
+            founders=self.founders,
+            voters=self.voters,
+            log_key=self.log_key,
+        )
+
+    def member(self, address: str) -> Credential:
+        """The node at an address; LocalFault if none has credentials for it."""
         for member in self.members:
             if member.address == address:
                 return member
@@ -144,6 +159,16 @@ class ClusterProfile:
         key = SigningKey.from_file(path)
         if key.public != self.member(address).public_key:
             raise damaged(path, f"it is not the key that is registered for {address}")
+        return key
+
+    def log_signing_key(self, address: str) -> SigningKey | None:
+        """The key that signs the cluster's log, if the node is a voter; LocalFault if it is not the known one."""
+        if self.member(address).node_id not in self.voters:
+            return None
+        path = self._node_folder(address) / _LOG_SEED
+        key = SigningKey.from_file(path)
+        if key.public != self.log_key:
+            raise damaged(path, "it is not the key of this cluster's log")
         return key
 
     def user_identity(self, user: str = DEFAULT_USER) -> Identity:
@@ -185,7 +210,7 @@ def _refuse_taken(folder: Path) -> None:
         raise LocalFault("the place is taken by something else", where=str(folder), remedy="choose another folder")
 
 
-def _write_all(folder: Path, name: str, addresses: Sequence[str], ports: Ports) -> None:
+def _write_all(folder: Path, name: str, addresses: Sequence[str], founders: Sequence[str], ports: Ports) -> None:
     authority = Authority.create(name)
     make_private_folder(folder)
     authority.to_files(folder / "authority")
@@ -195,6 +220,8 @@ def _write_all(folder: Path, name: str, addresses: Sequence[str], ports: Ports) 
         identity = authority.issue(f"node:{node_id_of(address)}", [address])
         key = _write_party(folder / "nodes" / address, identity)
         members.append({"id": int(node_id_of(address)), "address": address, "public_key": key.public.raw.hex()})
+    voter, log_key = founders[0], SigningKey.generate()
+    log_key.to_file(folder / "nodes" / voter / _LOG_SEED)
     _write_party(folder / "users" / DEFAULT_USER, authority.issue(f"user:{DEFAULT_USER}", []))
     make_private_folder(folder / "scenes")
     write_toml(
@@ -203,7 +230,10 @@ def _write_all(folder: Path, name: str, addresses: Sequence[str], ports: Ports) 
             "format": _FORMAT,
             "name": name,
             "cluster_id": secrets.token_hex(16),
-            "seeds": list(addresses[:3]),
+            "seeds": list(founders[:3]),
+            "founders": [int(node_id_of(address)) for address in founders],
+            "voters": [int(node_id_of(voter))],
+            "log_key": log_key.public.raw.hex(),
             "ports": {"low": ports.low, "high": ports.high},
             "members": members,
         },
@@ -219,7 +249,7 @@ def _write_party(folder: Path, identity: Identity) -> SigningKey:
 
 def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
     members = tuple(
-        Member(
+        Credential(
             NodeId(int(entry["id"])),
             str(ipaddress.IPv4Address(entry["address"])),
             PublicKey(bytes.fromhex(entry["public_key"])),
@@ -232,11 +262,16 @@ def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
     cluster_id = bytes.fromhex(document["cluster_id"])
     if len(cluster_id) != 16:
         raise ValueError("cluster_id must have 16 bytes")
-    return ClusterProfile(
+    profile = ClusterProfile(
         folder=folder,
         name=checked_name(document["name"], "cluster"),
         cluster_id=cluster_id,
         ports=_checked_ports(Ports(int(document["ports"]["low"]), int(document["ports"]["high"]))),
         seeds=tuple(str(ipaddress.IPv4Address(seed)) for seed in document["seeds"]),
         members=members,
+        founders=tuple(NodeId(int(node)) for node in document["founders"]),
+        voters=tuple(NodeId(int(node)) for node in document["voters"]),
+        log_key=PublicKey(bytes.fromhex(document["log_key"])),
     )
+    profile.facts()  # it says what does not fit
+    return profile

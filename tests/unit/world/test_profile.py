@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from scenefold.base.errors import LocalFault
+from scenefold.base.ids import address_of
 from scenefold.world import Ports
 from scenefold.world.keyring import SceneKeys
 from scenefold.world.profile import ClusterProfile
 
 ADDRESSES = ["127.0.0.4", "127.0.0.2", "127.0.0.3"]
+SPARES = ["127.0.0.1", "127.0.0.6"]
+EVERYBODY = sorted(ADDRESSES + SPARES)
 
 
 @pytest.fixture(scope="module")
 def profile(tmp_path_factory: pytest.TempPathFactory) -> ClusterProfile:
     folder = tmp_path_factory.mktemp("profiles") / "studio"
-    return ClusterProfile.create(folder, "studio", ADDRESSES, ports=Ports(20001, 20002))
+    return ClusterProfile.create(folder, "studio", ADDRESSES, spares=SPARES, ports=Ports(20001, 20002))
 
 
 def keys_of(name: str, first: int = 1) -> SceneKeys:
@@ -28,15 +32,45 @@ def keys_of(name: str, first: int = 1) -> SceneKeys:
 def test_what_is_created_is_what_is_loaded(profile: ClusterProfile) -> None:
     assert ClusterProfile.load(profile.folder) == profile
     assert profile.ports == Ports(20001, 20002)
-    assert [member.address for member in profile.members] == sorted(ADDRESSES)
+    assert [member.address for member in profile.members] == EVERYBODY
+
+
+def test_founders_stand_on_the_line_and_spares_have_credentials_only(profile: ClusterProfile) -> None:
+    facts = profile.facts()
+    assert [address_of(node) for node in facts.founders] == sorted(ADDRESSES)
+    assert [credential.address for credential in facts.credentials] == EVERYBODY
+    assert [address_of(node) for node in facts.voters] == ["127.0.0.2"], "the first of the founders, not of all nodes"
+    assert profile.seeds == tuple(sorted(ADDRESSES)), "a spare is nobody to look for"
+
+
+def test_only_the_voter_can_sign_the_log(profile: ClusterProfile) -> None:
+    key = profile.log_signing_key("127.0.0.2")
+    assert key is not None and key.public == profile.log_key
+    assert profile.log_signing_key("127.0.0.3") is None and profile.log_signing_key("127.0.0.6") is None
+    assert [path.parent.name for path in profile.folder.rglob("log.seed")] == ["127.0.0.2"]
+
+
+def test_the_log_of_a_cluster_has_a_name_that_its_key_gives(profile: ClusterProfile) -> None:
+    header = profile.facts().genesis_header
+    assert header.scene == int.from_bytes(header.genesis[:4], "big") and header.with_genesis() == header
+    assert header == ClusterProfile.load(profile.folder).facts().genesis_header
+    assert replace(profile.facts(), log_key=profile.user_signing_key().public).genesis_header.scene != header.scene
+
+
+def test_another_key_for_the_log_is_noticed(tmp_path: Path) -> None:
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2"])
+    folder = profile.folder / "nodes" / "127.0.0.2"
+    (folder / "signing.seed").replace(folder / "log.seed")
+    with pytest.raises(LocalFault, match="not the key of this cluster's log"):
+        profile.log_signing_key("127.0.0.2")
 
 
 def test_every_party_has_keys_of_its_own(profile: ClusterProfile) -> None:
-    names = [profile.node_identity(address).name for address in sorted(ADDRESSES)]
+    names = [profile.node_identity(address).name for address in EVERYBODY]
     assert names == [f"node:{member.node_id}" for member in profile.members]
     assert profile.user_identity().name == "user:owner"
-    seeds = {profile.node_signing_key(address).seed for address in ADDRESSES} | {profile.user_signing_key().seed}
-    assert len(seeds) == len(ADDRESSES) + 1
+    seeds = {profile.node_signing_key(address).seed for address in EVERYBODY} | {profile.user_signing_key().seed}
+    assert len(seeds) == len(EVERYBODY) + 1
     assert len(profile.datagram_key()) == 32
 
 
@@ -90,7 +124,7 @@ def test_no_profile_is_one_clear_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"\xff\xfe", b"format = 1", b"format = 1\nname = 3", b"format =", b'format = 1\nname = "x"\ncluster_id = "00"\nmembers = []'],
+    [b"", b"\xff\xfe", b"format = 2", b"format = 2\nname = 3", b"format =", b'format = 2\nname = "x"\ncluster_id = "00"\nmembers = []'],
 )
 def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "cluster.toml").write_bytes(content)
@@ -98,10 +132,22 @@ def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> No
         ClusterProfile.load(tmp_path)
 
 
-def test_a_file_of_a_later_version_says_so(tmp_path: Path) -> None:
-    (tmp_path / "cluster.toml").write_text("format = 2")
-    with pytest.raises(LocalFault, match="format 2, this program knows 1"):
+@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (3, "version that wrote it")])
+def test_a_file_of_another_version_says_so(tmp_path: Path, number: int, remedy: str) -> None:
+    (tmp_path / "cluster.toml").write_text(f"format = {number}")
+    with pytest.raises(LocalFault, match=f"format {number}, this program knows 2") as caught:
         ClusterProfile.load(tmp_path)
+    assert remedy in caught.value.remedy
+
+
+@pytest.mark.parametrize("line", ["founders = [1]", "voters = []", "voters = [2130706435, 2130706434]", 'log_key = "00"'])
+def test_founders_voters_and_key_that_cannot_be_are_one_clear_error(tmp_path: Path, line: str) -> None:
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"])
+    path = profile.folder / "cluster.toml"
+    name = line.partition(" ")[0]
+    path.write_text("\n".join(line if text.startswith(name) else text for text in path.read_text().splitlines()))
+    with pytest.raises(LocalFault, match="damaged"):
+        ClusterProfile.load(profile.folder)
 
 
 def test_a_missing_key_file_is_named(tmp_path: Path) -> None:
