@@ -20,6 +20,7 @@ class Kind(Enum):
     DUPLICATION = "duplication"
     REORDERING = "reordering"
     SLOW_NODE = "slow node"
+    PAUSE = "paused node"
     RESET = "connection reset"
     CRASH = "crash"
     CRASH_BEFORE_COMMIT = "crash before commit"
@@ -76,15 +77,16 @@ KINDS: dict[Kind, Shape] = {
     Kind.LOSS: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams lost"),
     Kind.DUPLICATION: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams doubled"),
     Kind.REORDERING: Shape(0.66, Whom.ALL, (3, 20), (0.05, 1.5), "seconds that a datagram may be late"),
-    Kind.SLOW_NODE: Shape(0.66, Whom.ONE, (3, 20), (5, 60), "times as slow"),
+    Kind.SLOW_NODE: Shape(0.66, Whom.ONE, (3, 20), (10, 400), "times as slow"),
+    Kind.PAUSE: Shape(0.66, Whom.ONE, (1, 25)),
     Kind.RESET: Shape(0.66, Whom.PAIR, (0.5, 4), (1, 4), "resets, spread over the time"),
-    Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 45)),
+    Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 45), (0, 1), "above 0.5 its machine vanishes silently"),
     Kind.CRASH_BEFORE_COMMIT: Shape(0.66, Whom.ONE, (1, 15), (1, 25), "which commit from then on"),
     Kind.CRASH_AFTER_COMMIT: Shape(0.66, Whom.ONE, (1, 15), (1, 25), "which commit from then on"),
     Kind.CRASH_BEFORE_SEND: Shape(0.66, Whom.ONE, (1, 15), (1, 60), "which packet from then on"),
     Kind.CRASH_AFTER_SEND: Shape(0.66, Whom.ONE, (1, 15), (1, 60), "which packet from then on"),
     Kind.TORN_WRITE: Shape(0.66, Whom.ONE, (1, 15)),
-    Kind.DISK_FULL: Shape(0.66, Whom.ONE, (3, 20)),
+    Kind.DISK_FULL: Shape(0.66, Whom.ONE, (3, 20), (0, 1), "above 0.5 the reserve is used up too"),
     Kind.SLOW_DISK: Shape(0.66, Whom.ONE, (3, 20), (0.05, 1.0), "seconds a commit"),
     Kind.CORRUPTION: Shape(0.66, Whom.ONE, (0, 0), (1, 3), "records"),
     Kind.WIPED_DISK: Shape(0.62, Whom.NO_VOTER, (0.5, 8)),

@@ -120,8 +120,3 @@ class Histories:
     def places(self) -> Iterable[Place]:
         """All places, in the order of the line."""
         return sorted(self.by_place)
-
-    @property
-    def acknowledged(self) -> int:
-        """Operations that were answered: writes that are durable, reads that were served."""
-        return self.writes_done + self.reads_done

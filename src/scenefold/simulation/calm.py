@@ -1,0 +1,92 @@
+"""After the storm: is everything as it should be? Asked once a second until it is, or until patience ends.
+
+What is wrong is said in words, by the law that it breaks; an empty answer is quiet. Everything is read off true disks and the
+tables of running nodes, nothing is asked for over the network.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from scenefold.simulation import laws
+from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside
+from scenefold.simulation.lineage import tiling_problems
+
+
+class Unrest(NamedTuple):
+    """A law that does not hold yet, and how."""
+
+    law: str
+    what: str
+    slots: tuple[int, ...] = ()
+
+
+def unrest(cluster: Cluster) -> list[Unrest]:
+    """What is not as it should be, most basic things first; only the first of several layers."""
+    voter = cluster.voter.context
+    if voter is None:
+        return [Unrest(laws.CONVERGED, "the voter does not run", (0,))]
+    registry = voter.cluster_log.registry
+    members = {cluster.slot_of(node) for node in registry.order}
+    down = [node.slot for node in cluster.nodes.values() if node.is_wanted and node.context is None]
+    wrong = [Unrest(laws.CONVERGED, f"n{slot} does not run", (slot,)) for slot in down]
+    for slot in sorted(members):
+        wrong += _member(cluster, cluster.nodes[slot])
+    if wrong:
+        return wrong
+    arcs = [(f"n{slot}", arc) for slot in sorted(members) if (arc := arc_of(cluster.nodes[slot].disk)) is not None]
+    wrong += [Unrest(laws.TILED, problem) for problem in tiling_problems(arcs)]
+    if wrong:
+        return wrong
+    for slot, node in cluster.nodes.items():
+        wrong += _leftovers(node, is_member=slot in members)
+    return wrong or _tables(cluster)
+
+
+def _member(cluster: Cluster, node: Node) -> list[Unrest]:
+    """A member runs under the incarnation that is registered, knows the whole log, and holds a lease."""
+    context, here = node.context, (node.slot,)
+    if context is None:
+        return [Unrest(laws.CONVERGED, f"n{node.slot} is a member and does not run", here)]
+    voter = cluster.voter.context
+    assert voter is not None
+    registered = voter.cluster_log.registry.current(node.node_id)
+    if registered is None or registered.incarnation != incarnation_of(node.disk):
+        return [Unrest(laws.CONVERGED, f"n{node.slot} runs under another incarnation than is registered", here)]
+    if context.cluster_log.registry.position != voter.cluster_log.registry.position:
+        return [Unrest(laws.CONVERGED, f"n{node.slot} does not know the newest log", here)]
+    if not context.lease.holds():
+        return [Unrest(laws.CONVERGED, f"n{node.slot} holds no lease", here)]
+    return []
+
+
+def _leftovers(node: Node, *, is_member: bool) -> list[Unrest]:
+    if not node.born.is_set():
+        return []
+    wrong = []
+    arc = arc_of(node.disk) if is_member else None
+    if has_open_handover(node.disk):
+        wrong.append(Unrest(laws.CONVERGED, f"a handover of n{node.slot} is open", (node.slot,)))
+    strays = keys_outside(node.disk, arc)
+    if strays:
+        wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}", (node.slot,)))
+    return wrong
+
+
+def _tables(cluster: Cluster) -> list[Unrest]:
+    """Every running member routes every location to its durable owner."""
+    wrong = []
+    true = sorted((arc, node.node_id) for node in cluster.nodes.values() if (arc := _arc_key(node)) is not None)
+    for slot, node in sorted(cluster.running.items()):
+        if node.context is None:
+            continue
+        table = sorted(((arc.first, arc.last), owner) for owner, arc in node.context.routing.owners)
+        if table != true:
+            wrong.append(Unrest(laws.CONVERGED, f"the table of n{slot} is not that of the disks", (slot,)))
+    return wrong
+
+
+def _arc_key(node: Node) -> tuple[bytes, bytes] | None:
+    arc = arc_of(node.disk)
+    return None if arc is None else (arc.first, arc.last)

@@ -1,0 +1,254 @@
+"""Nodes of a cluster in the simulated world: the code of real nodes, started, killed, wiped and brought back at will.
+
+A machine (its address, disk and clock) stays; the lives of its node come and go. A life that ends by itself is started
+again after a second, as a supervisor would, and is a violation unless the node said that it has to begin anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import trio
+
+from scenefold.base.errors import Unreachable
+from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.location import Location
+from scenefold.crypto import SigningKey
+from scenefold.node.running import run_assembled
+from scenefold.peer import NodeContext, NodeSettings
+from scenefold.peer.enrolment import IdentityRenewed
+from scenefold.simulation import laws
+from scenefold.simulation.disks import incarnation_of
+from scenefold.simulation.history import Place
+from scenefold.simulation.recording import version_of
+from scenefold.simulation.watch import Watch
+from scenefold.wire import PutItem, PutOutcome
+from scenefold.world.facts import ClusterFacts, Credential
+from scenefold.world.sim import Point, SimDisk, SimNet
+
+RESTART_S = 1.0
+REMOVE_AFTER_S = 20.0
+"""As short as the times of the lease allow, so that a storm of a minute sees removals and returns."""
+DATA_FOLDER = Path("/data")
+
+
+def key_of(seed: int, name: str) -> SigningKey:
+    """The signing key of somebody, from the seed of the run."""
+    return SigningKey.from_seed(hashlib.sha256(f"{seed} key of {name}".encode()).digest())
+
+
+def address_of_slot(slot: int) -> str:
+    return f"10.0.{(slot + 1) >> 8}.{(slot + 1) & 255}"
+
+
+@dataclass(eq=False)
+class Node:
+    """A machine and the life that its node leads just now, if any."""
+
+    slot: int
+    address: str
+    node_id: NodeId
+    key: SigningKey
+    disk: SimDisk
+    context: NodeContext | None = None
+    scope: trio.CancelScope | None = None
+    is_wanted: bool = False
+    """Whether somebody wants it to run; a crash ends that until the restart."""
+    is_draining: bool = False
+    has_left: bool = False
+    """It was drained and is switched off for good."""
+    born: trio.Event = field(default_factory=trio.Event)
+    """Set once its machine exists."""
+    gone: trio.Event = field(default_factory=trio.Event)
+    """Set while no life is under way."""
+
+    @property
+    def name(self) -> str:
+        return f"node:{self.node_id}"
+
+    def owns(self, location: Location) -> bool:
+        return self.context is not None and self.context.line.owns(location)
+
+    def has_lease(self) -> bool:
+        return self.context is not None and self.context.lease.holds()
+
+
+class Cluster:
+    """All machines of a run, founders first, then spares."""
+
+    def __init__(self, net: SimNet, founders: int, spares: int, nursery: trio.Nursery) -> None:
+        self.net = net
+        self.nodes: dict[int, Node] = {}
+        self._running: dict[int, Node] = {}
+        self._nursery = nursery
+        for slot in range(founders + spares):
+            address = address_of_slot(slot)
+            node = Node(slot, address, node_id_of(address), key_of(net.seed, f"n{slot}"), SimDisk())
+            node.gone.set()
+            self.nodes[slot] = node
+        self._slots = {node.node_id: slot for slot, node in self.nodes.items()}
+        disks = {slot: node.disk for slot, node in self.nodes.items()}
+        self.watch = Watch(lambda: net.now, disks, self._running, self.slot_of)
+        self._log_key = key_of(net.seed, "the cluster's log")
+        ids = [node.node_id for node in self.nodes.values()]
+        self.facts = ClusterFacts(
+            name="simulated",
+            cluster_id=hashlib.sha256(f"{net.seed} cluster".encode()).digest()[:16],
+            ports=net.ports,
+            seeds=tuple(node.address for node in list(self.nodes.values())[:3]),
+            credentials=tuple(Credential(node.node_id, node.address, node.key.public) for node in self.nodes.values()),
+            founders=tuple(ids[:founders]),
+            voters=(ids[0],),
+            log_key=self._log_key.public,
+        )
+
+    @property
+    def voter(self) -> Node:
+        return self.nodes[0]
+
+    def slot_of(self, node_id: int) -> int:
+        """The slot of a node; -1 for a stranger."""
+        return self._slots.get(NodeId(node_id), -1)
+
+    @property
+    def running(self) -> dict[int, Node]:
+        """Nodes that can answer just now, by slot."""
+        return self._running
+
+    # ------------------------------------------------------------------------------------------------------- lives
+
+    def start(self, slot: int) -> None:
+        """Let the node run, and run again whenever it ends by itself."""
+        node = self.nodes[slot]
+        if not node.is_wanted:
+            node.is_wanted = True
+            self.watch.reach.comes_up(slot, self.net.now)
+            self._nursery.start_soon(self._live, node, name=f"n{slot}")
+
+    def crash(self, slot: int, *, silent: bool = False, torn: bool = False) -> bool:
+        """Kill the node at this instant; False if it does not run."""
+        node = self.nodes[slot]
+        if not node.is_wanted:
+            return False
+        self.watch.tell(slot, "dies{}{}", " silently" if silent else "", ", its last write torn" if torn else "")
+        node.is_wanted = False
+        self._down(node)
+        self.net.crash(node.address, silent=silent, torn=torn)
+        if node.scope is not None:
+            node.scope.cancel()
+        return True
+
+    async def restart(self, slot: int, after_s: float) -> None:
+        """Start a dead node again in a while."""
+        await trio.sleep(after_s)
+        await self.nodes[slot].gone.wait()
+        self.start(slot)
+
+    def _down(self, node: Node) -> None:
+        self._running.pop(node.slot, None)
+        node.context = None
+        self.watch.reach.goes_down(node.slot, self.net.now)
+
+    async def _live(self, node: Node) -> None:
+        """Life after life, until nobody wants it any more."""
+        await node.gone.wait()
+        while node.is_wanted:
+            node.gone = trio.Event()
+            try:
+                why = await self._one_life(node)
+            finally:
+                node.gone.set()
+            if not node.is_wanted:
+                return
+            self._down(node)
+            self.watch.tell(node.slot, "ends: {}", why)
+            self.net.crash(node.address)
+            await trio.sleep(RESTART_S)
+            if node.is_wanted:
+                self.watch.reach.comes_up(node.slot, self.net.now)
+
+    async def _one_life(self, node: Node) -> str:
+        world = self.net.world(node.name, node.address, node.disk)
+        node.born.set()
+        self._watch_commits(node)
+        settings = NodeSettings(
+            profile_folder=Path("/profile"),
+            address=node.address,
+            data_folder=DATA_FOLDER,
+            remove_after_s=REMOVE_AFTER_S,
+            memory_bytes=1 << 30,
+        )
+        log_key = self._log_key if node.slot == 0 else None
+        ends: list[BaseException] = []
+        with trio.CancelScope() as node.scope:
+            try:
+                async with trio.open_nursery() as life:
+                    context = await life.start(run_assembled, settings, self.facts, node.key, log_key, world, ())
+                    if node.is_wanted:
+                        self._is_up(node, context)
+            except* Exception as group:  # noqa: BLE001  whatever a node dies of is told, and judged
+                ends = list(_leaves(group))
+        if not node.is_wanted:
+            return "killed"
+        return self._judge_end(node, ends)
+
+    def _judge_end(self, node: Node, ends: list[BaseException]) -> str:
+        """Why a life ended that nobody ended; what must not be is a violation."""
+        words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
+        expected = [end for end in ends if isinstance(end, IdentityRenewed | Unreachable)]
+        if not ends or len(expected) < len(ends):
+            self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
+        if any(isinstance(end, IdentityRenewed) for end in ends):
+            self.watch.counts["new incarnations"] += 1
+        return words
+
+    def _is_up(self, node: Node, context: NodeContext) -> None:
+        incarnation = incarnation_of(node.disk)
+        self.watch.tell(
+            node.slot, "runs, boot {}, incarnation {}", context.store.identity.boot, "" if incarnation is None else incarnation.hex()[:8]
+        )
+        node.context = context
+        self._running[node.slot] = node
+        self._watch_acknowledgements(node, context)
+
+    # --------------------------------------------------------------------------------------------------- observers
+
+    def _watch_commits(self, node: Node) -> None:
+        def seen() -> None:
+            self.net.trap(node.address, Point.AFTER_COMMIT, 1, seen)
+            self.watch.committed(node.slot)
+
+        self.net.trap(node.address, Point.AFTER_COMMIT, 1, seen)
+
+    def _watch_acknowledgements(self, node: Node, context: NodeContext) -> None:
+        """Look at each answer to a write at the moment at which it is made."""
+        writes: Any = context.data.writes
+        put: Callable[..., Any] = writes.put
+
+        async def watched(items: list[PutItem]) -> list[PutOutcome]:
+            outcomes: list[PutOutcome] = await put(items)
+            if self._running.get(node.slot) is node and node.context is context:
+                for item, outcome in zip(items, outcomes, strict=True):
+                    if outcome.reason == 0:
+                        place = Place(item.scene, item.space, item.location)
+                        self.watch.acknowledges(node.slot, place, outcome.location, version_of(item.header))
+            return outcomes
+
+        writes.put = watched
+
+
+def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
+    found: list[BaseException] = []
+    for error in group.exceptions:
+        found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
+    return found
+
+
+def quiet_logs() -> None:
+    """Nodes of a simulation complain of faults all the time, as they should; nobody reads it."""
+    logging.getLogger("scenefold").setLevel(logging.CRITICAL + 1)

@@ -1,0 +1,97 @@
+"""What lies on the true disks of all machines, whoever believes what: records by place and version, arcs, incarnations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import LOCATION_BYTES, Arc, Location
+from scenefold.crypto import RecordPlace
+from scenefold.crypto.record_header import version_key
+from scenefold.peer.line.holding_note import decode_holding
+from scenefold.simulation.history import Place, Version
+from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of, object_of, record_key, space_of, stored_header
+from scenefold.wire import Member
+
+_ARC = b"arc"
+_NOTE = b"note"
+_INCARNATION = b"incarnation"
+
+
+class Disk(Protocol):
+    """What of a simulated disk is looked at."""
+
+    def peek(self, table: str, /) -> Mapping[bytes, bytes]: ...
+
+
+def arc_of(disk: Disk) -> Arc | None:
+    """The arc that puts are checked against."""
+    value = disk.peek(HOLDING).get(_ARC)
+    if not value:
+        return None
+    return Arc(Location(value[:LOCATION_BYTES]), Location(value[LOCATION_BYTES:]))
+
+
+def holding_of(disk: Disk) -> tuple[bytes | None, bytes | None]:
+    """The stored bytes of a node's arc and of the line's note, to notice changes by."""
+    table = disk.peek(HOLDING)
+    return table.get(_ARC), table.get(_NOTE)
+
+
+def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
+    """The pieces that a node is giving away, each with whom it goes to, as its note says."""
+    note = disk.peek(HOLDING).get(_NOTE)
+    if note is None:
+        return []
+    return [(handover.piece, handover.peer) for _, handover in decode_holding(note).handovers if handover.gives]
+
+
+def has_open_handover(disk: Disk) -> bool:
+    """Whether a handover is under way here, on either side, down to the last deletion."""
+    note = disk.peek(HOLDING).get(_NOTE)
+    return note is not None and bool(decode_holding(note).handovers)
+
+
+def incarnation_of(disk: Disk) -> bytes | None:
+    """The incarnation under which the disk's node runs, or ran last."""
+    return disk.peek(IDENTITY).get(_INCARNATION)
+
+
+def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:
+    """Every record that can be read (in an arc), with its version. Node-managed ones are named by object, not by location."""
+    found: dict[Place, Version] = {}
+    for key, value in disk.peek(RECORDS).items():
+        if arc is not None and location_of(key) not in arc:
+            continue
+        version = _version(value)
+        if version is not None:
+            found[place_of(key)] = version
+    return found
+
+
+def version_at(disk: Disk, place: Place, location: Location) -> Version | None:
+    """The readable version of one record at a location."""
+    object_id = place.location if len(place.location) != LOCATION_BYTES else b""
+    value = disk.peek(RECORDS).get(record_key(RecordPlace(SceneId(place.scene), SpaceId(place.space), location), object_id))
+    return None if value is None else _version(value)
+
+
+def keys_outside(disk: Disk, arc: Arc | None) -> list[bytes]:
+    """Keys of records that lie outside of an arc: all of them if there is none."""
+    return [key for key in disk.peek(RECORDS) if arc is None or location_of(key) not in arc]
+
+
+def place_of(key: bytes) -> Place:
+    """How histories call the record with this key."""
+    scene, space = space_of(key)
+    return Place(scene, space, object_of(key) or location_of(key))
+
+
+def _version(value: bytes) -> Version | None:
+    try:
+        header = stored_header(memoryview(value))
+    except DamagedData:
+        return None
+    return Version(version_key(header), header.digest)

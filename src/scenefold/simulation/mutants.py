@@ -1,0 +1,109 @@
+"""The product with one safeguard switched off, each by a patch of one small function or constant.
+
+A simulation that finds none of them would find no bug of that kind either. A name that cannot be patched any more, because the
+function has moved, is an error and no silent success.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """`make` is given what `module`'s `name` (dots go into classes) is now, and gives what takes its place."""
+
+    module: str
+    name: str
+    make: Callable[[Any], Any]
+
+
+def _always(value: object) -> Callable[[Any], Any]:
+    return lambda _original: lambda *_args, **_named: value
+
+
+def _is(value: object) -> Callable[[Any], Any]:
+    return lambda _original: value
+
+
+def _blind_judge(original: Any) -> Any:
+    """Any version may replace any other."""
+    from scenefold.store.judging import Outcome, PutResult
+
+    def judge(new: Any, expect: Any, present: Any) -> Any:
+        result = original(new, expect, present)
+        return PutResult(Outcome.STORED, new.digest) if result.outcome is Outcome.STALE else result
+
+    return judge
+
+
+def _hasty_submit(original: Any) -> Any:
+    """Puts are answered once they are queued."""
+    import trio
+
+    from scenefold.store.judging import Outcome, PutResult
+    from scenefold.store.record_changes import PutRecords
+
+    async def submit(self: Any, change: Any) -> Any:
+        if not isinstance(change, PutRecords) or any(put.expect is not None for _, put in change.puts):
+            return await original(self, change)
+        with trio.move_on_after(0):
+            await original(self, change)
+        trio.lowlevel.spawn_system_task(_quietly, original, self, change)
+        return [PutResult(Outcome.STORED, header.digest) for header, _ in change.puts]
+
+    return submit
+
+
+async def _quietly(submit: Any, writer: Any, change: Any) -> None:
+    # The mutant's own commit may fail as it likes.
+    with contextlib.suppress(Exception):
+        await submit(writer, change)
+
+
+def _deaf_helpers(_original: Any) -> Any:
+    """Nobody is asked to probe for us: what does not answer directly is silent."""
+
+    async def heard_by_others(*_args: Any) -> Any:
+        from scenefold.peer.probing import Verdict
+
+        return Verdict.NOT_HEARD
+
+    return heard_by_others
+
+
+MUTANTS: dict[str, tuple[Patch, ...]] = {
+    "version check": (Patch("scenefold.store.record_changes", "judge", _blind_judge),),
+    "durable before ack": (Patch("scenefold.store.writer", "GroupWriter.submit", _hasty_submit),),
+    "owner lease": (Patch("scenefold.peer.lease", "OwnerLease.holds", _always(True)),),
+    "indirect probe": (Patch("scenefold.peer.probing", "heard_by_others", _deaf_helpers),),
+    "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
+}
+
+
+@contextmanager
+def mutated(name: str | None) -> Iterator[None]:
+    """The product as the mutant of this name has it; None: as it is."""
+    with ExitStack() as stack:
+        for patch in MUTANTS[name] if name is not None else ():
+            stack.enter_context(_patched(patch))
+        yield
+
+
+@contextmanager
+def _patched(patch: Patch) -> Iterator[None]:
+    place: Any = importlib.import_module(patch.module)
+    *classes, last = patch.name.split(".")
+    for part in classes:
+        place = getattr(place, part)
+    original = getattr(place, last)
+    setattr(place, last, patch.make(original))
+    try:
+        yield
+    finally:
+        setattr(place, last, original)

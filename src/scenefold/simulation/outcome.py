@@ -1,0 +1,59 @@
+"""What is asked of one run, and what came of it: values that travel between processes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from scenefold.simulation.faults import Schedule
+from scenefold.simulation.story import Violation
+from scenefold.simulation.weather import STORM_S, Climate
+
+Workload = Literal["data", "members", "all"]
+WORKLOADS: tuple[Workload, ...] = ("data", "members", "all")
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One seed to be run. `schedule` None: the one that the seed draws."""
+
+    seed: int
+    nodes: int = 5
+    workload: Workload = "all"
+    mutant: str | None = None
+    storm_s: float = STORM_S
+    schedule: Schedule | None = None
+    trace_file: str | None = None
+
+    @property
+    def climate(self) -> Climate:
+        return Climate(self.nodes, members=self.workload != "data", storm_s=self.storm_s)
+
+    @property
+    def replay(self) -> str:
+        """The command that shows this run again."""
+        words = [f"python -m scenefold.simulation --nodes {self.nodes} --replay {self.seed}"]
+        if self.workload != "all":
+            words.append(f"--workload {self.workload}")
+        if self.storm_s != STORM_S:
+            words.append(f"--seconds {self.storm_s:g}")
+        if self.mutant is not None:
+            words.append(f"--mutant '{self.mutant}'")
+        return " ".join(words)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a run came to. `counts`: how often what happened, for people; `faults`: those that took effect, by kind."""
+
+    order: Order
+    schedule: Schedule
+    violations: tuple[Violation, ...]
+    faults: dict[str, int]
+    operations: int
+    trace_hash: str
+    virtual_s: float
+    cpu_s: float
+    counts: dict[str, int] = field(default_factory=dict)
+    story: str = ""
+    """Told only if something was violated."""

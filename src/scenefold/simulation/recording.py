@@ -1,0 +1,132 @@
+"""Histories of what clients ask and are answered, taken where it leaves and enters the client (specs/17-simulation.md, Histories).
+
+The client's own code runs unchanged on links that look on: each record in each packet becomes an attempt with its interval.
+What an answer proves is the store's word (stored; refused for its version). Whatever else comes back, or nothing, leaves open
+whether the write happened, except where the node says that it did not even look: another's place, a full disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import RecordHeader
+from scenefold.crypto.record_header import version_key
+from scenefold.simulation.history import NEVER_ENDED, Histories, Listing, Outcome, Place, Read, Version, Write
+from scenefold.wire import GetMany, GetManyReply, Packet, PutItem, PutMany, PutManyReply, QueryRange, RecordBytes, ReturnRange
+from scenefold.world import Links, Priority
+
+_WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL})
+Tell = Callable[[str, Place, str], None]
+"""Who, where, what: for the story."""
+
+
+def version_of(header: bytes) -> Version:
+    """The version that a record's header names."""
+    decoded = RecordHeader.decode(header)
+    return Version(version_key(decoded), decoded.digest)
+
+
+class Recorder:
+    """The histories of all clients of a run."""
+
+    def __init__(self, now: Callable[[], float], tell: Tell) -> None:
+        self.histories = Histories()
+        self.listings = 0
+        self.strange: list[tuple[Place, str]] = []
+        """Answers that no history can have: a record that nobody wrote, read without a lease."""
+        self.damaged: set[Place] = set()
+        """Records that have rotted on a disk: they are listed and cannot be read, so lists say nothing of them."""
+        self.places: dict[tuple[int, int], set[bytes]] = {}
+        self._offered: dict[Place, set[bytes]] = {}
+        self._now = now
+        self._tell = tell
+
+    @property
+    def acknowledged(self) -> int:
+        """Operations that were answered: writes that are durable, reads that were served, lists."""
+        return self.histories.writes_done + self.histories.reads_done + self.listings
+
+    def offered(self, item: PutItem) -> tuple[Place, Version]:
+        """A record leaves a client."""
+        place, version = Place(item.scene, item.space, item.location), version_of(item.header)
+        self._offered.setdefault(place, set()).add(version.digest)
+        self.places.setdefault((item.scene, item.space), set()).add(item.location)
+        return place, version
+
+    def written(self, who: str, begin: int, items: Sequence[PutItem], outcomes: Sequence[int] | None) -> None:
+        """The outcomes of a packet's records, None if there are none."""
+        end = self.histories.moment()
+        for index, item in enumerate(items):
+            place, version = self.offered(item)
+            reason = None if outcomes is None else outcomes[index]
+            outcome = {0: Outcome.DONE, RejectReason.STALE_VERSION: Outcome.REFUSED}.get(reason, Outcome.MAYBE)  # type: ignore[arg-type]
+            name = version.digest.hex()[:6]
+            if reason not in _WITHOUT_EFFECT:
+                ended = NEVER_ENDED if outcome is Outcome.MAYBE else end
+                self.histories.add(place, Write(begin, ended, version, item.expect, outcome, who, self._now()))
+            word = "no answer" if reason is None else "done" if reason == 0 else RejectReason(reason).name
+            wanted = "" if item.expect is None else f" (expects {item.expect.hex()[:6] or 'nothing'})"
+            self._tell(who, place, f"put {name}{wanted}: {word}")
+
+    def read(self, who: str, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool) -> None:
+        """What was answered for the first keys."""
+        end = self.histories.moment()
+        for key, record in zip(packet.keys, records, strict=False):
+            place = Place(packet.scene, key.space, key.location)
+            digest = None if record is None else RecordHeader.decode(record.header).digest
+            if digest is not None and digest not in self._offered.get(place, ()):
+                self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
+            if not stale:
+                self.histories.add(place, Read(begin, end, digest, who, self._now()))
+            self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
+
+    def listed(self, who: str, begin: int, reply: ReturnRange) -> None:
+        """A range answer: every place that it covers is there, or is not."""
+        end = self.histories.moment()
+        self.listings += 1
+        if reply.stale:
+            return
+        there = set(reply.locations)
+        for location in sorted(self.places.get((reply.scene, reply.space), ())):
+            if reply.first <= location <= reply.last:
+                place = Place(reply.scene, reply.space, location)
+                if place in self.damaged:
+                    continue
+                self.histories.add(place, Listing(begin, end, location in there, who, self._now()))
+
+
+class WatchedLinks:
+    """Links of a client, looked on by a recorder. Has what `Calls` uses of `Links`."""
+
+    def __init__(self, links: Links, recorder: Recorder, who: str) -> None:
+        self._links = links
+        self._recorder = recorder
+        self._who = who
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
+        begin = self._recorder.histories.moment()
+        answer: Packet | None = None
+        if isinstance(packet, PutMany):
+            for item in packet.items:
+                self._recorder.offered(item)
+        try:
+            answer = await self._links.request(address, priority, packet, timeout_s)
+        finally:
+            self._note(begin, packet, answer)
+        return answer
+
+    def _note(self, begin: int, packet: Packet, answer: Packet | None) -> None:
+        recorder, who = self._recorder, self._who
+        if isinstance(packet, PutMany):
+            outcomes = None
+            if isinstance(answer, PutManyReply) and len(answer.outcomes) == len(packet.items):
+                outcomes = [outcome.reason for outcome in answer.outcomes]
+            recorder.written(who, begin, packet.items, outcomes)
+        elif isinstance(packet, GetMany) and isinstance(answer, GetManyReply):
+            recorder.read(who, begin, packet, answer.records, answer.stale)
+        elif isinstance(packet, QueryRange) and isinstance(answer, ReturnRange):
+            recorder.listed(who, begin, answer)
+
+    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
+        await self._links.send(address, priority, packet, timeout_s)

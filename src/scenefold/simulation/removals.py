@@ -1,0 +1,43 @@
+"""Looks at every removal in the cluster's log and judges whether it was right (reach.py says who could be heard)."""
+
+from __future__ import annotations
+
+import trio
+
+from scenefold.peer.registry import NO_INCARNATION, Removal
+from scenefold.simulation import laws
+from scenefold.simulation.cluster import REMOVE_AFTER_S, Cluster
+from scenefold.simulation.disks import incarnation_of
+from scenefold.simulation.lineage import Holder
+
+LOOK_S = 0.25
+
+
+async def watch_removals(cluster: Cluster) -> None:
+    """Look at the voter's log until cancelled."""
+    position = 0
+    while True:
+        context = cluster.voter.context
+        if context is not None and context.cluster_log.registry.position > position:
+            registry = context.cluster_log.registry
+            for removal in registry.removed.values():
+                if removal.position > position:
+                    _removed(cluster, removal)
+            position = registry.position
+        await trio.sleep(LOOK_S)
+
+
+def _removed(cluster: Cluster, removal: Removal) -> None:
+    slot, watch, now = cluster.slot_of(removal.member.node), cluster.watch, cluster.net.now
+    watch.tell(slot, "is removed ({}): {}", removal.member.incarnation.hex()[:8], removal.reason)
+    watch.counts["removals"] += 1
+    watch.lineage.gone(Holder(slot, removal.member.incarnation))
+    node = cluster.nodes[slot]
+    if node.is_draining:
+        node.has_left = True
+        return
+    if removal.member.incarnation == NO_INCARNATION or incarnation_of(node.disk) != removal.member.incarnation:
+        return
+    window = (now - REMOVE_AFTER_S / 2, now)
+    if node.is_wanted and watch.reach.was_reachable(slot, 0, list(cluster.running), window):
+        watch.violated(laws.REMOVED_RIGHTLY, f"n{slot} is removed though it could be reached: {removal.reason}", slots=(slot, 0))

@@ -1,0 +1,182 @@
+"""One run: found a cluster, let clients work, let the storm rage, let it calm down, and judge (specs/17-simulation.md, Runs).
+
+0 s     founders start
+        clients begin once the line is tiled
+4 s …   the storm: faults of the schedule, clients at work
+        everything heals; clients work on for a while
+        quiet, or patience ends; everything is read once more; histories are judged
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack, ExitStack
+from pathlib import Path
+
+import trio
+
+from scenefold.base.errors import ScenefoldError
+from scenefold.client.scene import Scene
+from scenefold.simulation import laws
+from scenefold.simulation.calm import Unrest, unrest
+from scenefold.simulation.clients import Client, MemoryKeyring, open_client
+from scenefold.simulation.cluster import Cluster, key_of, quiet_logs
+from scenefold.simulation.faults import Schedule
+from scenefold.simulation.final import judge_histories, read_everything
+from scenefold.simulation.leaving import drain
+from scenefold.simulation.mutants import mutated
+from scenefold.simulation.outcome import Order, Result
+from scenefold.simulation.removals import watch_removals
+from scenefold.simulation.speed import remembered_signatures
+from scenefold.simulation.storm import Storm
+from scenefold.simulation.story import Violation, told
+from scenefold.simulation.weather import draw, spares_of
+from scenefold.simulation.workload import CLIENTS, Tally, Worker, client_name, draw_places
+from scenefold.world.sim import SimNet, SimulationStuck, Trace, run_simulated
+
+START_S_MAX = 30.0
+AFTERMATH_S = 6.0
+"""Clients work on for so long after everything has healed: what a fault broke often shows only then."""
+QUIET_S_MAX = 240.0
+"""Removing, waiting for leases, adopting, joining again and offering strays take about a minute; twice that, twice over."""
+QUIET_CHECKS = 3
+"""Quiet is what lasts for so many seconds."""
+LINGER_S_MAX = 30.0
+"""Acts that have begun end within this time."""
+VIRTUAL_S_MAX = 2_000.0
+STEPS_MAX = 4_000_000
+
+
+def run(order: Order) -> Result:
+    """Run one seed, in this process."""
+    quiet_logs()
+    begin = time.process_time()
+    schedule = draw(order.seed, order.climate) if order.schedule is None else order.schedule
+    with ExitStack() as stack:
+        stack.enter_context(remembered_signatures())
+        stack.enter_context(mutated(order.mutant))
+        file = stack.enter_context(Path(order.trace_file).open("w")) if order.trace_file else None
+        drama = _Drama(order, schedule, Trace(keep=0, file=file))
+        try:
+            run_simulated(order.seed, drama.play, virtual_s_max=VIRTUAL_S_MAX, steps_max=STEPS_MAX)
+        except (SimulationStuck, AssertionError, ScenefoldError, ExceptionGroup) as problem:
+            drama.broke_off(problem)
+    return drama.result(time.process_time() - begin)
+
+
+class _Drama:
+    """The course of one run."""
+
+    def __init__(self, order: Order, schedule: Schedule, trace: Trace) -> None:
+        self._order = order
+        self._schedule = schedule
+        self._net = SimNet(order.seed, trace=trace)
+        self._cluster: Cluster | None = None
+        self._storm: Storm | None = None
+        self._tally = Tally()
+        self._broken: list[Violation] = []
+        self._places = draw_places(order.seed, order.nodes)
+
+    async def play(self) -> None:
+        """Everything, from founding to judging."""
+        async with trio.open_nursery() as nursery:
+            spares = max(spares_of(self._schedule, self._order.nodes), default=self._order.nodes - 1) + 1 - self._order.nodes
+            cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery)
+            for slot in range(self._order.nodes):
+                cluster.start(slot)
+            nursery.start_soon(watch_removals, cluster)
+            if await self._until(lambda: not unrest(cluster), START_S_MAX):
+                async with AsyncExitStack() as stack:
+                    clients = await self._open_clients(stack, cluster)
+                    await self._rage(cluster, clients)
+                    await self._settle(cluster, clients)
+            else:
+                self._complain(cluster, unrest(cluster))
+            nursery.cancel_scope.cancel()
+
+    async def _open_clients(self, stack: AsyncExitStack, cluster: Cluster) -> list[Client]:
+        keyring, writer = MemoryKeyring(), key_of(self._order.seed, "the writer")
+        founders = [(node.node_id, node.address) for slot, node in cluster.nodes.items() if slot < self._order.nodes]
+        clients = []
+        for number in range(CLIENTS):
+            name = client_name(number)
+            opening = open_client(name.partition(":")[2], self._net.world(name), founders, keyring, writer, cluster.watch.recorder)
+            client = await stack.enter_async_context(opening)
+            client.scene = await client.scenes.open_or_create("simulated")
+            clients.append(client)
+        return clients
+
+    async def _rage(self, cluster: Cluster, clients: list[Client]) -> None:
+        """The storm, with clients at work."""
+        async with trio.open_nursery() as work:
+            workers = [self._worker(client, client.scene) for client in clients if client.scene is not None]
+            stop = trio.Event()
+            for worker in workers:
+                work.start_soon(worker.run, stop)
+            async with trio.open_nursery() as faults:
+                storm = self._storm = Storm(cluster, lambda node: drain(clients[0], node), faults)
+                for fault in self._schedule:
+                    faults.start_soon(storm.befall, fault)
+                await trio.sleep_until(self._order.storm_s)
+                storm.end()
+                faults.cancel_scope.cancel()
+            for slot, node in cluster.nodes.items():
+                if node.born.is_set() and not node.is_wanted and not node.has_left:
+                    await node.gone.wait()
+                    cluster.start(slot)
+            await trio.sleep(AFTERMATH_S)
+            stop.set()
+
+    def _worker(self, client: Client, scene: Scene) -> Worker:
+        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally)
+
+    async def _settle(self, cluster: Cluster, clients: list[Client]) -> None:
+        """Wait for quiet, read everything, judge."""
+        if not await self._until(lambda: not unrest(cluster), QUIET_S_MAX, checks=QUIET_CHECKS):
+            self._complain(cluster, unrest(cluster))
+        await read_everything(cluster.watch, clients[0])
+        judge_histories(cluster.watch)
+        for words in self._tally.wrong:
+            cluster.watch.violated(laws.SOUND, words)
+        for place, words in cluster.watch.recorder.strange:
+            cluster.watch.violated(laws.LINEARIZABLE, words, location=place.location)
+
+    async def _until(self, holds: Callable[[], bool], seconds: float, *, checks: int = 1) -> bool:
+        """Whether something holds, looked at once a second, for so many times in a row, within this time."""
+        lasting = 0
+        with trio.move_on_after(seconds):
+            while lasting < checks:
+                await trio.sleep(1.0)
+                lasting = lasting + 1 if holds() else 0
+        return lasting >= checks
+
+    def _complain(self, cluster: Cluster, wrong: list[Unrest]) -> None:
+        for law, what, slots in wrong[:5]:
+            cluster.watch.violated(law, what, slots=slots)
+
+    def broke_off(self, problem: BaseException) -> None:
+        """The run itself did not come to its end."""
+        text = f"{type(problem).__name__}: {problem}"
+        self._broken.append(Violation(laws.SOUND, text[:4000], self._net.now))
+
+    def result(self, cpu_s: float) -> Result:
+        """What it came to."""
+        watch = None if self._cluster is None else self._cluster.watch
+        violations = (*([] if watch is None else watch.violations), *self._broken)
+        counts = {} if watch is None else dict(watch.counts)
+        story = ""
+        if violations and watch is not None:
+            story = told(self._order.seed, self._schedule, violations, watch.story.about(violations[0]), self._order.replay)
+        return Result(
+            order=self._order,
+            schedule=self._schedule,
+            violations=violations,
+            faults={} if self._storm is None else dict(self._storm.happened),
+            operations=0 if watch is None else watch.recorder.acknowledged,
+            trace_hash=self._net.trace.hash,
+            virtual_s=self._net.now,
+            cpu_s=cpu_s,
+            counts=counts,
+            story=story,
+        )

@@ -1,0 +1,310 @@
+"""Makes the faults of a schedule happen, each in a task of its own, and ends them all when the storm is over.
+
+A fault counts once it has taken effect: a crash of a node that is down already is none. What needs a moment that may not
+come (the n-th commit, a handover) lies in wait until the storm is over.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import ClassVar
+
+import trio
+
+from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.disks import incarnation_of, place_of
+from scenefold.simulation.faults import Fault, Kind
+from scenefold.simulation.workload import CLIENTS, client_name
+from scenefold.store.layout import RECORDS
+from scenefold.world.sim import CALM, Point, Weather, dice
+
+RESERVE_LEFT_BYTES = 128 << 20
+"""Half of a store's reserve: new records are refused, what may use the reserve goes on."""
+RECORDED_S = 8.0
+"""A node that was restarted has asked for a lease by then, so that the voter knows of its start."""
+
+_POINTS = {
+    Kind.CRASH_BEFORE_COMMIT: Point.BEFORE_COMMIT,
+    Kind.CRASH_AFTER_COMMIT: Point.AFTER_COMMIT,
+    Kind.CRASH_BEFORE_SEND: Point.BEFORE_SEND,
+    Kind.CRASH_AFTER_SEND: Point.AFTER_SEND,
+    Kind.TORN_WRITE: Point.BEFORE_COMMIT,
+}
+
+
+class Storm:
+    """Faults at work on a cluster."""
+
+    def __init__(self, cluster: Cluster, drain: Callable[[Node], Awaitable[bool]], nursery: trio.Nursery) -> None:
+        self.happened = Counter[str]()
+        self._cluster = cluster
+        self._net = cluster.net
+        self._watch = cluster.watch
+        self._drain = drain
+        self._nursery = nursery
+        self._dice = dice(cluster.net.seed, "storm")
+        self._weather: dict[Fault, Weather] = {}
+        self._wait_for_handover: list[list[float]] = []
+        self._is_over = False
+        self._watch.on_handover = self._handover_moves
+
+    async def befall(self, fault: Fault) -> None:
+        """Wait until the fault begins, make it happen, and end it."""
+        await trio.sleep_until(fault.begin_s)
+        if not self._is_over:
+            await self._act(fault)
+
+    def end(self) -> None:
+        """Everything heals, everybody runs; what was lost stays lost."""
+        self._is_over = True
+        self._watch.tell(None, "the storm is over: everything heals")
+        self._net.calm()
+        self._weather.clear()
+        self._net.set_weather(CALM)
+        for node in self._cluster.nodes.values():
+            if node.born.is_set():
+                self._net.machine(node.address).clock.set_rate(1.0)
+
+    # ------------------------------------------------------------------------------------------------------ kinds
+
+    async def _act(self, fault: Fault) -> None:
+        match fault.kind:
+            case Kind.CORRUPTION:
+                self._corrupt(fault)
+            case Kind.CLOCK_OFFSET:
+                self._set_clocks(fault)
+            case Kind.KILL_IN_HANDOVER:
+                self._wait_for_handover.append([fault.amount, fault.end_s - fault.begin_s])
+            case kind if kind in _POINTS:
+                self._set_trap(fault, _POINTS[kind])
+            case kind:
+                await self._LASTING[kind](self, fault)
+
+    def _begins(self, fault: Fault) -> None:
+        self.happened[fault.kind.value] += 1
+        self._watch.tell(None, "fault begins: {}", fault)
+
+    def _ends(self, fault: Fault) -> None:
+        if not self._is_over:
+            self._watch.tell(None, "fault ends: {}", fault)
+
+    def _node(self, fault: Fault, index: int = 0) -> Node:
+        return self._cluster.nodes[fault.slots[index]]
+
+    @contextmanager
+    def _apart(self, pairs: list[tuple[int, int]]) -> Iterator[None]:
+        """The observer knows that these cannot talk."""
+        for pair in pairs:
+            self._watch.reach.cut(*pair, self._net.now)
+        try:
+            yield
+        finally:
+            for pair in pairs:
+                self._watch.reach.mended(*pair, self._net.now)
+
+    async def _partition(self, fault: Fault) -> None:
+        slots = list(self._cluster.nodes)
+        others = [slot for slot in slots if slot not in fault.slots]
+        groups = [[self._cluster.nodes[slot].address for slot in group] for group in (fault.slots, others)]
+        self._begins(fault)
+        with self._apart([(one, other) for one in fault.slots for other in others]):
+            partition = self._net.partition(*groups)
+            await trio.sleep_until(fault.end_s)
+            self._net.unite(partition)
+        self._ends(fault)
+
+    async def _cut(self, fault: Fault) -> None:
+        source, target = self._node(fault).address, self._node(fault, 1).address
+        self._begins(fault)
+        with self._apart([(fault.slots[0], fault.slots[1])]):
+            if fault.kind is Kind.ONE_WAY:
+                self._net.cut(source, target, one_way=True)
+            else:
+                self._net.clog(source, target)
+            await trio.sleep_until(fault.end_s)
+            if self._is_over:
+                return
+            if fault.kind is Kind.ONE_WAY:
+                self._net.mend(source, target, one_way=True)
+            else:
+                self._net.unclog(source, target)
+        self._ends(fault)
+
+    async def _bad_weather(self, fault: Fault) -> None:
+        """Several kinds of bad weather add up."""
+        self._begins(fault)
+        self._weather[fault] = CALM
+        self._set_weather()
+        await trio.sleep_until(fault.end_s)
+        self._weather.pop(fault, None)
+        if not self._is_over:
+            self._set_weather()
+        self._ends(fault)
+
+    def _set_weather(self) -> None:
+        weather = CALM
+        for fault in self._weather:
+            if fault.kind is Kind.LOSS:
+                weather = replace(weather, loss=max(weather.loss, fault.amount))
+            elif fault.kind is Kind.DUPLICATION:
+                weather = replace(weather, duplication=max(weather.duplication, fault.amount))
+            else:
+                weather = replace(weather, reordering=0.5, held_back_s=max(weather.held_back_s, fault.amount))
+        self._net.set_weather(weather)
+
+    async def _burden(self, fault: Fault) -> None:
+        """A machine that works on, but badly."""
+        begin, end = self._burdens(fault, self._node(fault))
+        self._begins(fault)
+        begin()
+        await trio.sleep_until(fault.end_s)
+        if not self._is_over:
+            end()
+            self._ends(fault)
+
+    def _burdens(self, fault: Fault, node: Node) -> tuple[Callable[[], None], Callable[[], None]]:
+        """What lays a burden on a machine, and what takes it off."""
+        net, machine = self._net, self._net.machine(node.address)
+        match fault.kind:
+            case Kind.SLOW_NODE:
+                return partial(net.slow, node.address, fault.amount), partial(net.slow, node.address, 1.0)
+            case Kind.SLOW_DISK:
+                return partial(machine.disk.slow, fault.amount), partial(machine.disk.slow, 0.0)
+            case Kind.DISK_FULL:
+                return partial(machine.disk.fill, 0 if fault.amount > 0.5 else RESERVE_LEFT_BYTES), partial(machine.disk.fill, None)
+            case _:
+                return partial(machine.clock.set_rate, 1.0 + fault.amount), partial(machine.clock.set_rate, 1.0)
+
+    async def _pause(self, fault: Fault) -> None:
+        """A machine stands still; its clock does not."""
+        node = self._node(fault)
+        if not node.is_wanted:
+            return
+        self._begins(fault)
+        self._net.pause(node.address, fault.end_s - fault.begin_s)
+        with self._apart([(node.slot, other) for other in self._cluster.nodes if other != node.slot]):
+            await trio.sleep_until(fault.end_s)
+        self._ends(fault)
+
+    async def _reset(self, fault: Fault) -> None:
+        one, other = self._node(fault).address, self._node(fault, 1).address
+        self._begins(fault)
+        for _ in range(int(fault.amount)):
+            self._net.reset(one, other)
+            await trio.sleep((fault.end_s - fault.begin_s) / fault.amount)
+
+    async def _crash(self, fault: Fault) -> None:
+        if self._cluster.crash(fault.slots[0], silent=fault.amount > 0.5):
+            self._begins(fault)
+            await self._cluster.restart(fault.slots[0], fault.end_s - fault.begin_s)
+
+    def _set_trap(self, fault: Fault, point: Point) -> None:
+        """Crash at the n-th commit or send from now on, to the step; it goes with the life that it waits in."""
+        node = self._node(fault)
+
+        def spring() -> None:
+            if self._cluster.crash(node.slot, torn=fault.kind is Kind.TORN_WRITE):
+                self._begins(fault)
+                self._nursery.start_soon(self._cluster.restart, node.slot, fault.end_s - fault.begin_s)
+
+        if node.is_wanted:
+            self._net.trap(node.address, point, max(1, int(fault.amount)), spring)
+
+    def _corrupt(self, fault: Fault) -> None:
+        disk = self._node(fault).disk
+        keys = [disk.corrupt(RECORDS, self._dice) for _ in range(int(fault.amount))]
+        if any(keys):
+            self._begins(fault)
+        for key in keys:
+            if key is not None:
+                self._watch.damaged(fault.slots[0], place_of(key))
+
+    async def _wipe(self, fault: Fault) -> None:
+        """The machine dies, and comes back with an empty disk."""
+        node = self._node(fault)
+        if not self._cluster.crash(node.slot):
+            return
+        self._begins(fault)
+        before, incarnation = self._watch.records(), incarnation_of(node.disk)
+        node.disk.wipe()
+        self._watch.disk_replaced(node.slot, before, incarnation, "loses its disk")
+        await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
+
+    async def _restore(self, fault: Fault) -> None:
+        """A backup is made, the node starts again and works on; later its disk is the backup again.
+
+        The start in between is what the voter can tell the backup by: storage.md asks for boot counters.
+        """
+        node = self._node(fault)
+        if not node.is_wanted:
+            return
+        backup, incarnation = node.disk.snapshot(), incarnation_of(node.disk)
+        self._cluster.crash(node.slot)
+        await self._cluster.restart(node.slot, 0.2)
+        await trio.sleep_until(max(fault.end_s, self._net.now + RECORDED_S))
+        if self._is_over or not node.is_wanted or incarnation_of(node.disk) != incarnation or not node.has_lease():
+            return
+        self._cluster.crash(node.slot)
+        self._begins(fault)
+        before = self._watch.records()
+        node.disk.restore(backup)
+        self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
+        await self._cluster.restart(node.slot, 0.5)
+
+    def _set_clocks(self, fault: Fault) -> None:
+        """The time of day jumps, of a node and of a client."""
+        self._begins(fault)
+        client = client_name(fault.slots[0] % CLIENTS)
+        for name in (self._node(fault).address, client):
+            self._net.machine(name).clock.step_wall(fault.amount)
+
+    async def _join(self, fault: Fault) -> None:
+        """A spare is started; it may be killed at one of its first commits."""
+        node = self._node(fault)
+        self._cluster.start(node.slot)
+        if fault.kind is Kind.JOIN:
+            self._begins(fault)
+            return
+        await node.born.wait()
+        self._set_trap(fault, Point.AFTER_COMMIT)
+
+    async def _drain_node(self, fault: Fault) -> None:
+        node = self._node(fault)
+        if node.is_wanted and await self._drain(node):
+            self._begins(fault)
+
+    def _handover_moves(self, slot: int) -> None:
+        """Called in the middle of a commit that changes an open handover."""
+        for waiting in self._wait_for_handover:
+            waiting[0] -= 1
+            if waiting[0] <= 0 and self._cluster.crash(slot):
+                self._wait_for_handover.remove(waiting)
+                self.happened[Kind.KILL_IN_HANDOVER.value] += 1
+                self._watch.tell(slot, "is killed in a handover")
+                self._nursery.start_soon(self._cluster.restart, slot, waiting[1])
+                return
+
+    _LASTING: ClassVar[dict[Kind, Callable[[Storm, Fault], Awaitable[None]]]] = {
+        Kind.PARTITION: _partition,
+        Kind.ONE_WAY: _cut,
+        Kind.CLOG: _cut,
+        Kind.LOSS: _bad_weather,
+        Kind.DUPLICATION: _bad_weather,
+        Kind.REORDERING: _bad_weather,
+        Kind.SLOW_NODE: _burden,
+        Kind.SLOW_DISK: _burden,
+        Kind.DISK_FULL: _burden,
+        Kind.CLOCK_RATE: _burden,
+        Kind.PAUSE: _pause,
+        Kind.RESET: _reset,
+        Kind.CRASH: _crash,
+        Kind.WIPED_DISK: _wipe,
+        Kind.RESTORED_BACKUP: _restore,
+        Kind.JOIN: _join,
+        Kind.KILL_IN_JOIN: _join,
+        Kind.DRAIN: _drain_node,
+    }

@@ -1,0 +1,189 @@
+"""The observer of a run: it sees every commit, acknowledgement and removal at the instant it happens, and judges it.
+
+It knows more than any node can: all disks, all leases, who is really up. So a fault is found where it is made, and not only
+where a client stumbles over it much later. What it sees goes into the story as well.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol
+
+from scenefold.base.location import Arc, Location
+from scenefold.simulation import laws
+from scenefold.simulation.custody import Lost, lost_by_change, lost_to_claimer
+from scenefold.simulation.disks import Disk, arc_of, holding_of, incarnation_of, receivers_of, records_of, version_at
+from scenefold.simulation.history import Loss, Place, Version
+from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
+from scenefold.simulation.moves import Moves
+from scenefold.simulation.reach import Reach
+from scenefold.simulation.recording import Recorder
+from scenefold.simulation.story import Story, Violation
+
+VIOLATIONS_MAX = 50
+
+
+class Owner(Protocol):
+    """What the observer asks of a running node."""
+
+    def owns(self, location: Location) -> bool: ...
+
+    def has_lease(self) -> bool: ...
+
+
+class Watch:
+    """One for a run. `disks` by slot, for all machines there are; `running`: nodes that can answer just now."""
+
+    def __init__(
+        self, now: Callable[[], float], disks: Mapping[int, Disk], running: Mapping[int, Owner], slot_of: Callable[[int], int]
+    ) -> None:
+        self.story = Story()
+        self.recorder = Recorder(now, self._client_said)
+        self.lineage = Lineage()
+        self.moves = Moves()
+        self.reach = Reach()
+        self.counts = Counter[str]()
+        self.violations: list[Violation] = []
+        self.on_handover: Callable[[int], None] | None = None
+        """Called with the slot whose open handovers have just changed on its disk."""
+        self._now = now
+        self._disks = disks
+        self._running = running
+        self._slot_of = slot_of
+        self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
+
+    # ---------------------------------------------------------------------------------------------------- telling
+
+    def tell(self, slot: int | None, what: str, *values: object) -> None:
+        self.story.tell(self._now(), slot, what, *values)
+
+    def violated(self, law: str, what: str, *, location: bytes | None = None, slots: Sequence[int] = ()) -> None:
+        self.story.tell(self._now(), None, "VIOLATED {}: {}", law, what)
+        if len(self.violations) < VIOLATIONS_MAX:
+            self.violations.append(Violation(law, what, self._now(), location, tuple(slots)))
+
+    def _client_said(self, who: str, place: Place, what: str) -> None:
+        self.story.tell(self._now(), None, "{} {}", who, what, location=place.location)
+
+    # ------------------------------------------------------------------------------------------------------- disks
+
+    def records(self, arc: Arc | None = None) -> dict[int, dict[Place, Version]]:
+        """What all disks hold (in an arc)."""
+        return {slot: records_of(disk, arc) for slot, disk in self._disks.items()}
+
+    def disk_replaced(self, slot: int, before: Mapping[int, Mapping[Place, Version]], incarnation: bytes | None, why: str) -> None:
+        """A disk was wiped or rolled back: what only it held is lost, and its incarnation will never own anything again."""
+        if incarnation is not None:
+            self.lineage.gone(Holder(slot, incarnation))
+        self._holdings.pop(slot, None)
+        self._lost(lost_by_change(before, self.records(), slot), f"n{slot} {why}")
+
+    def damaged(self, slot: int, place: Place) -> None:
+        """A stored record has rotted: this disk's copy cannot be read any more."""
+        self.recorder.damaged.add(place)
+        left = {version for disk in self._disks.values() if (version := records_of(disk).get(place)) is not None}
+        self._lost([Lost(place, tuple(sorted(left, key=lambda version: version.order)))], f"damaged on n{slot}")
+
+    def _lost(self, losses: Iterable[Lost], why: str) -> None:
+        histories = self.recorder.histories
+        for place, left in losses:
+            histories.add(place, Loss(histories.moment(), left, why, self._now()))
+            names = ", ".join(version.digest.hex()[:6] for version in left) or "nothing"
+            self.story.tell(self._now(), None, "may be lost, {}; disks still hold {}", why, names, location=place.location)
+            self.counts["records at stake"] += 1
+
+    # ----------------------------------------------------------------------------------------------------- holdings
+
+    def committed(self, slot: int) -> None:
+        """Something has just become durable on a node's disk."""
+        disk = self._disks[slot]
+        holding = holding_of(disk)
+        before = self._holdings.get(slot, (None, None))
+        if holding == before:
+            return
+        self._holdings[slot] = holding
+        incarnation = incarnation_of(disk)
+        if incarnation is None:
+            return
+        if holding[0] != before[0]:
+            self._arc_changed(Holder(slot, incarnation), arc_of(disk))
+        if holding[1] != before[1]:
+            self.counts["steps of handovers"] += 1
+            if self.on_handover is not None:
+                self.on_handover(slot)
+
+    def _arc_changed(self, holder: Holder, arc: Arc | None) -> None:
+        disk = self._disks[holder.slot]
+        self.tell(holder.slot, "owns {} durably", "nothing" if arc is None else f"{arc.first.hex()[:8]}… to {arc.last.hex()[:8]}…")
+        before = self.lineage.pieces
+        gains, wrong = self.lineage.changed(holder, arc, self._now(), lambda piece: self._towards(disk, piece))
+        for gain in wrong:
+            self._took_wrongly(gain)
+        for piece in self.lineage.pieces:
+            if piece.holder == holder and piece.released and piece not in before:
+                self._check_released(holder, piece)
+        for gain in gains:
+            if gain not in wrong:
+                self._gained(gain)
+
+    def _towards(self, disk: Disk, piece: Arc) -> Holder | None:
+        """Whom a piece goes to that a node has let go of, as its own note says."""
+        for arc, member in receivers_of(disk):
+            if arc.intersection(piece) is not None:
+                return Holder(self._slot_of(member.node), member.incarnation)
+        return None
+
+    def _took_wrongly(self, gain: Gain) -> None:
+        before = gain.before
+        assert before.holder is not None
+        word = f"was let go of in favour of n{before.towards.slot}" if before.towards else f"n{before.holder.slot} still owns"
+        slots = (gain.holder.slot, before.holder.slot)
+        self.violated(laws.ONE_OWNER, f"n{gain.holder.slot} claims from {gain.arc.first.hex()[:8]}… on what {word}", slots=slots)
+
+    def _check_released(self, holder: Holder, piece: Piece) -> None:
+        """The receiver must hold every record of a piece before its owner durably lets go of it."""
+        if piece.towards is None or piece.towards.slot not in self._disks:
+            return
+        disks = {slot: records_of(self._disks[slot], piece.arc) for slot in (holder.slot, piece.towards.slot)}
+        self._blame(laws.CARRIED, f"n{holder.slot} lets go of", disks, piece.towards.slot, holder.slot)
+
+    def _blame(self, law: str, what: str, disks: dict[int, dict[Place, Version]], claimer: int, other: int) -> None:
+        places = {place for disk in disks.values() for place in disk}
+        for lost in lost_to_claimer(disks, claimer, places):
+            newest = lost.left[-1].digest.hex()[:6]
+            words = f"{what} {lost.place.location.hex()[:8]}… though n{claimer} does not hold its newest version {newest}"
+            self.violated(law, words, location=lost.place.location, slots=(claimer, other))
+
+    def _gained(self, gain: Gain) -> None:
+        slot = gain.holder.slot
+        self.counts[gain.way.value] += 1
+        if gain.way is Way.ADOPTION:
+            disks = self.records(gain.arc)
+            places = {place for disk in disks.values() for place in disk}
+            self._lost(lost_to_claimer(disks, slot, places), f"n{slot} adopts its place")
+        if gain.way is Way.HANDOVER:
+            for hurry in self.moves.handed_over(sorted(records_of(self._disks[slot], gain.arc)), self._now()):
+                words = f"{hurry.place.location.hex()[:8]}… moves to n{slot} {hurry.after_s:.2f} s after it moved before"
+                self.violated(laws.SETTLED, words, location=hurry.place.location, slots=(slot,))
+
+    # --------------------------------------------------------------------------------------------- acknowledgements
+
+    def acknowledges(self, slot: int, place: Place, location: Location, version: Version) -> None:
+        """A node is about to answer that a record is durable at a location."""
+        node = self._running.get(slot)
+        name = f"{location.hex()[:8]}… {version.digest.hex()[:6]}"
+        if node is not None and not (node.owns(location) and node.has_lease()):
+            what = "has no lease" if node.owns(location) else "does not own it"
+            self.violated(laws.RIGHT_TO_ANSWER, f"n{slot} acknowledges {name} and {what}", location=location, slots=(slot,))
+        arc = arc_of(self._disks[slot])
+        if arc is None or location not in arc:
+            words = f"n{slot} acknowledges {name} outside of its durable arc"
+            self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
+        stored = version_at(self._disks[slot], place, location)
+        if stored is None or stored.order < version.order:
+            self.violated(laws.DURABLE, f"n{slot} acknowledges {name}, which its disk does not hold", location=location, slots=(slot,))
+        for other, owner in self._running.items():
+            if other != slot and owner.owns(location) and owner.has_lease():
+                words = f"n{slot} acknowledges {name} while n{other} could"
+                self.violated(laws.ONE_OWNER, words, location=location, slots=(slot, other))

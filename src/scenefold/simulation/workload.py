@@ -1,0 +1,173 @@
+"""What clients do all the time: write, replace, compare and set, delete, read, ask for ranges (specs/17-simulation.md, Workload).
+
+A few dozen hot places are everybody's, so that clients meet there: ends of the line, both sides of every founder's bound,
+and others; a wider set gives handovers something to carry. What an act is, and where, is drawn from the seed.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, field
+
+import trio
+
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
+from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location, even_right_bounds
+from scenefold.base.reasons import RejectReason
+from scenefold.client.access import Wish
+from scenefold.client.scene import Scene
+from scenefold.client.space import ABSENT
+from scenefold.scene.layout import META
+from scenefold.simulation.outcome import Workload
+
+CLIENTS = 4
+ACT_S_MAX = 12.0
+"""A user gives up; what was sent may still happen."""
+WIDE_PLACES = 200
+HOT_PLACES = 12
+"""Beside those at the founders' bounds."""
+PAUSE_S = {"data": 0.45, "all": 0.6, "members": 1.2}
+"""Seconds between the acts of one client, on average."""
+_ACTS = {
+    "put": 20,
+    "put absent": 8,
+    "put over": 16,
+    "delete": 4,
+    "get": 24,
+    "get many": 12,
+    "put many": 6,
+    "range": 6,
+    "get wide": 2,
+    "put wide": 2,
+}
+PAYLOAD_BYTES = (8, 8, 40, 200, 3000)
+
+
+def client_name(number: int) -> str:
+    """The name of a client, and of its machine."""
+    return f"user:c{number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where clients work."""
+
+    hot: tuple[Location, ...]
+    wide: tuple[Location, ...]
+
+
+def draw_places(seed: int, nodes: int) -> Places:
+    """The places of a seed."""
+    dice = random.Random(f"places/{seed}/{nodes}")
+    bounds = even_right_bounds(nodes)
+    at_bounds = [bound for bound in bounds if dice.random() < 0.7]
+    beside = [following for bound in at_bounds if (following := bound.next()) is not None]
+    anywhere = [Location.from_number(dice.randrange(LINE_LENGTH)) for _ in range(HOT_PLACES)]
+    wide = [Location.from_number(dice.randrange(LINE_LENGTH)) for _ in range(WIDE_PLACES)]
+    return Places(tuple(sorted({FIRST, LAST, *at_bounds, *beside, *anywhere})), tuple(sorted(wide)))
+
+
+@dataclass(slots=True)
+class Tally:
+    """How acts ended; what must never happen is kept in words."""
+
+    done: int = 0
+    refused: int = 0
+    given_up: int = 0
+    wrong: list[str] = field(default_factory=list)
+
+
+class Worker:
+    """One client at work on one scene."""
+
+    def __init__(self, name: str, scene: Scene, places: Places, seed: int, workload: Workload, tally: Tally) -> None:
+        self._name = name
+        self._access = scene.access
+        self._space = scene.space(META)
+        self._places = places
+        self._dice = random.Random(f"work/{seed}/{name}")
+        self._pause_s = PAUSE_S[workload]
+        self._tally = tally
+        self._seen: dict[Location, bytes | None] = {}
+        """The digest last seen at a place; None: nothing was there."""
+
+    async def run(self, stop: trio.Event) -> None:
+        """Work until told to stop; an act that has begun is ended."""
+        acts, weights = list(_ACTS), list(_ACTS.values())
+        while not stop.is_set():
+            await trio.sleep(self._dice.random() * 2 * self._pause_s)
+            await self.act(self._dice.choices(acts, weights)[0])
+
+    async def act(self, act: str) -> None:
+        """One act, to its end or until patience is over."""
+        with trio.move_on_after(ACT_S_MAX):
+            try:
+                await self._do(act)
+                self._tally.done += 1
+                return
+            except Refused as refusal:
+                self._tally.refused += 1
+                if refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED):
+                    self._tally.wrong.append(f"{self._name}: {act} is refused: {refusal}")
+                return
+            except Unreachable:
+                pass
+            except (DamagedData, PeerFault) as problem:
+                self._tally.wrong.append(f"{self._name}: {act}: {problem}")
+                return
+        self._tally.given_up += 1
+
+    async def _do(self, act: str) -> None:
+        dice, hot, wide = self._dice, self._places.hot, self._places.wide
+        place = dice.choice(hot)
+        match act:
+            case "put":
+                await self._put(place, None)
+            case "put absent":
+                await self._put(place, ABSENT)
+            case "put over":
+                await self._put_over(place)
+            case "delete":
+                self._seen.pop(place, None)
+                await self._space.delete(place)
+            case "get":
+                await self._get([place])
+            case "get many":
+                await self._get(dice.sample(hot, min(6, len(hot))))
+            case "get wide":
+                await self._get(dice.sample(wide, 16))
+            case "put many":
+                await self._put_many(dice.sample(hot, 4))
+            case "put wide":
+                await self._put_many(dice.sample(wide, 12))
+            case _:
+                await self._list(*sorted(dice.sample([*hot, *wide], 2)))
+
+    async def _put_over(self, place: Location) -> None:
+        """Replace what was last seen there."""
+        if self._seen.get(place) is None:
+            await self._get([place])
+        await self._put(place, self._seen.get(place) or ABSENT)
+
+    async def _list(self, first: Location, last: Location) -> None:
+        async for _ in self._space.query(first, last):
+            pass
+
+    async def _put(self, place: Location, expect: bytes | None) -> None:
+        self._seen.pop(place, None)
+        (placed,) = await self._access.put([Wish(META, place, self._payload(), expect)])
+        if not placed.reason:
+            self._seen[place] = placed.digest
+
+    async def _put_many(self, places: list[Location]) -> None:
+        for place in places:
+            self._seen.pop(place, None)
+        await self._access.put([Wish(META, place, self._payload()) for place in places])
+
+    async def _get(self, places: list[Location]) -> None:
+        found = await self._access.get([(META, place) for place in places])
+        for place, record in zip(places, found, strict=True):
+            self._seen[place] = None if record is None else record.digest
+
+    def _payload(self) -> bytes:
+        return self._dice.randbytes(self._dice.choice(PAYLOAD_BYTES))
