@@ -20,6 +20,7 @@ GROUPS = {
     "cluster": "Make a cluster and look at it.",
     "node": "Run nodes.",
     "scene": "Make scenes and fill them.",
+    "space": "Make, move and query the spaces of a scene.",
     "data": "Read and write single records of a scene.",
     "render": "Render images.",
     "bench": "Measure, as the project's own documentation does.",

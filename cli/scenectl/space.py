@@ -1,0 +1,227 @@
+"""`scenectl space`: the spaces of a scene; make, list, move and scale them, and ask what lies in a box of the world."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import App, Parameter
+
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
+from scenectl.positions import BoxOption, PositionOption
+from scenectl.values import whole
+
+if TYPE_CHECKING:
+    from scenefold.client import Scene
+    from scenefold.scene.log import LoggedSpace
+
+app = App(name="space", help="Make, move and query the spaces of a scene.", help_format="plaintext")
+
+SceneOption = Annotated[str, Parameter(name=("--scene", "-s"))]
+
+
+@app.command
+def create(
+    name: str,
+    /,
+    *,
+    scene: SceneOption,
+    box: BoxOption | None = None,
+    dimensions: Annotated[int | None, whole(1, 8)] = None,
+    curve: Literal["hilbert", "z-order"] = "hilbert",
+    managed: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    render_output: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    number: Annotated[int | None, whole(1, 8191)] = None,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Make a space; it is there for ever, and nodes know of it from the next record on.
+
+    Example: scenectl space create particles --box 0,0,0:4,3,5 --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    name
+        Name of the space, not all digits.
+    scene
+        Name of the scene.
+    box
+        Low and high corner of what the space spans in the world, LOW:HIGH; by default the unit box.
+    dimensions
+        1 to 8; by default as many as the box has, or 3.
+    curve
+        The curve that maps positions to the line.
+    managed
+        The nodes choose where records lie; they have ids instead of positions.
+    render_output
+        The space may be written while the scene is being rendered.
+    number
+        Number of the space; by default the next free one.
+    """
+    from scenectl.running import run
+
+    options: dict[str, Any] = {"curve": curve, "node_managed": managed, "render_output": render_output, "space_id": number}
+    if dimensions is not None:
+        options["dimensions"] = dimensions
+    corners = None if box is None else (box.low, box.high)
+
+    async def make(opened: Scene) -> LoggedSpace:
+        return await (await opened.create_space(name, corners, **options)).info()
+
+    made = run(_in_scene, output.profile, scene, make)
+    emit(output, {"scene": scene, **made.document()}, f"Space {made.name} is made; its number is {made.id}.")
+
+
+@app.command(name="list")
+def list_(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """List the spaces of a scene, with what its log has done to them.
+
+    Example: scenectl space list --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    scene
+        Name of the scene.
+    """
+    from scenectl.running import run
+
+    async def ask(opened: Scene) -> tuple[int, list[LoggedSpace]]:
+        spaces = await opened.spaces()
+        return opened.access.identity.position, spaces
+
+    position, spaces = run(_in_scene, output.profile, scene, ask)
+    titles = ("number", "name", "D", "curve", "places", "box in the world", "scaled by", "moved by")
+    document = {"scene": scene, "position": position, "spaces": [space.document() for space in spaces]}
+    emit(output, document, table(titles, map(_row, spaces)))
+
+
+@app.command
+def translate(
+    space: str,
+    /,
+    *,
+    by: PositionOption,
+    scene: SceneOption,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Move a whole space in the world. No record is moved: its addresses mean other positions from now on.
+
+    Example: scenectl space translate particles --by 0,0,-1.5 --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Name or number of the space.
+    by
+        How far, one number for each dimension.
+    scene
+        Name of the scene.
+    """
+    from scenectl.running import run
+
+    async def move(opened: Scene) -> LoggedSpace:
+        return await (await opened.space_named(_name_or_number(space))).translate(by.coordinates)
+
+    _emit_moved(output, scene, run(_in_scene, output.profile, scene, move))
+
+
+@app.command
+def scale(
+    space: str,
+    /,
+    *,
+    by: float,
+    scene: SceneOption,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Scale a whole space about the world's origin, along all axes alike. No record is moved.
+
+    Example: scenectl space scale particles --by 2.5 --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Name or number of the space.
+    by
+        The factor, above 0.
+    scene
+        Name of the scene.
+    """
+    from scenectl.running import run
+
+    async def grow(opened: Scene) -> LoggedSpace:
+        return await (await opened.space_named(_name_or_number(space))).scale(by)
+
+    _emit_moved(output, scene, run(_in_scene, output.profile, scene, grow))
+
+
+@app.command
+def query(
+    space: str,
+    /,
+    *,
+    box: BoxOption,
+    scene: SceneOption,
+    limit: Annotated[int, whole(1, 2**63 - 1)] = 1000,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """List the records in a box of the world, in the order of the line, with their positions as they are now.
+
+    Example: scenectl space query particles --box 0,0,0:1,1,1 --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Name or number of the space.
+    box
+        Low and high corner, LOW:HIGH.
+    scene
+        Name of the scene.
+    limit
+        Most records to list.
+    """
+    from scenectl.running import run
+
+    async def ask(opened: Scene) -> tuple[int, list[dict[str, Any]], bool]:
+        asked = await opened.space_named(_name_or_number(space))
+        records: list[dict[str, Any]] = []
+        async for found in asked.query_box(box.low, box.high):
+            if len(records) == limit:
+                return asked.id, records, True
+            records.append({"location": found.location.hex(), "position": list(found.position)})
+        return asked.id, records, False
+
+    number, records, more = run(_in_scene, output.profile, scene, ask)
+    if more and not output.json:
+        print(f"more than {limit}: ask for a smaller box, or raise --limit", file=sys.stderr)
+    document = {"scene": scene, "space": number, "low": list(box.low), "high": list(box.high), "records": records, "more": more}
+    rows = [(record["location"], " ".join(f"{part:.6g}" for part in record["position"])) for record in records]
+    emit(output, document, table(("location", "position"), rows) if rows else "Nothing lies there.")
+
+
+async def _in_scene(profile: str | None, scene: str, work: Any) -> Any:
+    from scenefold.client import connect
+
+    async with connect(profile) as cluster:
+        return await work(await cluster.scenes.open(scene))
+
+
+def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace) -> None:
+    low, high = space.world_box
+    text = f"Space {space.name} spans {_corner(low)} to {_corner(high)} from now on."
+    emit(output, {"scene": scene, **space.document()}, text)
+
+
+def _row(space: LoggedSpace) -> tuple[object, ...]:
+    low, high = space.world_box
+    places = "nodes choose" if space.node_managed else "fixed"
+    moved = _corner(space.transform.offset) if any(space.transform.offset) else "-"
+    factor = f"{space.transform.factor:g}" if space.transform.factor != 1.0 else "-"
+    return space.id, space.name, space.dimensions, space.curve, places, f"{_corner(low)} to {_corner(high)}", factor, moved
+
+
+def _corner(corner: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{part:g}" for part in corner) + ")"
+
+
+def _name_or_number(text: str) -> str | int:
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else text
