@@ -9,21 +9,24 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import repeat
 from typing import NamedTuple, TypeVar
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused
+from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
-from scenefold.base.location import Arc, Location
+from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.delivery import deliver, fetch
+from scenefold.client.delivery import deliver, fetch, stale_answer
+from scenefold.client.patience import is_passing
 from scenefold.client.scene_log import LogAccess, ReadLog
-from scenefold.client.sealing import Draft, Opened, SceneIdentity, open_all, seal_all
+from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, open_all, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
+from scenefold.client.tombstones import tombstone
 from scenefold.client.versions import Sequencer
-from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
+from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey, signed_place, wanted_place
 from scenefold.scene.log import SceneLog
 from scenefold.wire import EXPECT_ABSENT, LogEntry, PutItem, QueryRange, RejectRange, ReturnRange
 
@@ -42,6 +45,17 @@ class Wish(NamedTuple):
     expect: bytes | None = None
     content_position: int | None = None
     """The log position that coordinates in the payload belong to; None: that of the log as the scene knows it."""
+    object: bytes = b""
+    """Of a node-managed record: its id. `location` is then where it lies, or `signed_place` of the id: anywhere."""
+
+    @property
+    def key(self) -> Key:
+        return (self.space, self.location, self.object) if self.object else (self.space, self.location)
+
+    @property
+    def route(self) -> Location:
+        """The place whose owner is asked."""
+        return wanted_place(self.object) if self.object and self.location == signed_place(self.object) else self.location
 
 
 class Placed(NamedTuple):
@@ -50,6 +64,8 @@ class Placed(NamedTuple):
     reason: int
     digest: bytes
     node: NodeId
+    location: Location
+    """Where it lies: in a node-managed space the node's choice, else as wished."""
 
 
 @dataclass(eq=False)
@@ -65,22 +81,27 @@ class SceneAccess:
     log: LogAccess | None = None
     """None: nothing is known of the scene's log, and records are written at the position of `identity`."""
 
-    async def put(self, wishes: Sequence[Wish]) -> list[Placed]:
+    async def put(self, wishes: Sequence[Wish], *, fresh: bool = False) -> list[Placed]:
         """Seal, send, and wait until every record is durable or refused for its version.
 
-        A wish that may replace what is there is given a higher version and sent again if a newer one was there.
-        Refused for any other reason than a stale version; Unreachable if an owner stays away.
+        A wish that may replace what is there is given a higher version and sent again if a newer one was there; a
+        place that is wished empty may hold a deleted record. Refused for any other reason than a stale version;
+        Unreachable if an owner stays away, or if an answer was lost and nobody can tell any more what became of
+        the record. `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
         """
         await self._check_mode(wishes)
         placed: list[Placed | None] = [None] * len(wishes)
         pending = list(range(len(wishes)))
+        current = list(wishes)
         refreshed = False
         for _ in range(CLIENT_TRIES_MAX):
-            items = await self._seal([wishes[index] for index in pending])
-            outcomes = await deliver(self.calls, items)
+            items = await self._seal([current[index] for index in pending])
+            outcomes = await deliver(self.calls, items, [wishes[index].route for index in pending])
             behind: list[int] = []
             for index, item, outcome in zip(pending, items, outcomes, strict=True):
-                placed[index] = Placed(outcome.reason, digest_of(item), outcome.node)
+                placed[index] = Placed(outcome.reason, digest_of(item), outcome.node, outcome.location)
+                if outcome.reason == RejectReason.STALE_VERSION and outcome.doubtful and not fresh:
+                    raise self._in_doubt(item)
                 if outcome.reason in _BEHIND and not refreshed and self.log is not None:
                     behind.append(index)
                 elif outcome.reason not in (0, RejectReason.STALE_VERSION):
@@ -90,19 +111,34 @@ class SceneAccess:
                 await self.refresh()
                 await self._check_mode([wishes[index] for index in behind])
                 refreshed = True
-            stale = [index for index in pending if _is_stale(placed[index]) and wishes[index].expect != EXPECT_ABSENT]
-            if not stale:
-                pending = behind
-            else:
-                there = await self.get([(wishes[index].space, wishes[index].location) for index in stale])
+            stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
+            there = await self.get([wishes[index].key for index in stale])
+            pending = behind
+            for index, found in zip(stale, there, strict=True):
                 # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
-                pending = behind + [index for index, found in zip(stale, there, strict=True) if _may_replace(wishes[index], found)]
+                if _may_replace(wishes[index], found):
+                    pending.append(index)
+                    if found is not None and wishes[index].expect == EXPECT_ABSENT:
+                        current[index] = wishes[index]._replace(expect=found.digest)
             if not pending:
                 break
         else:
             remedy = "somebody else writes there all the time; try again"
             raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
         return [outcome for outcome in placed if outcome is not None]
+
+    async def put_one(self, wish: Wish) -> Placed:
+        """`put` for one record; Refused with STALE_VERSION, in words, if what is there is not what was expected."""
+        (placed,) = await self.put([wish])
+        if placed.reason == RejectReason.STALE_VERSION:
+            what = "there is a record already" if wish.expect == EXPECT_ABSENT else "another version is there"
+            where = f"scene {self.name}, space {wish.space}, {wish.location.hex()}"
+            raise Refused(RejectReason.STALE_VERSION, what, where=where, remedy="read it, then decide")
+        return placed
+
+    def tombstone(self) -> bytes:
+        """A new payload that says that a record is deleted."""
+        return tombstone(self.calls.world.entropy.token)
 
     async def refresh(self) -> None:
         """Take the newest public header: what is written from now on is written under its position."""
@@ -141,9 +177,13 @@ class SceneAccess:
         outputs = self.identity.outputs
         return outputs is not None and any(wish.space not in outputs for wish in wishes)
 
-    async def get(self, keys: Sequence[tuple[SpaceId, Location]]) -> list[Opened | None]:
-        """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify."""
-        records = await fetch(self.calls, self.identity.scene, self.identity.position, keys)
+    async def get(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[Opened | None]:
+        """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify.
+
+        A deleted record is there, and says so (`Opened.deleted`). `stale_ok`: take the answer of a node that may
+        have been replaced without knowing; else it is asked again for a while, then Refused.
+        """
+        records = await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
         sizes = [0 if record is None else len(record.ciphertext) for record in records]
         opened: list[Opened | None] = []
         for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):
@@ -152,37 +192,48 @@ class SceneAccess:
         self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
         return opened
 
-    async def locations(self, space: SpaceId, first: Location, last: Location) -> AsyncIterator[Location]:
-        """Locations of a space that hold records, from `first` to `last`, in order; asked for as they are used."""
+    async def locations(self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False) -> AsyncIterator[Location]:
+        """Locations of a space that hold records, deleted ones too, from `first` to `last`, in order; asked for as
+        they are used."""
+        async for location, _ in self.entries(space, first, last, stale_ok=stale_ok):
+            yield location
+
+    async def entries(
+        self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False
+    ) -> AsyncIterator[tuple[Location, bytes]]:
+        """Likewise with the object id of each record; b"" in a fixed space."""
         at: Location | None = first
         end = last
         while at is not None and at <= last:
-            reply = await self._query(space, at, min(end, last))
+            reply = await self._query(space, at, min(end, last), stale_ok)
             if isinstance(reply, RejectRange):
                 end = self._shorter(reply, at, min(end, last))
                 continue
-            for location in reply.locations:
-                yield location
+            for location, object_id in zip(reply.locations, reply.objects or repeat(b""), strict=False):
+                yield location, object_id
             at, end = reply.last.next(), last
 
     async def in_crypto_lane(self, function: Callable[..., Result], *arguments: object) -> Result:
         return await self.calls.world.workers.run("crypto", function, *arguments)
 
-    async def _query(self, space: SpaceId, first: Location, last: Location) -> ReturnRange | RejectRange:
+    async def _query(self, space: SpaceId, first: Location, last: Location, stale_ok: bool) -> ReturnRange | RejectRange:
         async def ask() -> ReturnRange | RejectRange:
-            owner, arc = next(pair for pair in self.calls.table.arcs() if first in pair[1])
-            piece = arc.intersection(Arc(first, last))
-            assert piece is not None
-            packet = QueryRange(self.identity.scene, space, piece.first, piece.last)
+            owner, end = self.calls.table.holder_of(first)
+            packet = QueryRange(self.identity.scene, space, first, min(last, end))
             reply = await self.calls.ask(owner.address, packet, (ReturnRange, RejectRange))
             if isinstance(reply, RejectRange):
-                if reply.reason in (RejectReason.OUTSIDE_BOUNDS, RejectReason.NOT_MY_LOCATION):
-                    # Our table is old: patiently() refreshes it before it asks again.
-                    raise Refused(RejectReason.NOT_READY, "the range belongs to another node by now", where=owner.address)
+                if reply.reason == RejectReason.OUTSIDE_BOUNDS or is_passing(reply.reason):
+                    # Our table is old, or the owner cannot speak just now: patiently() asks again, with a newer table.
+                    raise Refused(RejectReason.NOT_READY, "the owner of the range cannot answer just now", where=owner.address)
                 return reply
             assert isinstance(reply, ReturnRange)
-            if reply.first != piece.first:
-                raise PeerFault("a range answer begins elsewhere than its question", where=owner.address)
+            if not first <= reply.first <= reply.last <= packet.last:
+                raise PeerFault("a range answer lies elsewhere than its question", where=owner.address)
+            if reply.first != first:
+                # What lies before belongs to somebody else by now.
+                raise Refused(RejectReason.NOT_READY, "the owner of the range is changing", where=owner.address)
+            if reply.stale and not stale_ok:
+                raise stale_answer(owner.address)
             return reply
 
         return await self.calls.patiently(ask)
@@ -207,6 +258,7 @@ class SceneAccess:
                 self.sequencer.next(wall),
                 token(NONCE_BYTES),
                 wish.content_position,
+                wish.object,
             )
             for wish in wishes
         ]
@@ -228,6 +280,11 @@ class SceneAccess:
             items += part
         return items
 
+    def _in_doubt(self, item: PutItem) -> Unreachable:
+        where = f"scene {self.name}, space {item.space}, {item.location.hex()}"
+        what = "the answer to a write was lost, and another version is there by now"
+        return Unreachable(what, where=where, remedy="read it, then decide whether to write again")
+
     def _refused(self, reason: int, item: PutItem) -> Refused:
         where = f"scene {self.name}, space {item.space}, {item.location.hex()}"
         remedy = "free space on the nodes or add a node" if reason == RejectReason.STORAGE_FULL else ""
@@ -242,6 +299,8 @@ def digest_of(item: PutItem) -> bytes:
 
 def _may_replace(wish: Wish, there: Opened | None) -> bool:
     """Whether a wish that was refused for its version wants what is there now replaced."""
+    if wish.expect == EXPECT_ABSENT:
+        return there is None or there.deleted
     return wish.expect is None or (there is not None and there.digest == wish.expect)
 
 

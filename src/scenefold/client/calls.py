@@ -17,26 +17,16 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import (
     CLIENT_FRAMES_IN_FLIGHT,
     CLIENT_FRAMES_PER_NODE,
-    CLIENT_PAUSE_S,
     CLIENT_REQUEST_S,
-    CLIENT_TRIES_MAX,
 )
 from scenefold.base.location import even_right_bounds
-from scenefold.base.reasons import RejectReason
+from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.wire import Fault, Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
 
 Answer = TypeVar("Answer", bound=Packet)
 Result = TypeVar("Result")
-
-_PASSING = frozenset({RejectReason.BUSY, RejectReason.NOT_READY})
-"""Reasons that may be gone after a pause."""
-
-
-def is_passing(reason: int) -> bool:
-    """Whether a refusal for this reason is worth another try after a pause."""
-    return reason in _PASSING
 
 
 def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreachable:
@@ -125,22 +115,21 @@ class Calls:
             self.table = RoutingTable(owners)
 
     async def patiently(self, call: Callable[[], Awaitable[Result]], *, refresh: bool = True) -> Result:
-        """Try a call up to CLIENT_TRIES_MAX times while nodes are away or busy, with growing pauses between."""
-        for attempt in range(CLIENT_TRIES_MAX):
+        """Try a call again while nodes are away or busy, as long as patience lasts, with growing pauses between."""
+        patience = Patience()
+        while True:
             try:
                 return await call()
             except (Unreachable, Refused) as error:
-                passing = isinstance(error, Unreachable) or is_passing(error.reason)
-                if not passing or attempt == CLIENT_TRIES_MAX - 1:
+                if not patience.bears(error):
                     raise
-            await self.pause(attempt)
+            await self.pause(patience)
             if refresh:
                 await self.refresh()
-        raise AssertionError("unreachable: the last try returns or raises")
 
-    async def pause(self, attempt: int) -> None:
-        """Wait before try number `attempt` + 1: longer each time, and not for everybody the same."""
-        await self.world.clock.sleep(CLIENT_PAUSE_S * 3**attempt * (0.5 + self.world.entropy.uniform()))
+    async def pause(self, patience: Patience) -> None:
+        """Wait before the next try."""
+        await self.world.clock.sleep(patience.pause_s(self.world.entropy.uniform()))
 
     def _addresses_from(self, first: NodeId | None) -> list[str]:
         owners = self.table.owners

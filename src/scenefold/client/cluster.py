@@ -116,7 +116,7 @@ class Cluster:
         nodes = []
         for owner, arc in self.calls.table.arcs():
             share = arc.length / LINE_LENGTH
-            nodes.append(NodeState(owner.address, owner.right_bound, share, answers.get(owner.address)))
+            nodes.append(NodeState(owner.address, arc.last, share, answers.get(owner.address)))
         return ClusterStatus(self.name, tuple(nodes))
 
     async def in_worker(self, lane: str, function: Callable[..., Result], *arguments: object) -> Result:

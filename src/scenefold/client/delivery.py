@@ -11,11 +11,13 @@ from functools import partial
 from typing import NamedTuple
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId, SpaceId
-from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_TRIES_MAX
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.limits import CLIENT_GET_KEYS
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.client.calls import Calls, is_passing
+from scenefold.client.calls import Calls
+from scenefold.client.patience import Patience, is_passing
+from scenefold.client.sealing import Key
 from scenefold.client.split import by_owner, frames
 from scenefold.client.together import together
 from scenefold.wire import GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
@@ -30,19 +32,29 @@ class Delivered(NamedTuple):
 
     reason: int
     node: NodeId
+    location: Location
+    doubtful: bool
+    """Whether it may have been stored by an earlier try whose answer was lost."""
 
 
-async def deliver(calls: Calls, items: Sequence[PutItem]) -> list[Delivered]:
-    """Send every item to its owner. Durable, or refused for a lasting reason; Unreachable if an owner stays away."""
+async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Location]) -> list[Delivered]:
+    """Send every item to the owner of its location. Durable, or refused for a lasting reason.
+
+    Unreachable if an owner stays away, Refused if one cannot accept anything for longer than a lease gap lasts.
+    """
     outcomes: list[Delivered | None] = [None] * len(items)
-    locations = [item.location for item in items]
     sizes = [len(item.ciphertext) + len(item.header) + len(item.signature) + 48 for item in items]
     hints: dict[int, NodeId] = {}
+    doubtful: set[int] = set()
 
     async def send(node: NodeId, frame: list[int]) -> None:
         packet = PutMany(tuple(items[index] for index in frame))
         address = calls.address_of(node)
-        reply = await calls.ask_in_turn(address, packet, PutManyReply)
+        try:
+            reply = await calls.ask_in_turn(address, packet, PutManyReply)
+        except Unreachable:
+            doubtful.update(frame)
+            raise
         if len(reply.outcomes) != len(frame):
             raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
         for index, outcome in zip(frame, reply.outcomes, strict=True):
@@ -50,7 +62,10 @@ async def deliver(calls: Calls, items: Sequence[PutItem]) -> list[Delivered]:
                 if outcome.owner:
                     hints[index] = outcome.owner
             elif not is_passing(outcome.reason):
-                outcomes[index] = Delivered(outcome.reason, node)
+                outcomes[index] = Delivered(outcome.reason, node, outcome.location, index in doubtful)
+            elif outcome.reason == RejectReason.NOT_READY:
+                # The node may have stored it, and lost its lease before it could say so.
+                doubtful.add(index)
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
         routed = _routed(calls, locations, pending, hints)
@@ -64,11 +79,14 @@ async def deliver(calls: Calls, items: Sequence[PutItem]) -> list[Delivered]:
     return [outcome for outcome in outcomes if outcome is not None]
 
 
-async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[tuple[SpaceId, Location]]) -> list[RecordBytes | None]:
-    """The records at the keys, unverified, in order; None where the owner says that nothing is there."""
+async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool) -> list[RecordBytes | None]:
+    """The records at the keys, unverified, in order; None where the owner says that nothing is there.
+
+    `stale_ok`: take an answer of a node that may have been replaced without knowing, too.
+    """
     missing = object()
     found: list[RecordBytes | object | None] = [missing] * len(keys)
-    locations = [location for _, location in keys]
+    locations = [key[1] for key in keys]
 
     async def ask(node: NodeId, frame: list[int]) -> None:
         address = calls.address_of(node)
@@ -77,6 +95,8 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[tupl
             reply = await calls.ask_in_turn(address, packet, GetManyReply)
             if not 1 <= len(reply.records) <= len(frame):
                 raise PeerFault(f"{len(reply.records)} records for {len(frame)} keys", where=address)
+            if reply.stale and not stale_ok:
+                raise stale_answer(address)
             for index, record in zip(frame, reply.records, strict=False):
                 found[index] = record
             frame = frame[len(reply.records) :]
@@ -100,13 +120,11 @@ async def _rounds(
     exchange: Callable[[NodeId, list[int]], Awaitable[None]],
 ) -> None:
     """Exchange all pending parts at once, again and again with pauses, until nothing is pending or tries run out."""
-    for attempt in range(CLIENT_TRIES_MAX):
+    patience = Patience()
+    while True:
         waiting = pending()
         if not waiting:
             return
-        if attempt:
-            await calls.pause(attempt - 1)
-            await calls.refresh()
         errors: list[Error] = []
 
         async def attempt_part(node: NodeId, frame: list[int], errors: list[Error] = errors) -> None:
@@ -120,9 +138,15 @@ async def _rounds(
                 errors.append(error)
 
         await together(partial(attempt_part, node, frame) for node, frame in parts(waiting))
-    left = pending()
-    if left:
-        raise errors[0] if errors else _unsettled(len(left))
+        left = pending()
+        if not left:
+            return
+        # A node that says nothing wears patience out faster than one that says "not now".
+        worst = next((found for found in errors if isinstance(found, Unreachable)), errors[0] if errors else None)
+        if not patience.bears(worst):
+            raise worst or _unsettled(len(left))
+        await calls.pause(patience)
+        await calls.refresh()
 
 
 def _routed(calls: Calls, locations: Sequence[Location], pending: list[int], hints: dict[int, NodeId]) -> dict[NodeId, list[int]]:
@@ -132,6 +156,12 @@ def _routed(calls: Calls, locations: Sequence[Location], pending: list[int], hin
             index = pending[position]
             routed.setdefault(hints.get(index, node), []).append(index)
     return routed
+
+
+def stale_answer(address: str) -> Refused:
+    """The error for an answer that an owner without a lease gave."""
+    remedy = "try again in a while; if it lasts, the cluster's voter cannot be reached"
+    return Refused(RejectReason.NOT_READY, "the answer may be stale: the node holds no lease just now", where=address, remedy=remedy)
 
 
 def _unsettled(count: int) -> Refused:

@@ -42,7 +42,7 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
     while pending:
         wishes = [Wish(items[index].space, asked[index], items[index].payload, EXPECT_ABSENT) for index in pending]
         taken: list[int] = []
-        placed = await access.put(wishes)
+        placed = await access.put(wishes, fresh=True)
         for index, outcome in zip(pending, placed, strict=True):
             if outcome.reason:
                 taken.append(index)

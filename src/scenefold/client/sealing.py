@@ -93,14 +93,17 @@ class Opened:
         return is_tombstone(self.payload)
 
 
+def payload_of(found: Opened | None) -> bytes | None:
+    """What a reader is given: None for what is not there, or not any more."""
+    return None if found is None or found.deleted else found.payload
+
+
 def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: Sequence[Draft]) -> list[PutItem]:
     """Encrypt and sign every draft."""
     return [_seal(identity, writer, session, draft) for draft in drafts]
 
 
-def open_all(
-    identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]
-) -> list[Opened | None]:
+def open_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[Opened | None]:
     """Verify and decrypt every record that is there."""
     return [
         None if record is None else _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)

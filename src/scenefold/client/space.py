@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterable, Sequence
 
-from scenefold.base.errors import Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAMES_IN_FLIGHT
 from scenefold.base.location import FIRST, LAST, Location
-from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess, Wish
 from scenefold.client.fresh import FreshItem, put_fresh
+from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space, movable
-from scenefold.client.sealing import Opened
+from scenefold.client.sealing import Opened, payload_of
 from scenefold.scene.log import LoggedSpace
 from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
 
@@ -40,12 +39,7 @@ class Space:
         `expect`: None replaces whatever is there, ABSENT wants the place empty, a digest wants that very version
         there. Refused with STALE_VERSION if it is not so.
         """
-        placed = (await self._access.put([Wish(self.id, location, payload, expect)]))[0]
-        if placed.reason == RejectReason.STALE_VERSION:
-            what = "there is a record already" if expect == ABSENT else "another version is there"
-            where = f"scene {self._access.name}, space {self.id}, {location.hex()}"
-            raise Refused(RejectReason.STALE_VERSION, what, where=where, remedy="read it, then decide")
-        return placed.digest
+        return (await self._access.put_one(Wish(self.id, location, payload, expect))).digest
 
     async def put_many(self, items: Iterable[tuple[Location, bytes]]) -> None:
         """Store many records, replacing what is there; all are durable when this returns.
@@ -69,16 +63,27 @@ class Space:
         fresh = [FreshItem(self.id, location, payload) for location, payload in items]
         return [stored.location for stored in await put_fresh(self._access, fresh)]
 
-    async def get(self, location: Location) -> bytes | None:
-        """The payload at a location, verified; None if the owner says that nothing is there."""
-        return (await self.get_many([location]))[0]
+    async def delete(self, location: Location, *, expect: bytes | None = None) -> bytes:
+        """Replace a record by one that says that nothing lies here; `get` gives None from then on. Gives its digest.
 
-    async def get_many(self, locations: Sequence[Location]) -> list[bytes | None]:
+        `expect` as in `put`. It stays in its place, and `query` lists it.
+        """
+        return await self.put(location, self._access.tombstone(), expect=expect)
+
+    async def get(self, location: Location, *, stale_ok: bool = False) -> bytes | None:
+        """The payload at a location, verified; None if the owner says that nothing is there, or it was deleted.
+
+        An owner that may have been replaced without knowing is asked again for a while, then Refused with NOT_READY;
+        with `stale_ok` its answer counts.
+        """
+        return (await self.get_many([location], stale_ok=stale_ok))[0]
+
+    async def get_many(self, locations: Sequence[Location], *, stale_ok: bool = False) -> list[bytes | None]:
         """The payloads at many locations, in their order, fetched in parallel from all owners."""
         payloads: list[bytes | None] = []
         for start in range(0, len(locations), _GET_BATCH):
             keys = [(self.id, location) for location in locations[start : start + _GET_BATCH]]
-            payloads += [None if found is None else found.payload for found in await self._access.get(keys)]
+            payloads += map(payload_of, await self._access.get(keys, stale_ok=stale_ok))
         return payloads
 
     async def read(self, locations: Sequence[Location]) -> list[Opened | None]:
@@ -89,8 +94,17 @@ class Space:
         return await self._access.get([(self.id, location) for location in locations])
 
     def query(self, first: Location = FIRST, last: Location = LAST) -> AsyncIterator[Location]:
-        """Locations that hold records, from `first` to `last`, both included, in the order of the line."""
+        """Locations that hold records, deleted ones too, from `first` to `last`, both included, in the order of the line."""
         return self._access.locations(self.id, first, last)
+
+    @property
+    def managed(self) -> ManagedRecords:
+        """The records of a node-managed space: the node that stores one chooses its place."""
+        return ManagedRecords(self._access, self.id)
+
+    async def put_managed(self, payload: bytes) -> ManagedPlace:
+        """Store a new record in a node-managed space; gives its location and object id. `managed` does the rest."""
+        return (await self.managed.put(payload)).place
 
     # ------------------------------------------------------------------------------------------- the world around
 

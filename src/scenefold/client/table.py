@@ -21,7 +21,8 @@ class Owner:
 
     node_id: NodeId
     address: str
-    right_bound: Location
+    right_bound: Location | None
+    """None: it owns nothing."""
     lamport: int = 0
 
 
@@ -29,23 +30,37 @@ class RoutingTable:
     """An unchanging table; `updated` makes a new one. At least one owner."""
 
     def __init__(self, owners: Iterable[Owner]) -> None:
-        self.owners: Sequence[Owner] = tuple(sorted(owners, key=lambda owner: (owner.right_bound, owner.node_id)))
-        assert self.owners, "a routing table needs an owner"
-        self._bounds = [owner.right_bound for owner in self.owners]
-        self._by_id = {owner.node_id: owner for owner in self.owners}
+        self._by_id = {owner.node_id: owner for owner in owners}
+        nodes = [self._by_id[node_id] for node_id in sorted(self._by_id)]
+        bounds = sorted((owner.right_bound, owner.node_id) for owner in nodes if owner.right_bound is not None)
+        self._bounds = [bound for bound, _ in bounds]
+        self._owning = [self._by_id[node_id] for _, node_id in bounds]
+        self.owners: Sequence[Owner] = (*self._owning, *(owner for owner in nodes if owner.right_bound is None))
+        """All nodes: first those that own something, in the order of the line."""
+        assert self.owners, "a routing table needs a node"
 
     def owner_of(self, location: Location) -> Owner:
-        """The node whose arc holds the location; behind the last bound it is the last node."""
-        return self.owners[min(bisect_left(self._bounds, location), len(self.owners) - 1)]
+        """The node whose arc holds the location; behind the last bound it is the last node that owns anything.
+
+        If none does, as in a cluster that begins, it is any node: it knows better.
+        """
+        owning = self._owning or self.owners
+        return owning[min(bisect_left(self._bounds, location), len(owning) - 1)]
+
+    def holder_of(self, location: Location) -> tuple[Owner, Location]:
+        """The owner of a location, and the last location from there on that is its, too."""
+        owner = self.owner_of(location)
+        bound = owner.right_bound
+        return owner, LAST if bound is None or owner is self._owning[-1] else bound
 
     def by_id(self, node_id: NodeId) -> Owner | None:
         return self._by_id.get(node_id)
 
     def arcs(self) -> list[tuple[Owner, Arc]]:
-        """Every owner with its arc, in the order of the line. Owners of nothing (equal bounds) are left out."""
+        """Every owner with its arc, in the order of the line. Owners of nothing are left out."""
         found, first = [], FIRST
-        for index, owner in enumerate(self.owners):
-            last = LAST if index == len(self.owners) - 1 else owner.right_bound
+        for index, (owner, bound) in enumerate(zip(self._owning, self._bounds, strict=True)):
+            last = LAST if index == len(self._owning) - 1 else bound
             if last >= first:
                 found.append((owner, Arc(first, last)))
                 following = last.next()

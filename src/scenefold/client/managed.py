@@ -1,0 +1,72 @@
+"""Records whose place the nodes choose (thesis B.3: node-managed spaces; specs/10-store.md, Node-managed spaces).
+
+A record has a random id instead of a place. It is stored by whichever node is asked, somewhere in that node's arc, and
+found again by range query, which gives places and ids. A place is a hint that may grow old: as bounds move, nodes
+slide what they keep along. A read at an old place finds the record as long as the same node has it; else look for its
+id in a range query again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from typing import NamedTuple
+
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import FIRST, LAST, Location
+from scenefold.client.access import SceneAccess, Wish
+from scenefold.client.sealing import payload_of
+from scenefold.crypto import OBJECT_BYTES, signed_place
+from scenefold.wire import EXPECT_ABSENT
+
+
+class ManagedPlace(NamedTuple):
+    """Where a record lies, or lay, and its object id, which stays."""
+
+    location: Location
+    object: bytes
+
+
+class ManagedStored(NamedTuple):
+    """A stored record; `digest` is what a later `expect` may name."""
+
+    place: ManagedPlace
+    digest: bytes
+
+
+class ManagedRecords:
+    """One node-managed space. Made by `Space.managed`."""
+
+    def __init__(self, access: SceneAccess, space_id: SpaceId) -> None:
+        self._access = access
+        self._space = space_id
+
+    async def put(self, payload: bytes) -> ManagedStored:
+        """Store a new record; durable when this returns."""
+        object_id = self._access.calls.world.entropy.token(OBJECT_BYTES)
+        return await self._put(signed_place(object_id), object_id, payload, EXPECT_ABSENT)
+
+    async def replace(self, place: ManagedPlace, payload: bytes, *, expect: bytes | None = None) -> ManagedStored:
+        """Store a new version of a record. Refused with STALE_VERSION if `expect`, a digest, is not what is there."""
+        return await self._put(*place, payload, expect)
+
+    async def delete(self, place: ManagedPlace, *, expect: bytes | None = None) -> bytes:
+        """Replace a record by one that says that it is deleted; gives the digest of that."""
+        return (await self._put(*place, self._access.tombstone(), expect)).digest
+
+    async def get(self, places: Sequence[ManagedPlace], *, stale_ok: bool = False) -> list[bytes | None]:
+        """The payloads, in order; None for one that is deleted, or not there (any more)."""
+        keys = [(self._space, place.location, place.object) for place in places]
+        return [payload_of(found) for found in await self._access.get(keys, stale_ok=stale_ok)]
+
+    async def query(self, first: Location = FIRST, last: Location = LAST, *, stale_ok: bool = False) -> AsyncIterator[ManagedPlace]:
+        """Records between two places, both included, in the order of the line; deleted ones, too.
+
+        One that slides while this goes on may be given twice, or be missed.
+        """
+        async for location, object_id in self._access.entries(self._space, first, last, stale_ok=stale_ok):
+            if object_id:
+                yield ManagedPlace(location, object_id)
+
+    async def _put(self, location: Location, object_id: bytes, payload: bytes, expect: bytes | None) -> ManagedStored:
+        placed = await self._access.put_one(Wish(self._space, location, payload, expect, object=object_id))
+        return ManagedStored(ManagedPlace(placed.location, object_id), placed.digest)

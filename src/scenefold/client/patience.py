@@ -1,0 +1,40 @@
+"""How long a client tries: a silent node a few times, one that says "not now" for as long as a lease gap lasts. Pure.
+
+A node that has lost its owner lease, or whose arc is changing hands, has it back or is replaced within some seconds,
+and says so; waiting for it is the whole remedy. A node that says nothing may be gone for good.
+"""
+
+from __future__ import annotations
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_PAUSE_S, CLIENT_PAUSE_S_MAX, CLIENT_TRIES_MAX
+from scenefold.base.reasons import RejectReason
+
+_PASSING = frozenset({RejectReason.BUSY, RejectReason.NOT_READY, RejectReason.NOT_MY_LOCATION})
+"""Reasons that may be gone after a pause, with a newer table."""
+
+
+def is_passing(reason: int) -> bool:
+    """Whether a refusal for this reason is worth another try after a pause."""
+    return reason in _PASSING
+
+
+class Patience:
+    """Of one call: whether to try again, and after which pause."""
+
+    def __init__(self) -> None:
+        self._silences = 0
+        self._failures = 0
+
+    def bears(self, error: Unreachable | Refused | None) -> bool:
+        """Count a failed try, None for one that only was sent elsewhere; whether there shall be another."""
+        self._failures += 1
+        if isinstance(error, Unreachable):
+            self._silences += 1
+        elif error is not None and not is_passing(error.reason):
+            return False
+        return self._silences < CLIENT_TRIES_MAX and self._failures < CLIENT_BUSY_TRIES_MAX
+
+    def pause_s(self, uniform: float) -> float:
+        """Before the next try: longer each time up to a bound, and not for everybody the same. `uniform`: 0 <= x < 1."""
+        return min(CLIENT_PAUSE_S_MAX, CLIENT_PAUSE_S * 3.0 ** (self._failures - 1)) * (0.5 + uniform)
