@@ -106,6 +106,10 @@ class FakeNodes:
     """So many replies are lost after the request was carried out."""
     reply_records_max: int = 1000
     range_max: int = 1000
+    without_lease: set[str] = field(default_factory=set)
+    """They acknowledge nothing, and mark what they read as stale."""
+    ill_timed: Callable[[], None] | None = None
+    """Called once, between a lost reply and the next request."""
     asked: list[tuple[str, Packet]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -136,6 +140,9 @@ class FakeNodes:
         reply = self._answer(address, packet)
         if self.lost_replies:
             self.lost_replies -= 1
+            if self.ill_timed is not None:
+                self.ill_timed, happens = None, self.ill_timed
+                happens()
             raise Unreachable("the connection broke", where=address)
         return decode_packet(encode_packet(reply))
 
@@ -147,7 +154,8 @@ class FakeNodes:
                 return PutManyReply(tuple(self._put(address, item) for item in packet.items))
             case GetMany():
                 found = [self.records.get((key.space, key.location)) for key in packet.keys[: self.reply_records_max]]
-                return GetManyReply(tuple(item and RecordBytes(item.signature, item.header, item.ciphertext) for item in found))
+                records = tuple(item and RecordBytes(item.signature, item.header, item.ciphertext) for item in found)
+                return GetManyReply(records, address in self.without_lease)
             case QueryRange():
                 return self._query(address, packet)
             case ProposeSceneLog():
@@ -177,11 +185,15 @@ class FakeNodes:
         return AcceptSceneProposal(packet.genesis, packet.proposal, bytes(32), (), None, 0, b"")
 
     def _put(self, address: str, item: PutItem) -> PutOutcome:
+        if address in self.without_lease:
+            return PutOutcome(RejectReason.NOT_READY, item.location, NodeId(0))
+        new = RecordHeader.decode(item.header)
+        if new.placement and item.location == new.location:
+            item = replace(item, location=self._choose(address, new))
         owner = self.table.owner_of(item.location)
         if owner.address != address:
             return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner.node_id)
         present = self.records.get((item.space, item.location))
-        new = RecordHeader.decode(item.header)
         header = self.headers.get(item.scene)
         if header is not None and new.epoch < header.write_floor:
             return PutOutcome(RejectReason.MODE_FORBIDS, item.location, NodeId(0))
@@ -196,6 +208,11 @@ class FakeNodes:
         self.records[item.space, item.location] = item
         return PutOutcome(0, item.location, NodeId(0))
 
+    def _choose(self, address: str, header: RecordHeader) -> Location:
+        """A place in this node's arc, the same for the same object."""
+        arc = next(arc for owner, arc in self.table.arcs() if owner.address == address)
+        return Location.from_number(arc.first.number + 1 + header.location.number % 1000)
+
     def _query(self, address: str, packet: QueryRange) -> Packet:
         if self.table.owner_of(packet.first).address != address:
             return RejectRange(packet.scene, packet.space, packet.first, RejectReason.OUTSIDE_BOUNDS)
@@ -203,7 +220,10 @@ class FakeNodes:
         if len(found) > 3 * self.range_max:
             return RejectRange(packet.scene, packet.space, packet.first, RejectReason.TOO_LARGE_FOR_PACKET)
         last = packet.last if len(found) <= self.range_max else found[self.range_max - 1]
-        return ReturnRange(packet.scene, packet.space, packet.first, last, tuple(found[: self.range_max]))
+        headers = [RecordHeader.decode(self.records[packet.space, location].header) for location in found[: self.range_max]]
+        objects = tuple(bytes(header.location[4:]) for header in headers if header.placement)
+        stale = address in self.without_lease
+        return ReturnRange(packet.scene, packet.space, packet.first, last, tuple(found[: self.range_max]), objects, stale)
 
 
 def _status(owner: Owner) -> Status:

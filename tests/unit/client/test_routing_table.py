@@ -39,6 +39,25 @@ def test_a_bound_is_the_last_location_of_its_owner() -> None:
     assert table.owner_of(following) is table.owners[1]
 
 
+def test_nodes_that_own_nothing_are_known_and_asked_for_no_place() -> None:
+    empty = Owner(NodeId(5), "e", None)
+    table = RoutingTable([empty, *_table(even_right_bounds(2)).owners])
+    assert table.by_id(NodeId(5)) is empty and table.owners[-1] is empty
+    assert [owner.node_id for owner, _ in table.arcs()] == [10, 11]
+    assert table.owner_of(LAST).node_id == 11
+    joined = table.updated(Owner(NodeId(5), "e", Location.from_number(9), 1))
+    assert joined.owner_of(FIRST).node_id == 5
+    nobody = RoutingTable([empty])
+    assert (nobody.arcs(), nobody.owner_of(FIRST), nobody.holder_of(FIRST)) == ([], empty, (empty, LAST))
+
+
+@given(st.lists(LOCATIONS, min_size=1, max_size=12), LOCATIONS)
+def test_a_holder_is_the_owner_of_all_up_to_its_end(bounds: list[Location], location: Location) -> None:
+    table = _table(bounds)
+    owner, end = table.holder_of(location)
+    assert next(arc.last for holder, arc in table.arcs() if holder is owner) == end
+
+
 def test_only_newer_news_change_the_table() -> None:
     table = RoutingTable([Owner(NodeId(1), "a", Location.from_number(5), 7), Owner(NodeId(2), "b", LAST, 7)])
     assert table.updated(Owner(NodeId(1), "a", Location.from_number(9), 7)) is table

@@ -1,0 +1,155 @@
+"""If this fails, a client gives up before a lease comes back, waits for ever, believes what may be outdated, or does twice what was asked once."""
+
+from __future__ import annotations
+
+import pytest
+import trio
+from trio.testing import MockClock
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_TRIES_MAX
+from scenefold.base.location import FIRST, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.fresh import FreshItem, put_fresh
+from scenefold.client.patience import Patience
+from scenefold.client.space import ABSENT
+from scenefold.crypto import wanted_place
+from unit.client.fake_nodes import FakeNodes
+from unit.client.test_records import FILES, ITEMS, PLACES, _scene
+
+LEASE_GAP_S = 12.0
+
+
+def test_a_silent_node_wears_patience_out_sooner() -> None:
+    silent, not_now, lasting = Patience(), Patience(), Patience()
+    assert [silent.bears(Unreachable("")) for _ in range(CLIENT_TRIES_MAX)] == [True] * (CLIENT_TRIES_MAX - 1) + [False]
+    total_s = 0.0
+    for _ in range(CLIENT_BUSY_TRIES_MAX - 1):
+        assert not_now.bears(Refused(RejectReason.NOT_READY, ""))
+        total_s += not_now.pause_s(0.0)
+    assert not not_now.bears(None)
+    assert total_s > LEASE_GAP_S
+    assert not lasting.bears(Refused(RejectReason.STALE_VERSION, ""))
+
+
+async def test_a_lease_gap_is_waited_for(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    nodes.without_lease = set(nodes.addresses)
+
+    async def renew() -> None:
+        await trio.sleep(LEASE_GAP_S)
+        nodes.without_lease = set()
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(renew)
+        await space.put_many(ITEMS)
+    nodes.without_lease = set(nodes.addresses)
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(renew)
+        assert await space.get_many(PLACES) == [payload for _, payload in ITEMS]
+    nodes.without_lease = set(nodes.addresses)
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(renew)
+        assert [location async for location in space.query()] == PLACES
+
+
+async def test_a_stale_answer_counts_only_where_it_is_welcome(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    nodes.without_lease = set(nodes.addresses)
+    assert await space.get(PLACES[3], stale_ok=True) == ITEMS[3][1]
+    with trio.fail_after(60), pytest.raises(Refused, match="may be stale") as refused:
+        await space.get(PLACES[3])
+    assert refused.value.reason is RejectReason.NOT_READY
+    with trio.fail_after(60), pytest.raises(Refused, match="may be stale"):
+        [location async for location in space.query()]
+    with trio.fail_after(60), pytest.raises(Refused, match="busy or keep changing"):
+        await space.put(FIRST, b"x")
+
+
+async def test_what_became_of_a_write_is_not_guessed(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    mine, other = _scene(nodes).space(FILES), _scene(nodes).space(FILES)
+    await mine.put(FIRST, b"before")
+    stored = dict(nodes.records)
+    await other.put(FIRST, b"another one")
+    newer = dict(nodes.records)
+    nodes.records = stored
+    nodes.lost_replies, nodes.ill_timed = 1, lambda: nodes.records.update(newer)
+    mine._access.sequencer._last = 1_600_000_000_000_000
+    with pytest.raises(Unreachable, match="answer to a write was lost"):
+        await mine.put(FIRST, b"perhaps", expect=bytes(32))
+    assert await mine.get(FIRST) == b"another one"
+
+
+async def test_a_deleted_place_is_empty_and_free_again(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    space = scene.space(FILES)
+    with pytest.raises(Refused, match="another version"):
+        await space.delete(FIRST, expect=bytes(32))
+    first = await space.put(FIRST, b"one", expect=ABSENT)
+    deleted = await space.delete(FIRST, expect=first)
+    assert deleted != first
+    assert await space.get(FIRST) is None
+    assert [location async for location in space.query()] == [FIRST], "a range lists it still"
+    assert await space.put(FIRST, b"two", expect=ABSENT)
+    assert await space.get(FIRST) == b"two"
+    with pytest.raises(Refused, match="there is a record already"):
+        await space.put(FIRST, b"three", expect=ABSENT)
+
+
+async def test_deletions_differ_in_length(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    for place in PLACES:
+        await space.delete(place)
+    assert len({len(item.ciphertext) for item in nodes.records.values()}) > 1
+
+
+async def test_an_import_steps_over_deleted_records(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    await scene.space(FILES).delete(FIRST)
+    [stored] = await put_fresh(scene.access, [FreshItem(FILES, FIRST, b"atom")])
+    assert stored.location == FIRST.next()
+
+
+async def test_node_managed_records_from_birth_to_death(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    records = scene.space(9).managed
+    stored = [await records.put(b"image %d" % number) for number in range(12)]
+    places = [one.place for one in stored]
+    assert {nodes.table.owner_of(place.location) for place in places} == {nodes.table.owner_of(wanted_place(places[0].object))}
+    assert sorted(await _all(records)) == sorted(places)
+    assert await records.get(places) == [b"image %d" % number for number in range(12)]
+    again = await records.replace(places[0], b"newer", expect=stored[0].digest)
+    assert again.place == places[0]
+    with pytest.raises(Refused, match="another version"):
+        await records.replace(places[0], b"late", expect=stored[0].digest)
+    await records.delete(places[1])
+    assert await records.get(places[:3]) == [b"newer", None, b"image 2"]
+    assert await scene.space(9).put_managed(b"one more") in await _all(records)
+
+
+async def test_a_node_cannot_give_one_object_for_another(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    records = _scene(nodes).space(9).managed
+    one, other = (await records.put(b"one")).place, (await records.put(b"other")).place
+    nodes.records[9, one.location] = nodes.records[9, other.location]
+    with pytest.raises(Exception, match="belongs elsewhere"):
+        await records.get([one])
+
+
+async def _all(records: object) -> list[object]:
+    return [place async for place in records.query()]  # type: ignore[attr-defined]
+
+
+async def test_half_of_a_range_is_asked_for_where_the_whole_is_too_large(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes(range_max=2)
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    assert [location async for location in space.query(Location.from_number(0))] == PLACES
