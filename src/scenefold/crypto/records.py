@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -72,9 +72,9 @@ class Record:
         return cls(data[:HEADER_BYTES], data[HEADER_BYTES:start], data[start:])
 
 
-def new_symmetric_key() -> bytes:
-    """A key for the records of a scene: 24 bytes, AES-192."""
-    return AESGCM.generate_key(SYMMETRIC_KEY_BYTES * 8)
+def new_symmetric_key(token: Callable[[int], bytes]) -> bytes:
+    """A key for the records of a scene: 24 bytes, AES-192. `token` draws that many random bytes (world.entropy.token)."""
+    return token(SYMMETRIC_KEY_BYTES)
 
 
 def _cipher(symmetric_key: bytes) -> AESGCM:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from dataclasses import replace
 from itertools import pairwise
 
@@ -138,7 +139,7 @@ def test_a_signature_for_another_purpose() -> None:
 
 def test_another_scene_key() -> None:
     with pytest.raises(DamagedData, match="cannot be opened"):
-        open_record(RECORD, new_symmetric_key())
+        open_record(RECORD, new_symmetric_key(secrets.token_bytes))
     for wrong in (b"", b"k" * 16, b"k" * 32):
         with pytest.raises(LocalFault, match="24 bytes"):
             open_record(RECORD, wrong)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from scenefold.world.sim.machines import Machine, Point, Trap
 from scenefold.world.sim.paths import Partition, Paths
+from scenefold.world.sim.time import nanoseconds
 from scenefold.world.sim.weather import Weather
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class Faults:
         """
         self.note("pause", name, seconds)
         machine = self.machine(name)
-        machine.paused_until = max(machine.paused_until, self.now + seconds)
+        machine.paused_until = max(machine.paused_until, nanoseconds(self.now + seconds))
 
     def crash(self, name: str, *, silent: bool = False, torn: bool = False) -> None:
         """Kill all processes of a machine, now. The caller then cancels their tasks.

@@ -25,6 +25,8 @@ from trio.lowlevel import Task
 GRACE_STEPS = 100_000
 """Steps that the tasks have for their end once a limit is passed; then the run is broken off."""
 STEPS_BETWEEN_CHECKS = 4_096
+EVENTS_AT_ONCE_MAX = 1_000_000
+"""Events at one instant: a thousand nodes that all send to all others at once, without any delay."""
 POLLS_MAX = 100
 """Looks for what Trio itself has under way (it finalizes generators through a pipe) before an idle run is a deadlock."""
 COLLECT_STEPS = 1 << 18
@@ -56,6 +58,8 @@ class VirtualTime(trio.abc.Clock):
         self._next_collection = COLLECT_STEPS
         self._failed_at = math.inf
         self._polls = 0
+        self._events_before = 0
+        """How many there were when time last moved."""
         self.main = trio.CancelScope()
         """What a failure cancels: everything that the simulation runs should be inside."""
 
@@ -99,7 +103,10 @@ class VirtualTime(trio.abc.Clock):
             when, _, function, args = heapq.heappop(queue)
             if when > self._virtual_s_max and self._too_late(when):
                 return 0.0
-            self.now = max(self.now, when)
+            if when > self.now:
+                self.now, self._events_before = when, self.events
+            elif self.events - self._events_before > EVENTS_AT_ONCE_MAX:
+                self.fail(SimulationStuck(f"time stands still at {self.now:.9f} s: {function} is due again and again\n{who_waits()}"))
             self.events += 1
             self._polls = 0
             try:
