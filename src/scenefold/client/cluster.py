@@ -87,7 +87,7 @@ class Cluster:
         self.name = profile.name
         self.links = links
         self.calls = Calls(world, links, [m.address for m in members], [m.node_id for m in members])
-        self.scenes = Scenes(self.calls, profile.keyring, writer, members[0].node_id)
+        self.scenes = Scenes(self.calls, profile.keyring, writer, profile.voters[0])
 
     async def nodes(self) -> list[Owner]:
         """All members with their right bounds, in the order of the line, as one of them knows them."""
