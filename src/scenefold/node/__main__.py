@@ -24,7 +24,8 @@ from scenefold.base.kernel_cache import use_kernel_cache
 from scenefold.node.logs import set_up_logs
 from scenefold.node.running import run_node
 from scenefold.peer import NodeSettings
-from scenefold.peer.settings import SEED_WAIT_S, default_data_folder, processors
+from scenefold.peer.settings import SEED_WAIT_S, TRANSFER_BYTES_PER_S, default_data_folder, place_of, processors
+from scenefold.peer.timing import REMOVE_AFTER_S
 from scenefold.world import background_tasks
 
 DONE, FAILED, WRONG_USAGE, UNREACHABLE, REFUSED = range(5)
@@ -116,7 +117,13 @@ def _settings(options: argparse.Namespace) -> NodeSettings:
         seeds=tuple(options.seed),
         seed_wait_s=options.seed_wait,
         memory_bytes=options.memory,
+        capacity_bytes=options.capacity,
         render_threads=options.threads,
+        remove_after_s=options.remove_after,
+        transfer_bytes_per_s=options.transfer,
+        blacklist=tuple(options.blacklist),
+        join_place=place_of(options.join_at),
+        balance=options.balance,
         log_format=options.log_format,
         log_level=options.log_level,
     )
@@ -130,6 +137,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", action="append", default=[], help="address to look for first; may be repeated")
     parser.add_argument("--seed-wait", type=float, default=SEED_WAIT_S, help="seconds until silent seeds are an error")
     parser.add_argument("--memory", type=int, default=0, help="bytes of memory to use; 0: half of the machine's")
+    parser.add_argument("--capacity", type=int, default=0, help="bytes that the node may store; 0: what the disk holds")
+    parser.add_argument("--remove-after", type=float, default=REMOVE_AFTER_S, help="seconds of silence before a node may be removed")
+    parser.add_argument("--transfer", type=int, default=TRANSFER_BYTES_PER_S, help="bytes a second for moving data")
+    parser.add_argument("--blacklist", action="append", default=[], help="address of a node that gets no copies; may be repeated")
+    parser.add_argument("--join-at", default="loaded", help="place of a newcomer: loaded, random, or a location in hexadecimal")
+    parser.add_argument("--balance", action=argparse.BooleanOptionalAction, default=True, help="move bounds to even out the load")
     parser.add_argument("--threads", type=int, default=processors(), help="threads that may render")
     parser.add_argument("--log-format", choices=("console", "json"), default="console")
     parser.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="info")

@@ -1,4 +1,9 @@
-"""A whole node in one call: world, store, links, services, extensions; all end when the call is cancelled."""
+"""A whole node in one call: store, links, services, extensions; all end when the call is cancelled.
+
+`run_assembled` is one life of a node in any world, real or simulated; `run_node` takes profile, keys and the real
+world from this machine. A life may end because the store has taken a new incarnation (IdentityRenewed, see
+peer/enrolment.py): then the next one begins at once, with nothing left of what was in memory.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +12,12 @@ from collections.abc import Sequence
 
 import trio
 
-from scenefold.peer import Extension, NodeContext, NodeSettings, PeerServices
+from scenefold.base.ids import node_id_of
+from scenefold.crypto import SigningKey
+from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeSettings, PeerServices
 from scenefold.store import LmdbDisk, open_store
-from scenefold.world import background_tasks, open_links, real_world
+from scenefold.world import World, background_tasks, open_links, real_world
+from scenefold.world.facts import ClusterFacts
 from scenefold.world.profile import ClusterProfile
 
 _log = logging.getLogger("scenefold.node")
@@ -28,6 +36,7 @@ async def run_node(
     """
     profile = ClusterProfile.load(settings.profile_folder)
     me = profile.member(settings.address)
+    signing_key, log_key = profile.node_signing_key(me.address), profile.log_signing_key(me.address)
     world = real_world(
         profile.node_identity(me.address),
         profile.authority_certificate(),
@@ -35,21 +44,48 @@ async def run_node(
         disk=LmdbDisk(),
         lanes={"render": settings.render_threads},
     )
+    chosen = default_extensions() if extensions is None else extensions
+    joined, first = trio.Event(), _FirstStart(task_status)
+    while True:
+        try:
+            await run_assembled(settings, profile.facts(), signing_key, log_key, world, chosen, joined=joined, task_status=first)
+        except IdentityRenewed:
+            _log.info("node %s begins its next life", me.address)
+
+
+async def run_assembled(
+    settings: NodeSettings,
+    facts: ClusterFacts,
+    signing_key: SigningKey,
+    log_signing_key: SigningKey | None,
+    world: World,
+    extensions: Sequence[Extension] = (),
+    *,
+    joined: trio.Event | None = None,
+    task_status: trio.TaskStatus[NodeContext] = trio.TASK_STATUS_IGNORED,
+) -> None:
+    """One life of a node in this world, until cancelled; started, with its context, once it listens on all ports.
+
+    `log_signing_key`: on the voter, the key of the cluster's log. `joined`: set once the node has joined; of the next
+    life too, if it is given again. IdentityRenewed: run it again on the same disk. Errors are those of `run_node`.
+    """
     async with (
-        open_store(world, settings.data_folder, me.node_id) as store,
+        open_store(world, settings.data_folder, node_id_of(settings.address)) as store,
         open_links(world) as links,
         background_tasks() as nursery,
     ):
-        services = PeerServices(settings, profile, world, store, links)
-        for extension in default_extensions() if extensions is None else extensions:
+        services = PeerServices(
+            settings, facts, signing_key, log_signing_key, world, store, links, joined=trio.Event() if joined is None else joined
+        )
+        for extension in extensions:
             await nursery.start(extension.run, services.context)
         await nursery.start(services.run)
         _log.info(
             "node %s of cluster %s is ready: ports %d and %d, boot %d, data in %s",
-            me.address,
-            profile.name,
-            profile.ports.low,
-            profile.ports.high,
+            settings.address,
+            facts.name,
+            facts.ports.low,
+            facts.ports.high,
             store.identity.boot,
             settings.data_folder,
         )
@@ -62,3 +98,16 @@ def default_extensions() -> list[Extension]:
     from scenefold.node.rendering import RenderExtension
 
     return [RenderExtension()]
+
+
+class _FirstStart:
+    """A task has started once, however many lives the node has."""
+
+    def __init__(self, status: trio.TaskStatus[NodeContext]) -> None:
+        self._status = status
+        self._is_told = False
+
+    def started(self, context: NodeContext) -> None:
+        if not self._is_told:
+            self._is_told = True
+            self._status.started(context)

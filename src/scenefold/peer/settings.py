@@ -8,11 +8,19 @@ from pathlib import Path
 from typing import Literal
 
 from scenefold.base.errors import UsageFault
-from scenefold.base.ids import node_id_of
+from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.limits import BLACKLIST_MAX
+from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.peer.timing import REMOVE_AFTER_S, T_WAIT_S
 
 SEED_WAIT_S = 30.0
 """A seed that is being started beside us needs a few seconds; one that is silent for longer is not there."""
 THREADS_MAX = 1_024
+TRANSFER_BYTES_PER_S = 64 * 1024 * 1024
+"""Of handovers and strays together: half of a gigabit link, so that reads and writes keep the other half."""
+
+Place = Literal["loaded", "random"] | Location
+"""Where a newcomer stands: in the middle of the most loaded node's arc, anywhere, or where it is told to."""
 
 
 def processors() -> int:
@@ -27,7 +35,12 @@ def machine_memory_bytes() -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeSettings:
-    """Settings of one node. `seeds` empty: those of the profile. `memory_bytes` 0: half of the machine's."""
+    """Settings of one node. `seeds` empty: those of the profile. `memory_bytes` 0: half of the machine's.
+
+    `capacity_bytes`: what the node may store, 0: what the disk holds. `remove_after_s`: nobody is removed who was heard
+    within this time. `transfer_bytes_per_s`: bound on moving data. `blacklist`: addresses of nodes that must not hold
+    copies of this node's data. `balance`: whether this node moves its bounds by itself.
+    """
 
     profile_folder: Path
     address: str
@@ -35,17 +48,29 @@ class NodeSettings:
     seeds: tuple[str, ...] = ()
     seed_wait_s: float = SEED_WAIT_S
     memory_bytes: int = 0
+    capacity_bytes: int = 0
     render_threads: int = 1
+    remove_after_s: float = REMOVE_AFTER_S
+    transfer_bytes_per_s: int = TRANSFER_BYTES_PER_S
+    blacklist: tuple[str, ...] = ()
+    join_place: Place = "loaded"
+    balance: bool = True
     log_format: Literal["console", "json"] = "console"
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
     def __post_init__(self) -> None:
         if not 1 <= self.render_threads <= THREADS_MAX:
             raise UsageFault(f"{self.render_threads} render threads", remedy=f"give a number from 1 to {THREADS_MAX}")
-        if self.memory_bytes < 0 or self.seed_wait_s <= 0:
-            raise UsageFault("memory and seconds to wait cannot be negative", remedy="leave them at their defaults")
+        if self.memory_bytes < 0 or self.capacity_bytes < 0 or self.seed_wait_s <= 0:
+            raise UsageFault("memory, capacity and seconds to wait cannot be negative", remedy="leave them at their defaults")
+        if not self.remove_after_s >= T_WAIT_S:
+            raise UsageFault(f"removal after {self.remove_after_s:g} s", remedy=f"give at least {T_WAIT_S:g}, the time that a lease lasts")
+        if self.transfer_bytes_per_s < 1:
+            raise UsageFault(f"transfers of {self.transfer_bytes_per_s} bytes a second", remedy="give at least 1")
+        if len(self.blacklist) > BLACKLIST_MAX:
+            raise UsageFault(f"a blacklist of {len(self.blacklist)} nodes", remedy=f"give {BLACKLIST_MAX} at most")
 
-        for address in (self.address, *self.seeds):
+        for address in (self.address, *self.seeds, *self.blacklist):
             try:
                 node_id_of(address)
             except ValueError:
@@ -56,6 +81,11 @@ class NodeSettings:
         """What the node may use of the machine's memory."""
         return self.memory_bytes or machine_memory_bytes() // 2
 
+    @property
+    def blacklisted(self) -> tuple[NodeId, ...]:
+        """The nodes of the blacklist."""
+        return tuple(map(node_id_of, self.blacklist))
+
     @classmethod
     def for_member(cls, profile_folder: Path, address: str, *, data: Path | None = None, threads: int | None = None) -> NodeSettings:
         """The usual settings of a member: data in the user's data folder, a thread for every processor."""
@@ -65,6 +95,18 @@ class NodeSettings:
             data_folder=data if data is not None else default_data_folder(profile_folder, address),
             render_threads=threads if threads is not None else processors(),
         )
+
+
+def place_of(text: str) -> Place:
+    """A place as it is written: "loaded", "random", or a location in hexadecimal, cut short or in full."""
+    if text == "loaded" or text == "random":
+        return text
+    try:
+        return Location(bytes.fromhex(text).ljust(LOCATION_BYTES, b"\0"))
+    except ValueError:
+        raise UsageFault(
+            f"{text!r} is no place on the line", remedy='give "loaded", "random", or hexadecimal digits, 80 for the middle'
+        ) from None
 
 
 def default_data_folder(profile_folder: Path, address: str) -> Path:
