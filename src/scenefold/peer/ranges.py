@@ -31,20 +31,20 @@ class Ranges:
     def register(self, handlers: Handlers) -> None:
         handlers.add(QueryRange, self._on_query)
 
-    async def answer(self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX) -> ReturnRange | RejectRange:
-        """At most `limit` locations; Refused (19) if nobody knows the scene."""
-        await self._scenes.known(packet.scene)
+    async def answer(self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX, *, ask: bool = True) -> ReturnRange | RejectRange:
+        """At most `limit` locations; Refused (19) if nobody knows the scene, or without `ask` this node does not."""
+        await self._scenes.known(packet.scene, ask=ask)
         for _ in range(LOOKS_MAX):
             mine = self._mine(packet)
             if mine is None:
-                return _rejection(packet, RejectReason.OUTSIDE_BOUNDS)
+                return range_rejection(packet, RejectReason.OUTSIDE_BOUNDS)
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
             if self._mine(packet) != mine:
                 # What was given away may have been deleted while we looked.
                 continue
             stale = not self._lease.holds()
             if stale and not answer.locations:
-                return _rejection(packet, RejectReason.NOT_READY)
+                return range_rejection(packet, RejectReason.NOT_READY)
             return ReturnRange(
                 scene=packet.scene,
                 space=packet.space,
@@ -54,7 +54,7 @@ class Ranges:
                 objects=tuple(answer.objects),
                 stale=stale,
             )
-        return _rejection(packet, RejectReason.NOT_READY)
+        return range_rejection(packet, RejectReason.NOT_READY)
 
     def _mine(self, packet: QueryRange) -> Arc | None:
         arc = self._line.arc
@@ -64,5 +64,6 @@ class Ranges:
         return await self.answer(packet)
 
 
-def _rejection(packet: QueryRange, reason: RejectReason) -> RejectRange:
+def range_rejection(packet: QueryRange, reason: RejectReason) -> RejectRange:
+    """The answer for a question that gets none."""
     return RejectRange(scene=packet.scene, space=packet.space, location=packet.first, reason=reason)
