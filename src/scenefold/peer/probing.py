@@ -21,11 +21,12 @@ from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.peers import Peers
-from scenefold.peer.removal import UNREGISTERED, Evidence, removal_veto
+from scenefold.peer.registry import NO_INCARNATION, Registry
+from scenefold.peer.removal import Evidence, removal_veto, silence_needed_s
 from scenefold.peer.roster import Roster
 from scenefold.peer.settings import NodeSettings
 from scenefold.peer.status import OwnStatus
-from scenefold.peer.suspicion import PROPOSE_SPREAD_S, Cause, Suspect, Suspicion
+from scenefold.peer.suspicion import PROPOSE_LATER_S, PROPOSE_SPREAD_S, Cause, Suspect, Suspicion
 from scenefold.wire import Member, Packet, ProbeFor, ProbeResult, RemoveNode
 from scenefold.world import Priority, World
 
@@ -101,6 +102,7 @@ class Probing:
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Watch until cancelled. Gossip must run."""
         async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._tell_removals)
             task_status.started()
             while True:
                 await self._world.clock.sleep(LOOK_S)
@@ -151,7 +153,7 @@ class Probing:
             case Verdict.NOT_HEARD:
                 if suspect.silent_at is None:
                     _log.info("%s is silent: %s", address_of(suspect.node), suspect.cause.value)
-                self.suspicion.nobody_hears(suspect, tuple(helpers), self._hold_back_s(), now)
+                self.suspicion.nobody_hears(suspect, tuple(helpers), self._hold_back_s(suspect.member), now)
             case Verdict.NOBODY_ANSWERED:
                 self.suspicion.nobody_to_ask(suspect, now)
 
@@ -165,11 +167,22 @@ class Probing:
             _log.info("the removal of %s was not committed: %s", address_of(suspect.node), problem)
             self.suspicion.refused(suspect, self._world.clock.now())
 
-    def _hold_back_s(self) -> float:
-        """The voter hears best, so it is the first to propose; the others by chance, the fewer they are the sooner."""
+    async def _tell_removals(self) -> None:
+        """Say on every node who was removed, and why; when, says the line."""
+        registry: Registry = self._cluster_log.registry
+        while True:
+            before = registry.position
+            registry = await self._cluster_log.changed_after(before)
+            for removal in registry.removed.values():
+                if removal.position > before:
+                    node = address_of(removal.member.node)
+                    _log.info("%s was removed at position %d of the cluster's log: %s", node, removal.position, removal.reason)
+
+    def _hold_back_s(self, member: Member) -> float:
         if self._own.me in self._cluster_log.registry.voters:
             return 0.0
-        return self._world.entropy.uniform() * PROPOSE_SPREAD_S * self._roster.count
+        by_chance_s = self._world.entropy.uniform() * PROPOSE_SPREAD_S * self._roster.count
+        return silence_needed_s(member, self._remove_after_s) + PROPOSE_LATER_S + by_chance_s
 
     def _helpers(self, target: NodeId) -> list[NodeId]:
         candidates = [node for node in self._roster.alive() if node not in (self._own.me, target)]
@@ -181,7 +194,7 @@ class Probing:
     # --------------------------------------------------------------------------------------------------- evidence
 
     def _member(self, node: NodeId) -> Member:
-        return Member(node, self._roster.incarnation(node) or UNREGISTERED)
+        return Member(node, self._roster.incarnation(node) or NO_INCARNATION)
 
     def _signs_of(self, member: Member) -> int | None:
         """Signs of life of a member; None if it is one no longer."""
@@ -193,7 +206,7 @@ class Probing:
     def _proof_of(self, member: Member) -> float:
         known = self._roster.proof_at(member.node)
         # A founder without an incarnation has no status that could count: that it speaks at all is proof.
-        met = self._gossip.met_at(member.node) if member.incarnation == UNREGISTERED else None
+        met = self._gossip.met_at(member.node) if member.incarnation == NO_INCARNATION else None
         return max(value for value in (known, met, float("-inf")) if value is not None)
 
     def _objection(self, member: Member) -> str | None:

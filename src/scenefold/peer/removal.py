@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scenefold.peer.registry import NO_INCARNATION
 from scenefold.wire import Member
 
-UNREGISTERED = bytes(16)
-"""Stands for the incarnation of a founder that never came."""
 UNREGISTERED_FACTOR = 5
 """Such a founder holds a seat and nothing else: a slow start of the cluster is no reason to take it."""
 
@@ -33,7 +32,7 @@ class Evidence:
 
 def silence_needed_s(member: Member, remove_after_s: float) -> float:
     """The silence that the removal of a member takes."""
-    return remove_after_s * (UNREGISTERED_FACTOR if member.incarnation == UNREGISTERED else 1)
+    return remove_after_s * (UNREGISTERED_FACTOR if member.incarnation == NO_INCARNATION else 1)
 
 
 def removal_veto(member: Member, evidence: Evidence, remove_after_s: float, now: float) -> str | None:

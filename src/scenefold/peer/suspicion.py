@@ -31,8 +31,11 @@ CLEARED_S = 15.0
 """Who was heard is not suspected again for so long, though the cause may last: one-way cuts do."""
 REFUSED_AGAIN_S = 15.0
 """Until a removal is proposed again that the voter did not want, or that did not reach it."""
+PROPOSE_LATER_S = 5.0
+"""The voter hears best and proposes first; the others come in only if it has not, and count from their own first round
+of probing: what they have heard by gossip may be a long time ago."""
 PROPOSE_SPREAD_S = 0.1
-"""For each member: who proposes holds back by chance, so that not all propose at once."""
+"""For each member: the others hold back by chance besides, so that not all propose at once."""
 FRESH_S = 40.0
 """A proposal rests on a round of probing that is not older."""
 
@@ -88,9 +91,8 @@ class Suspect:
     rounds: int = 0
     silent_at: float | None = None
     """End of the last round of probing in which nobody heard it."""
-    hold_back_s: float = 0.0
     propose_from: float = 0.0
-    """Not before that, after a refusal."""
+    """Not before that: who proposes holds back, and lets the voter rest after a refusal."""
     helpers: tuple[NodeId, ...] = ()
     """Who was asked to probe it in the last round."""
 
@@ -158,10 +160,13 @@ class Suspicion:
             self._end_round(suspect, now)
 
     def nobody_hears(self, suspect: Suspect, helpers: tuple[NodeId, ...], hold_back_s: float, now: float) -> None:
-        """It answered neither us nor those `helpers` who could be asked, if there are any. `hold_back_s`: before proposing."""
+        """It answered neither us nor those `helpers` who could be asked, if there are any.
+
+        `hold_back_s`: at the first such round, how long we leave it to others to propose the removal.
+        """
         if self._step(suspect, Event.NOBODY_HEARS):
             if suspect.silent_at is None:
-                suspect.hold_back_s = hold_back_s
+                suspect.propose_from = now + hold_back_s
             self._end_round(suspect, now)
             suspect.silent_at = now
             suspect.helpers = helpers
@@ -181,7 +186,7 @@ class Suspicion:
             return False
         if suspect.silent_at is None or now - suspect.silent_at > FRESH_S:
             return False
-        needed_s = silence_needed_s(suspect.member, self._remove_after_s) + suspect.hold_back_s
+        needed_s = silence_needed_s(suspect.member, self._remove_after_s)
         return now - proof_at(suspect) >= needed_s and self._step(suspect, Event.LONG_ENOUGH)
 
     def _end_round(self, suspect: Suspect, now: float) -> None:

@@ -1,127 +1,25 @@
-"""If this fails, nodes don't find each other, or believe what nobody signed.
-
-Datagrams go through a network in memory, in virtual time: no sockets, no waiting.
-"""
+"""If this fails, nodes don't find each other, or believe what nobody signed, or what a removed incarnation says."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
-from random import Random
-from types import SimpleNamespace
-from typing import Any, cast
+from dataclasses import replace
 
 import pytest
 import trio
 
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
-from scenefold.crypto import STATUS_DOMAIN, SigningKey, sign_datagram
-from scenefold.peer import OwnStatus, Roster, Routing
-from scenefold.peer.gossip import Gossip
-from scenefold.wire import PingBroadcast, RequestState, RequestTable, Status, encode_packet
-from scenefold.world import Endpoint, World
+from scenefold.base.location import LAST, WHOLE_LINE, Location
+from scenefold.crypto import STATUS_DOMAIN, SigningKey, parse_datagram, sign_datagram, verify_datagram
+from scenefold.peer.gossip import CLAIM_PATIENCE_S, KNOCKS_MAX
+from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status, decode_packet, encode_packet
+from unit.peer.village import FIRST, Village, incarnation_of, key_of, node_at, until, village
 
-FIRST = node_id_of("127.0.0.2")
 DROPPED = pytest.mark.expect_log("is dropped|has no business here")
 
 
-@dataclass
-class Ether:
-    """Carries datagrams between addresses; keeps them all."""
-
-    boxes: dict[str, trio.MemorySendChannel[tuple[bytes, Endpoint]]] = field(default_factory=dict)
-    sent: list[bytes] = field(default_factory=list)
-    lost: Callable[[str, str], bool] = lambda _source, _target: False
-
-    def send(self, data: bytes, source: str, target: str) -> None:
-        self.sent.append(data)
-        box = self.boxes.get(target)
-        if box is not None and not self.lost(source, target):
-            box.send_nowait((data, Endpoint(source, 1)))
-
-
-class Box:
-    """`Datagrams` of one address."""
-
-    def __init__(self, ether: Ether, address: str) -> None:
-        self._ether, self.here = ether, Endpoint(address, 1)
-        ether.boxes[address], self._inbox = trio.open_memory_channel[tuple[bytes, Endpoint]](10_000)
-
-    async def send(self, data: bytes, target: Endpoint | str) -> None:
-        self._ether.send(data, self.here.address, target if isinstance(target, str) else target.address)
-
-    async def receive(self) -> tuple[bytes, Endpoint]:
-        return await self._inbox.receive()
-
-    async def aclose(self) -> None:
-        self._ether.boxes.pop(self.here.address, None)
-
-
-class TrioClock:
-    def now(self) -> float:
-        return trio.current_time()
-
-    async def sleep(self, seconds: float) -> None:
-        await trio.sleep(seconds)
-
-
-def a_world(ether: Ether, random: Random) -> World:
-    async def open_datagrams(address: str, _priority: object) -> Box:
-        return Box(ether, address)
-
-    network = SimpleNamespace(open_datagrams=open_datagrams)
-    entropy = SimpleNamespace(uniform=random.random)
-    return World(TrioClock(), cast(Any, entropy), cast(Any, None), cast(Any, network), cast(Any, None))
-
-
-@dataclass
-class Node:
-    own: OwnStatus
-    roster: Roster
-    gossip: Gossip
-    key: SigningKey
-
-
-@dataclass
-class Village:
-    """Nodes that gossip."""
-
-    ether: Ether
-    nodes: dict[NodeId, Node]
-    nursery: trio.Nursery
-
-    def of(self, index: int) -> Node:
-        return self.nodes[NodeId(FIRST + index)]
-
-    async def start(self, index: int) -> None:
-        await self.nursery.start(self.of(index).gossip.run)
-
-
-@asynccontextmanager
-async def village(count: int, seeds: tuple[str, ...] = ()) -> AsyncIterator[Village]:
-    ether, random = Ether(), Random(1)
-    members = [NodeId(FIRST + index) for index in range(count)]
-    signing = {member: SigningKey.from_seed(bytes([member & 255] * 32)) for member in members}
-    keys = {member: key.public for member, key in signing.items()}
-    routing = Routing(members)
-    nodes = {}
-    for member in members:
-        address, bound = address_of(member), routing.arc_of(member).last
-        own = OwnStatus(member, address, bytes(16), 1, bound, signing[member])
-        roster = Roster(member, members)
-        gossip = Gossip(a_world(ether, random), own, roster, routing, keys, seeds)
-        nodes[member] = Node(own, roster, gossip, signing[member])
-    async with trio.open_nursery() as nursery:
-        yield Village(ether, nodes, nursery)
-        nursery.cancel_scope.cancel()
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    """Let virtual seconds pass until the condition holds: what it looks at is pure and tells nobody of changes."""
-    for _ in iter(condition, True):
-        await trio.sleep(1.0)
+def opened(source: str, data: bytes) -> Packet:
+    return decode_packet(verify_datagram(parse_datagram(data), key_of(node_id_of(source)).public))
 
 
 async def test_nodes_find_each_other_at_once(autojump_clock: trio.testing.MockClock) -> None:
@@ -169,42 +67,121 @@ async def test_datagrams_stay_small_and_the_table_goes_round(autojump_clock: tri
             for node in them.nodes.values():
                 await node.gossip.everybody_heard()
         await trio.sleep(20)
-        assert max(map(len, them.ether.sent)) <= DATAGRAM_BYTES_MAX
-        assert max(map(len, them.ether.sent)) > DATAGRAM_BYTES_MAX * 3 // 4, "there was room for more"
+        sizes = [len(data) for _source, _target, data in them.ether.sent]
+        assert max(sizes) <= DATAGRAM_BYTES_MAX
+        assert max(sizes) > DATAGRAM_BYTES_MAX * 3 // 4, "there was room for more"
+
+
+async def test_the_own_status_comes_first(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(4) as them:
+        for index in range(4):
+            await them.start(index)
+        await trio.sleep(30)
+        for source, _target, data in them.ether.sent:
+            node, packet = node_id_of(source), opened(source, data)
+            if isinstance(packet, PingBroadcast):
+                assert packet.statuses[0].node == node
+            else:
+                assert isinstance(packet, RequestState) and packet.mini_status is not None and packet.mini_status.node == node
+
+
+# ----------------------------------------------------------------------------------------------------------- the log
+
+
+async def test_members_come_and_go_with_the_log(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(4, registered=3) as them:
+        for index in range(4):
+            await them.start(index)
+        await trio.sleep(5)
+        assert not them.of(0).roster.is_believed_alive(node_at(3)), "it speaks, but nobody has registered it"
+        them.register(3)
+        with trio.fail_after(1.0):
+            for node in them.nodes.values():
+                await node.gossip.everybody_heard()
+        them.commit(RemoveNode(Member(node_at(1), incarnation_of(1)), "test"))
+        await trio.sleep(30)
+        assert list(them.of(0).roster.peers) == [node_at(2), node_at(3)]
+        assert [status.node for status in them.of(0).roster.statuses()] == [node_at(2), node_at(3)]
+
+
+async def test_a_removed_incarnation_is_not_heard_under_its_successor(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(5)
+        them.commit(RemoveNode(Member(node_at(2), incarnation_of(2)), "test"))
+        await trio.sleep(5)
+        # The old one still speaks, and tells others what it believes.
+        assert not them.of(0).roster.is_peer(node_at(2))
+        assert [status.node for status in them.of(0).roster.statuses()] == [node_at(1)]
+
+
+async def test_who_knows_more_of_the_log_is_noticed_before_it_is_known(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3, registered=2) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(1)
+        them.of(0).log.claims.clear()
+        them.of(2).own.log_position = 77
+        await trio.sleep(10)
+        assert (node_at(2), 77) in them.of(0).log.claims, "a stranger to the log may be right: we may be behind"
+
+
+async def test_an_old_datagram_does_not_depose_an_incarnation_after_a_restart(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(2) as them:
+        old = them.of(1).own
+        before = sign_datagram(
+            old.key,
+            old.me,
+            1,
+            encode_packet(PingBroadcast((signed(replace(old.signed(), incarnation=b"o" * 16, lamport=9 << 32, boot=9)),))),
+        )
+        await them.start(0)
+        await them.start(1)
+        await them.of(0).gossip.everybody_heard()
+        them.ether.send(before, "127.0.0.3", "127.0.0.2")
+        await trio.sleep(30)
+        assert them.of(0).roster.incarnation(node_at(1)) == incarnation_of(1)
+        status = them.of(0).roster.status(node_at(1))
+        assert status is not None and status.incarnation == incarnation_of(1) and status.boot == 1
+
+
+# ----------------------------------------------------------------------------------------------------- what is forged
+
+
+def signed(status: Status, key: SigningKey | None = None) -> Status:
+    return replace(status, signature=(key or key_of(status.node)).sign(STATUS_DOMAIN, status.signable()))
 
 
 def forgeries(village: Village) -> dict[str, bytes]:
     """Datagrams for node 0 that must not change what it believes."""
-    target, friend, stranger = village.of(0), village.of(1), SigningKey.from_seed(b"?" * 32)
+    friend, stranger = village.of(1), SigningKey.from_seed(b"?" * 32)
+    key, node = friend.own.key, friend.own.me
     real = friend.own.signed()
-    news = replace(real, lamport=2**60)
-    moved = replace(news, address="10.0.0.1")
-    greedy = replace(news, right_bound=target.own.signed().right_bound)
+    news = replace(real, lamport=real.lamport + 1000)
 
-    def ping(status: Status, key: SigningKey, sender: NodeId = friend.own.me) -> bytes:
-        return sign_datagram(key, sender, 1, encode_packet(PingBroadcast((status,))))
+    def ping(status: Status, signer: SigningKey = key, sender: NodeId = node) -> bytes:
+        return sign_datagram(signer, sender, 1, encode_packet(PingBroadcast((status,))))
 
-    def by(key: SigningKey, status: Status) -> Status:
-        return replace(status, signature=key.sign(STATUS_DOMAIN, status.signable()))
-
-    whole = ping(by(friend.key, real), friend.key)
+    whole = ping(signed(real))
     return {
-        "signed by a stranger": ping(by(stranger, news), stranger),
-        "from a stranger": ping(by(friend.key, news), stranger, node_id_of("9.9.9.9")),
-        "passed on, but changed": ping(news, friend.key),
-        "of another address": ping(by(friend.key, moved), friend.key),
-        "of another arc": ping(by(friend.key, greedy), friend.key),
+        "signed by a stranger": ping(signed(news, stranger), stranger),
+        "from a stranger": ping(signed(news, stranger), stranger, node_id_of("9.9.9.9")),
+        "from myself": ping(signed(news), key_of(FIRST), FIRST),
+        "passed on, but changed": ping(news),
+        "of another address": ping(signed(replace(news, address="10.0.0.1"))),
+        "of another boot": ping(signed(replace(news, boot=7))),
         "truncated": whole[:-10],
         "noise": b"\x00" * 200,
         "empty": b"",
-        "no packet": sign_datagram(friend.key, friend.own.me, 1, b"\xc1"),
-        "another packet": sign_datagram(friend.key, friend.own.me, 1, encode_packet(RequestTable())),
-        "for another": sign_datagram(friend.key, friend.own.me, 1, encode_packet(RequestState()), target=NodeId(5)),
+        "no packet": sign_datagram(key, node, 1, b"\xc1"),
+        "another packet": sign_datagram(key, node, 1, encode_packet(RequestTable())),
+        "for another": sign_datagram(key, node, 1, encode_packet(RequestState()), target=NodeId(5)),
     }
 
 
-@pytest.mark.parametrize("kind", ["signed by a stranger", "from a stranger", "passed on, but changed", "of another address",
-                                  "of another arc", "truncated", "noise", "empty", "no packet", "another packet", "for another"])  # fmt: skip
+@pytest.mark.parametrize("kind", ["signed by a stranger", "from a stranger", "from myself", "passed on, but changed", "of another address",
+                                  "of another boot", "truncated", "noise", "empty", "no packet", "another packet", "for another"])  # fmt: skip
 @DROPPED
 async def test_what_does_not_verify_changes_nothing(kind: str, autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
@@ -212,14 +189,40 @@ async def test_what_does_not_verify_changes_nothing(kind: str, autojump_clock: t
         them.ether.send(forgeries(them)[kind], f"10.1.1.{len(kind)}", "127.0.0.2")
         await trio.testing.wait_all_tasks_blocked()
         assert them.of(0).gossip.dropped == 1
-        assert them.of(0).roster.unheard() == [them.of(1).own.me]
+        assert them.of(0).roster.unheard() == [node_at(1)]
+
+
+@DROPPED
+async def test_a_claim_on_what_is_ours_is_not_believed(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(2) as them:
+        await them.start(0)
+        await them.start(1)
+        await them.of(0).gossip.everybody_heard()
+        bound = them.of(1).own.arc
+        them.of(1).own.arc = WHOLE_LINE
+        await trio.sleep(CLAIM_PATIENCE_S + 30)
+        assert bound is not None and them.of(0).gossip.dropped > 0
+        status = them.of(0).roster.status(node_at(1))
+        assert status is not None and status.left_fence == Location.from_number(bound.first.number - 1) and status.right_bound == LAST
+
+
+@DROPPED
+async def test_who_knows_more_of_the_log_may_own_what_was_ours(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(2) as them:
+        await them.start(0)
+        await them.start(1)
+        await them.of(0).gossip.everybody_heard()
+        them.of(1).own.arc, them.of(1).own.log_position = WHOLE_LINE, 77
+        await trio.sleep(30)
+        status = them.of(0).roster.status(node_at(1))
+        assert them.of(0).gossip.dropped == 0 and status is not None and status.left_fence is None
 
 
 async def test_a_repeated_status_is_no_sign_of_life(autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         await them.start(0)
         friend, roster = them.of(1), them.of(0).roster
-        old = sign_datagram(friend.key, friend.own.me, 1, encode_packet(PingBroadcast((friend.own.signed(),))))
+        old = sign_datagram(friend.own.key, friend.own.me, 1, encode_packet(PingBroadcast((friend.own.signed(),))))
         them.ether.send(old, "127.0.0.3", "127.0.0.2")
         await trio.testing.wait_all_tasks_blocked()
         assert roster.is_believed_alive(friend.own.me)
@@ -234,19 +237,25 @@ async def test_a_repeated_question_is_no_flood_of_answers(autojump_clock: trio.t
     async with village(2) as them:
         await them.start(0)
         friend = them.of(1)
-        question = sign_datagram(friend.key, friend.own.me, 1, encode_packet(RequestState(request_id=1)))
+        question = sign_datagram(friend.own.key, friend.own.me, 1, encode_packet(RequestState(request_id=1)))
         await trio.testing.wait_all_tasks_blocked()
+
+        def answers(since: int) -> int:
+            return sum(source == "127.0.0.2" and len(data) > 2 * len(question) for source, _target, data in them.ether.sent[since:])
+
         before = len(them.ether.sent)
         for _ in range(200):
             them.ether.send(question, "127.0.0.3", "127.0.0.2")
             await trio.testing.wait_all_tasks_blocked()
-        answers = sum(data != question and len(data) > 2 * len(question) for data in them.ether.sent[before:])
-        assert answers == 1
+        assert answers(before) == 1
         await trio.sleep(1.0)
         before = len(them.ether.sent)
         them.ether.send(question, "127.0.0.3", "127.0.0.2")
         await trio.testing.wait_all_tasks_blocked()
-        assert any(len(data) > 2 * len(question) for data in them.ether.sent[before:])
+        assert answers(before) >= 1
+
+
+# -------------------------------------------------------------------------------------------------------- many, or none
 
 
 async def test_nobody_waits_for_a_node_that_is_alone(autojump_clock: trio.testing.MockClock) -> None:
@@ -256,3 +265,27 @@ async def test_nobody_waits_for_a_node_that_is_alone(autojump_clock: trio.testin
             await them.of(0).gossip.somebody_heard()
             await them.of(0).gossip.a_seed_heard()
             await them.of(0).gossip.everybody_heard()
+
+
+async def test_knocking_at_many_doors_is_no_flood(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(200) as them:
+        await them.start(0)
+        await trio.sleep(60)
+        knocks = sum(isinstance(opened(source, data), RequestState) for source, _target, data in them.ether.sent)
+        assert knocks <= KNOCKS_MAX * 45, "a bounded number in each round"
+        assert len({target for _source, target, _data in them.ether.sent}) == 199, "everybody has a turn"
+
+
+async def test_a_table_is_taken_whole_and_nothing_false_in_it(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(40, registered=39) as them:
+        await them.start(0)
+        statuses = [them.of(index).own.signed() for index in range(1, 40)]
+        statuses[4] = replace(statuses[4], lamport=statuses[4].lamport + 9)
+        them.ether.lost = lambda _source, _target: True
+        with pytest.MonkeyPatch.context() as patch:
+            said: list[str] = []
+            patch.setattr(them.of(0).gossip, "_drop", lambda _source, _kind, text, _quiet=None: said.append(text))
+            assert await them.of(0).gossip.take_table(statuses, node_at(1)) == 37
+        assert len(said) == 1 and address_of(node_at(5)) in said[0]
+        assert set(them.of(0).roster.unheard()) == {node_at(5), node_at(39)}
+        assert them.of(0).roster.proofs(node_at(1)) == 1 and them.of(0).roster.proofs(node_at(2)) == 0

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from scenefold.base.ids import NodeId, node_id_of
-from scenefold.peer.removal import UNREGISTERED, UNREGISTERED_FACTOR, Evidence, removal_veto, silence_needed_s
+from scenefold.peer.registry import NO_INCARNATION
+from scenefold.peer.removal import UNREGISTERED_FACTOR, Evidence, removal_veto, silence_needed_s
 from scenefold.peer.suspicion import (
     AGAIN_S,
     CLEARED_S,
@@ -100,12 +101,12 @@ def test_a_proposal_rests_on_fresh_probes() -> None:
     assert len(to_propose(suspicion, 153.0)) == 1
 
 
-def test_who_proposes_holds_back_and_only_once() -> None:
+def test_who_proposes_leaves_it_to_others_first() -> None:
     suspicion = suspected()
-    probed(suspicion, 0.0, hold_back_s=7.0)
-    probed(suspicion, 117.0, hold_back_s=99.0)
-    assert to_propose(suspicion, REMOVE_AFTER_S + 6.9) == []
-    assert len(to_propose(suspicion, REMOVE_AFTER_S + 7.0)) == 1
+    probed(suspicion, 0.0, hold_back_s=130.0)
+    probed(suspicion, 117.0, hold_back_s=999.0)
+    assert to_propose(suspicion, 131.9) == []
+    assert len(to_propose(suspicion, 132.0)) == 1
 
 
 def test_a_refused_removal_is_proposed_again_later_after_new_probes() -> None:
@@ -273,7 +274,7 @@ def test_half_of_the_members_are_enough(members: int, proven: int) -> None:
 
 
 def test_a_founder_that_never_came_is_waited_for() -> None:
-    founder = Member(PEER, UNREGISTERED)
+    founder = Member(PEER, NO_INCARNATION)
     assert silence_needed_s(founder, REMOVE_AFTER_S) == UNREGISTERED_FACTOR * REMOVE_AFTER_S
     assert removal_veto(founder, evidence(), REMOVE_AFTER_S, 4 * REMOVE_AFTER_S) is not None
     assert removal_veto(founder, evidence(), REMOVE_AFTER_S, 5 * REMOVE_AFTER_S) is None
