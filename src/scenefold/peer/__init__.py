@@ -1,6 +1,7 @@
 """The services of a node: roster, gossip, routing, records, scene headers (specs/11-peers.md)."""
 
 from scenefold.peer.context import Extension, NodeContext
+from scenefold.peer.enrolment import IdentityRenewed
 from scenefold.peer.handlers import Handler, Handlers, Senders, node_of
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
@@ -12,6 +13,7 @@ __all__ = [
     "Extension",
     "Handler",
     "Handlers",
+    "IdentityRenewed",
     "Load",
     "NodeContext",
     "NodeSettings",

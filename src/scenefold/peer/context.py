@@ -8,9 +8,15 @@ from typing import Protocol
 import trio
 
 from scenefold.base.ids import NodeId
+from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.data import DataService
+from scenefold.peer.enrolment import Enrolment
+from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Handlers
+from scenefold.peer.interim_line import Line
+from scenefold.peer.lease import OwnerLease
 from scenefold.peer.peers import Peers
+from scenefold.peer.probing import Probing
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
 from scenefold.peer.scenes import Scenes
@@ -18,7 +24,7 @@ from scenefold.peer.settings import NodeSettings
 from scenefold.peer.status import OwnStatus
 from scenefold.store import Store
 from scenefold.world import Links, World
-from scenefold.world.profile import ClusterProfile
+from scenefold.world.facts import ClusterFacts
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +32,7 @@ class NodeContext:
     """One running node, as its services and extensions see it."""
 
     settings: NodeSettings
-    profile: ClusterProfile
+    facts: ClusterFacts
     me: NodeId
     address: str
     world: World
@@ -39,10 +45,18 @@ class NodeContext:
     peers: Peers
     handlers: Handlers
     """Extensions add theirs before they report that they have started."""
+    cluster_log: ClusterLog
+    """Who is a member, and in which order members stand on the line."""
+    lease: OwnerLease
+    line: Line
+    """What this node owns, and how pieces of it change hands."""
     scenes: Scenes
     data: DataService
+    enrolment: Enrolment
+    gossip: Gossip
+    probing: Probing
     joined: trio.Event = field(default_factory=trio.Event)
-    """Set once every member has been heard and the list of scenes is that of the others."""
+    """Set once this node is a member with a lease, and knows the other members and the scenes as far as they answer."""
 
 
 class Extension(Protocol):

@@ -1,7 +1,10 @@
-"""A node's services, wired together and run in one nursery (docs/explanation/architecture.md, One node at run time).
+"""A node's services, wired together and run in one nursery (docs/architecture.md, One node at run time).
 
-ports (TCP low and high) -> Handlers -> data, scenes, members, extensions
-UDP high                 -> Gossip   -> Roster
+    ports (TCP low and high) -> Handlers -> cluster log, line, data, scenes, members, extensions
+    UDP high                 -> Gossip   -> Roster -> Routing, Probing -> removal proposals
+
+The cluster's log says who is a member and where on the line; Line what this node owns; the lease whether it may speak for
+it at this moment; the roster who seems alive. Everything else asks these four.
 """
 
 from __future__ import annotations
@@ -11,64 +14,88 @@ import logging
 import trio
 
 from scenefold.base.errors import Unreachable
+from scenefold.base.ids import node_id_of
+from scenefold.crypto import SigningKey
+from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.context import NodeContext
 from scenefold.peer.data import DataService
+from scenefold.peer.enrolment import Enrolment
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Handlers
+from scenefold.peer.interim_line import Line
+from scenefold.peer.lease import OwnerLease
 from scenefold.peer.members import Members
 from scenefold.peer.peers import Peers
+from scenefold.peer.probing import Probing
+from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
 from scenefold.peer.scenes import Scenes
 from scenefold.peer.settings import NodeSettings
 from scenefold.peer.status import OwnStatus
+from scenefold.peer.tables import Tables
 from scenefold.store import Store
 from scenefold.world import Connection, Links, Priority, QuietLog, World, serve_connection
-from scenefold.world.profile import ClusterProfile
+from scenefold.world.facts import ClusterFacts
 
 LOAD_S = 1.0
 """Pause between two looks at how full the disk is."""
 SEED_WARNING_S_MAX = 5.0
 """A person who starts a node wants to hear soon that nobody answers."""
+JOIN_WAIT_S = 5.0
+"""For members that may be alive to be heard. Who is away then is no reason to keep this node's users waiting."""
 
 _log = logging.getLogger("scenefold.peer")
 
 
 class PeerServices:
-    """All services of one node. `context` is what extensions get."""
+    """All services of one life of a node. `context` is what extensions get."""
 
-    def __init__(self, settings: NodeSettings, profile: ClusterProfile, world: World, store: Store, links: Links) -> None:
-        member = profile.member(settings.address)
-        me = member.node_id
-        keys = {other.node_id: other.public_key for other in profile.members}
-        routing = Routing(keys)
-        roster = Roster(me, keys)
-        own = OwnStatus(
-            me,
-            member.address,
-            store.identity.incarnation,
-            store.identity.boot,
-            routing.arc_of(me).last,
-            profile.node_signing_key(member.address),
-        )
+    def __init__(
+        self,
+        settings: NodeSettings,
+        facts: ClusterFacts,
+        signing_key: SigningKey,
+        log_signing_key: SigningKey | None,
+        world: World,
+        store: Store,
+        links: Links,
+        *,
+        joined: trio.Event,
+    ) -> None:
+        me = node_id_of(settings.address)
+        identity = store.identity
+        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, signing_key, blacklist=settings.blacklisted)
         own.update(memory_total_bytes=settings.memory_budget_bytes)
-        handlers = Handlers(frozenset(keys), own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
+        roster = Roster(me)
+
+        def registry() -> Registry:
+            return cluster_log.registry
+
+        routing = Routing(registry, roster, own)
         peers = Peers(world, links, own, roster, routing)
+        cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
+        lease = OwnerLease(world, cluster_log, own)
         scenes = Scenes(world, store, peers, own)
-        data = DataService(world, store, peers, scenes, routing, me)
-        scenes.register(handlers)
-        scenes.register_logs(handlers)
-        data.register(handlers)
-        Members(own, roster, routing, scenes, keys).register(handlers)
-        seeds = settings.seeds or profile.seeds
+        line = Line(world, store, peers, cluster_log, own, lease, scenes, routing, transfer_bytes_per_s=settings.transfer_bytes_per_s)
+        data = DataService(world, store, peers, scenes, line, lease, routing, me)
+        enrolment = Enrolment(world, store, cluster_log, lease, own)
+        seeds = settings.seeds or facts.seeds
+        gossip = Gossip(world, own, roster, cluster_log, facts, seeds)
+        probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
+        cluster_log.veto = probing.veto
+        handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
+        cluster_log.register(handlers, scenes)
+        for service in (scenes, line, data, probing, Members(own, roster, registry, scenes)):
+            service.register(handlers)
+        self._tables = Tables(world, gossip, roster, peers)
         self._quiet = QuietLog(_log)
-        self._is_seed = member.address in seeds
-        self._gossip = Gossip(world, own, roster, routing, keys, seeds)
+        self._is_seed = settings.address in seeds
         self.context = NodeContext(
             settings=settings,
-            profile=profile,
+            facts=facts,
             me=me,
-            address=member.address,
+            address=settings.address,
             world=world,
             store=store,
             links=links,
@@ -77,20 +104,32 @@ class PeerServices:
             own=own,
             peers=peers,
             handlers=handlers,
+            cluster_log=cluster_log,
+            lease=lease,
+            line=line,
             scenes=scenes,
             data=data,
+            enrolment=enrolment,
+            gossip=gossip,
+            probing=probing,
+            joined=joined,
         )
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Serve until cancelled; started once all ports are open. LocalFault if one cannot be had."""
         context = self.context
+        # Who asks must never meet a node that does not know yet what it owns, or who is a member.
+        await context.cluster_log.load()
         await context.scenes.load()
-        if await context.store.holding() is None:
-            await context.store.put_holding(context.routing.arc_of(context.me), b"")
+        await context.line.load()
         async with trio.open_nursery() as nursery:
-            await nursery.start(self._gossip.run)
+            await nursery.start(context.gossip.run)
             for priority in Priority:
                 await nursery.start(context.world.network.listen, context.address, priority, self._serve)
+            await nursery.start(context.cluster_log.run)
+            await nursery.start(context.line.run)
+            for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run):
+                nursery.start_soon(service)
             nursery.start_soon(self._watch_load)
             nursery.start_soon(self._watch_seeds)
             nursery.start_soon(self._join)
@@ -100,22 +139,26 @@ class PeerServices:
         await serve_connection(connection, self.context.handlers.handle, self._quiet)
 
     async def _join(self) -> None:
-        await self._gossip.somebody_heard()
-        await self.context.scenes.catch_up()
-        await self._gossip.everybody_heard()
-        self.context.joined.set()
+        context = self.context
+        await context.enrolment.registered()
+        await context.lease.held()
+        await context.scenes.catch_up()
+        with trio.move_on_after(JOIN_WAIT_S):
+            await context.gossip.everybody_heard()
+        context.joined.set()
 
     async def _watch_seeds(self) -> None:
         """Say once that no seed answers; give up in the end, unless this node is a seed that others look for."""
         wait_s = self.context.settings.seed_wait_s
         warning_s = min(SEED_WARNING_S_MAX, wait_s / 2)
-        silent = ", ".join(self._gossip.seeds)
+        gossip = self.context.gossip
+        silent = ", ".join(gossip.seeds)
         with trio.move_on_after(warning_s):
-            await self._gossip.a_seed_heard()
+            await gossip.a_seed_heard()
             return
         _log.warning("no seed answers yet (%s): trying on", silent)
         with trio.move_on_after(wait_s - warning_s):
-            await self._gossip.a_seed_heard()
+            await gossip.a_seed_heard()
             return
         if not self._is_seed:
             raise Unreachable(
@@ -123,11 +166,17 @@ class PeerServices:
                 where=silent,
                 remedy="start these nodes first, or name others as seeds",
             )
-        await self._gossip.a_seed_heard()
+        await gossip.a_seed_heard()
 
     async def _watch_load(self) -> None:
         context = self.context
         while True:
-            statistics = await context.store.statistics()
-            context.own.update(disk_used_bytes=statistics.disk_used_bytes, disk_total_bytes=statistics.disk_total_bytes)
+            used, total = await load_of(context.store, context.settings.capacity_bytes)
+            context.own.update(disk_used_bytes=used, disk_total_bytes=total)
             await context.world.clock.sleep(LOAD_S)
+
+
+async def load_of(store: Store, capacity_bytes: int) -> tuple[int, int]:
+    """Bytes used and there are, of the disk or of the share of it that the node may use."""
+    statistics = await store.statistics()
+    return statistics.disk_used_bytes, capacity_bytes or statistics.disk_total_bytes
