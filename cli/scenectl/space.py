@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
-from scenectl.positions import BoxOption, PositionOption
+from scenectl.positions import Box, BoxOption, PositionOption
 from scenectl.values import whole
 
 if TYPE_CHECKING:
-    from scenefold.client import Scene
+    from scenefold.client import Scene, Space
     from scenefold.scene.log import LoggedSpace
 
 app = App(name="space", help="Make, move and query the spaces of a scene.", help_format="plaintext")
@@ -159,12 +159,12 @@ def query(
     space: str,
     /,
     *,
-    box: BoxOption,
+    box: BoxOption | None = None,
     scene: SceneOption,
     limit: Annotated[int, whole(1, 2**63 - 1)] = 1000,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """List the records in a box of the world, in the order of the line, with their positions as they are now.
+    """List the records in a box of the world with their positions as they are now; in a managed space, all with their ids.
 
     Example: scenectl space query particles --box 0,0,0:1,1,1 --scene kitchen --profile studio
 
@@ -173,7 +173,7 @@ def query(
     space
         Name or number of the space.
     box
-        Low and high corner, LOW:HIGH.
+        Low and high corner, LOW:HIGH; by default the whole space.
     scene
         Name of the scene.
     limit
@@ -181,21 +181,41 @@ def query(
     """
     from scenectl.running import run
 
-    async def ask(opened: Scene) -> tuple[int, list[dict[str, Any]], bool]:
+    async def ask(opened: Scene) -> tuple[dict[str, Any], list[dict[str, Any]], bool]:
         asked = await opened.space_named(_name_or_number(space))
-        records: list[dict[str, Any]] = []
-        async for found in asked.query_box(box.low, box.high):
-            if len(records) == limit:
-                return asked.id, records, True
-            records.append({"location": found.location.hex(), "position": list(found.position)})
-        return asked.id, records, False
+        return await _records(asked, box, limit)
 
-    number, records, more = run(_in_scene, output.profile, scene, ask)
+    about, records, more = run(_in_scene, output.profile, scene, ask)
     if more and not output.json:
         print(f"more than {limit}: ask for a smaller box, or raise --limit", file=sys.stderr)
-    document = {"scene": scene, "space": number, "low": list(box.low), "high": list(box.high), "records": records, "more": more}
-    rows = [(record["location"], " ".join(f"{part:.6g}" for part in record["position"])) for record in records]
-    emit(output, document, table(("location", "position"), rows) if rows else "Nothing lies there.")
+    rows = [(record["location"], _position_or_id(record)) for record in records]
+    titles = ("location", "id" if about["low"] is None else "position")
+    document = {"scene": scene, **about, "records": records, "more": more}
+    emit(output, document, table(titles, rows) if rows else "Nothing lies there.")
+
+
+async def _records(space: Space, box: Box | None, limit: int) -> tuple[dict[str, Any], list[dict[str, Any]], bool]:
+    """What was asked, at most `limit` records, and whether there are more."""
+    known = await space.info()
+    records: list[dict[str, Any]] = []
+    if known.node_managed and box is None:
+        about: dict[str, Any] = {"space": space.id, "low": None, "high": None}
+        async for place in space.managed.query():
+            if len(records) == limit:
+                return about, records, True
+            records.append({"location": place.location.hex(), "object": place.object.hex()})
+        return about, records, False
+    low, high = known.world_box if box is None else (box.low, box.high)
+    about = {"space": space.id, "low": list(low), "high": list(high)}
+    async for found in space.query_box(low, high):
+        if len(records) == limit:
+            return about, records, True
+        records.append({"location": found.location.hex(), "position": list(found.position)})
+    return about, records, False
+
+
+def _position_or_id(record: dict[str, Any]) -> str:
+    return str(record["object"]) if "object" in record else " ".join(f"{part:.6g}" for part in record["position"])
 
 
 async def _in_scene(profile: str | None, scene: str, work: Any) -> Any:

@@ -130,6 +130,7 @@ class Space:
     async def put_at(self, position: Sequence[float], payload: bytes) -> Location:
         """Store a record at a position in the world, or the next free place along the line; gives its location.
 
+        A record with the same payload that lies there already is kept in its stead, so that this may be repeated.
         LocalFault for a position outside of the space.
         """
         return (await self.put_all_at([(position, payload)]))[0]
@@ -145,7 +146,8 @@ class Space:
     async def query_box(self, low: Sequence[float], high: Sequence[float]) -> AsyncIterator[Found]:
         """Records whose cell meets the box low..high of the world, or is next to one that does: location and position.
 
-        A record that found its place taken lies a cell further, so look at what a payload says where the edge matters.
+        Deleted ones, too, as `query` does. A record that found its place taken lies a cell further, so look at what a payload
+        says where the edge matters.
         SpaceFault for a box that is none, or that lies outside of the space.
         """
         async for found in found_in_box(self._access, await self.info(), low, high):

@@ -1,0 +1,219 @@
+"""If this fails, many readers of a new scene set off as many rounds of asking, or a scene's log is lost or overwritten."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import trio
+from trio.testing import MockClock
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.scenes import MISS_S, Scenes
+from scenefold.wire import (
+    AcceptSceneProposal,
+    Ballot,
+    Packet,
+    Phase,
+    ProposalId,
+    ProposeSceneLog,
+    RejectSceneProposal,
+    RequestSceneLog,
+    RespondSceneLog,
+    SceneLogAnswer,
+    SceneLogPublic,
+    Want,
+)
+from unit.peer.scenes_made import first_header, later_header
+
+ME, OTHER, THIRD = NodeId(1), NodeId(2), NodeId(3)
+FIRST = first_header(origin=ME)
+USER, NODE = "user:ada", "node:2"
+
+
+class PlainWorld:
+    """Clock and workers of a test."""
+
+    def __init__(self) -> None:
+        self.clock = self
+        self.workers = self
+
+    def now(self) -> float:
+        return trio.current_time()
+
+    async def run(self, _lane: str, function: Any, *arguments: object) -> Any:
+        await trio.lowlevel.checkpoint()
+        return function(*arguments)
+
+
+class PlainStore:
+    """One dict; remembers what was written together."""
+
+    def __init__(self) -> None:
+        self.written: list[tuple[bytes, bytes | None]] = []
+        self.private: dict[int, bytes] = {}
+
+    async def put_header(self, scene: int, header: bytes) -> None:
+        await trio.lowlevel.checkpoint()
+        self.written.append((header, None))
+
+    async def put_scene_log(self, scene: int, header: bytes, private: bytes) -> None:
+        await trio.lowlevel.checkpoint()
+        self.written.append((header, private))
+        self.private[scene] = private
+
+    async def get_scene_log(self, scene: int) -> bytes | None:
+        await trio.lowlevel.checkpoint()
+        return self.private.get(scene)
+
+
+class PlainPeers:
+    """The other nodes: all know the same headers."""
+
+    def __init__(self) -> None:
+        self.headers: dict[int, SceneLogPublic] = {}
+        self.asked: list[tuple[NodeId, Packet]] = []
+        self.told: list[tuple[NodeId, Packet]] = []
+        self.away = False
+
+    def others(self, *, first: NodeId | None = None) -> list[NodeId]:
+        return sorted([OTHER, THIRD], key=lambda node: (node != first, node))
+
+    async def ask(self, member: NodeId, _priority: Any, packet: Any, _answer: Any, _timeout: float) -> Any:
+        self.asked.append((member, packet))
+        await trio.sleep(0.01)
+        if self.away:
+            raise Unreachable("away")
+        if not isinstance(packet, RequestSceneLog):
+            return packet
+        header = self.headers.get(packet.scene)
+        return RespondSceneLog(header and SceneLogAnswer(0, 2, header.position, Ballot(0, NodeId(0)), (), header, None, 0, b""))
+
+    async def tell(self, member: NodeId, _priority: Any, packet: Packet, _timeout: float) -> None:
+        await trio.lowlevel.checkpoint()
+        self.told.append((member, packet))
+
+
+class Rig:
+    def __init__(self) -> None:
+        self.peers, self.store = PlainPeers(), PlainStore()
+        world: Any = PlainWorld()
+        own: Any = type("Own", (), {"me": ME, "incarnation": bytes(16)})()
+        self.scenes = Scenes(world, self.store, self.peers, own)  # type: ignore[arg-type]
+
+
+def proposal(public: SceneLogPublic, private: bytes = b"log") -> ProposeSceneLog:
+    number = ProposalId(public.position, Ballot(1, public.origin), Phase.ACCEPT)
+    return ProposeSceneLog(
+        genesis=public.genesis,
+        proposal=number,
+        route=(),
+        nodes=(),
+        highest=None,
+        takeover=False,
+        public=public,
+        private=private,
+        mac_epoch=0,
+        mac=b"",
+    )
+
+
+def request(want: Want = Want.LOG) -> RequestSceneLog:
+    return RequestSceneLog(FIRST.scene, FIRST.genesis, 0, 5, want)
+
+
+async def test_many_who_need_a_scene_ask_once(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    foreign = first_header(origin=OTHER)
+    rig.peers.headers[foreign.scene] = foreign
+    found: list[int] = []
+
+    async def need() -> None:
+        found.append((await rig.scenes.known(foreign.scene, position=1)).public.position)
+
+    async with trio.open_nursery() as nursery:
+        for _ in range(50):
+            nursery.start_soon(need)
+    assert found == [1] * 50
+    assert len(rig.peers.asked) == 1
+
+
+async def test_who_waits_goes_on_when_the_one_that_asks_is_cancelled(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    foreign = first_header(origin=OTHER)
+    rig.peers.headers[foreign.scene] = foreign
+
+    async def give_up() -> None:
+        with trio.move_on_after(0.005):
+            await rig.scenes.known(foreign.scene)
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(give_up)
+        await trio.testing.wait_all_tasks_blocked()
+        nursery.start_soon(rig.scenes.known, foreign.scene)
+    assert rig.scenes.all() == [foreign]
+
+
+async def test_a_scene_that_nobody_has_is_asked_for_once_a_second(autojump_clock: MockClock) -> None:
+    rig = Rig()
+
+    async def miss() -> None:
+        with pytest.raises(Refused) as refused:
+            await rig.scenes.known(FIRST.scene)
+        assert refused.value.reason is RejectReason.UNKNOWN_SCENE_OR_SPACE
+
+    async with trio.open_nursery() as nursery:
+        for _ in range(20):
+            nursery.start_soon(miss)
+    assert len(rig.peers.asked) == 2, "each other node once"
+    await trio.sleep(MISS_S)
+    await miss()
+    assert len(rig.peers.asked) == 4
+
+
+async def test_the_origin_decides_keeps_and_tells(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    assert isinstance(await rig.scenes.on_propose(proposal(FIRST), USER), AcceptSceneProposal)
+    second = later_header(FIRST)
+    assert isinstance(await rig.scenes.on_propose(proposal(second, b"longer log"), USER), AcceptSceneProposal)
+    assert rig.store.written == [(FIRST.encode(), b"log"), (second.encode(), b"longer log")]
+    assert sorted(member for member, _ in rig.peers.told) == [OTHER, OTHER, THIRD, THIRD]
+    answer = await rig.scenes.on_request(request(), USER)
+    assert isinstance(answer, RespondSceneLog) and answer.answer is not None
+    assert (answer.answer.public, answer.answer.private) == (second, b"longer log")
+    bare = await rig.scenes.on_request(request(Want.HEADER), USER)
+    assert isinstance(bare, RespondSceneLog) and bare.answer is not None and bare.answer.private is None
+
+
+async def test_of_two_proposals_at_once_one_is_first(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    await rig.scenes.on_propose(proposal(FIRST), USER)
+    second = later_header(FIRST)
+    replies: list[Packet] = []
+
+    async def propose(private: bytes) -> None:
+        replies.append(await rig.scenes.on_propose(proposal(second, private), USER))
+
+    async with trio.open_nursery() as nursery:
+        # A translation and a scale have the same header: only the sealed logs differ.
+        nursery.start_soon(propose, b"translated")
+        nursery.start_soon(propose, b"scaled")
+    taken = [reply for reply in replies if isinstance(reply, AcceptSceneProposal)]
+    refused = [reply.reason for reply in replies if isinstance(reply, RejectSceneProposal)]
+    assert (len(taken), refused) == (1, [RejectReason.POSITION_TAKEN])
+    assert len(rig.store.written) == 2
+
+
+async def test_another_node_hands_a_users_proposal_to_the_origin(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    foreign = first_header(origin=OTHER)
+    await rig.scenes.on_propose(proposal(foreign), USER)
+    assert [member for member, _ in rig.peers.asked] == [OTHER]
+    rejected = await rig.scenes.on_propose(proposal(foreign), NODE)
+    assert isinstance(rejected, RejectSceneProposal)
+    assert (rejected.reason, rejected.node) == (RejectReason.NOT_MY_LOCATION, OTHER)
+    nowhere = await rig.scenes.on_propose(proposal(first_header(origin=NodeId(9))), USER)
+    assert isinstance(nowhere, RejectSceneProposal) and nowhere.reason is RejectReason.NOT_AUTHORISED
+    assert rig.store.written == []
