@@ -1,0 +1,263 @@
+"""If this fails, a node acknowledges, or calls absent, what it may not speak for; or a moving bound loses a record."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+import trio
+
+from scenefold.base.ids import NodeId
+from scenefold.base.location import LAST, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import wanted_place
+from scenefold.store import Put
+from scenefold.wire import (
+    AcceptData,
+    EmptyData,
+    Fault,
+    GetData,
+    GetMany,
+    GetManyReply,
+    ProposeData,
+    PutItem,
+    PutMany,
+    PutManyReply,
+    PutOutcome,
+    QueryRange,
+    RecordKey,
+    RejectRange,
+    ReturnData,
+    ReturnRange,
+)
+from unit.peer.data_nodes import LEFT, MIDDLE, RIGHT, SCENE, Neighbours, Node, arc, item, managed_item, with_nodes
+from unit.peer.scenes_made import SPACE
+
+OTHERS = "node:1"
+OBJECT = b"\x80" + bytes(14) + b"\x01"
+
+
+async def put(node: Node, *items: PutItem) -> list[int]:
+    return [outcome.reason for outcome in await outcomes(node, *items)]
+
+
+async def outcomes(node: Node, *items: PutItem) -> list[PutOutcome]:
+    reply = await node.ask(PutMany(items))
+    assert isinstance(reply, PutManyReply)
+    return list(reply.outcomes)
+
+
+async def get(node: Node, *numbers: int, peer: str = "user:ada") -> GetManyReply | Fault:
+    keys = tuple(RecordKey(SPACE, Location.from_number(number)) for number in numbers)
+    reply = await node.ask(GetMany(SCENE.scene, 1, keys), peer)
+    assert isinstance(reply, GetManyReply | Fault)
+    return reply
+
+
+async def query(node: Node, first: int, last: Location = LAST) -> ReturnRange | RejectRange:
+    reply = await node.ask(QueryRange(SCENE.scene, SPACE, Location.from_number(first), last))
+    assert isinstance(reply, ReturnRange | RejectRange)
+    return reply
+
+
+def reason_of(reply: object) -> RejectReason | None:
+    return RejectReason(reply.reason) if isinstance(reply, Fault | RejectRange) else None
+
+
+def found(reply: GetManyReply | Fault) -> list[bool]:
+    assert isinstance(reply, GetManyReply)
+    return [record is not None for record in reply.records]
+
+
+def test_each_place_is_written_at_its_owner_and_read_anywhere() -> None:
+    async def test(_: Neighbours, one: Node, other: Node) -> None:
+        there, here = item(MIDDLE + 5), item(5)
+        assert await outcomes(one, here, there) == [
+            PutOutcome(0, here.location, NodeId(0)),
+            PutOutcome(RejectReason.NOT_MY_LOCATION, there.location, other.me),
+        ]
+        assert await put(other, there) == [0]
+        for node in (one, other):
+            reply = await get(node, MIDDLE + 5, 5, 6)
+            assert found(reply) == [True, True, False]
+            assert isinstance(reply, GetManyReply) and not reply.stale
+        assert reason_of(await get(one, MIDDLE + 5, peer=OTHERS)) is RejectReason.NOT_MY_LOCATION
+
+    with_nodes(test, LEFT, RIGHT)
+
+
+def test_without_a_lease_nothing_is_acknowledged_nor_called_absent() -> None:
+    async def test(_: Neighbours, one: Node, other: Node) -> None:
+        assert await put(one, item(5)) == [0]
+        one.lease.held = False
+        assert await put(one, item(6), item(5)) == [RejectReason.NOT_READY] * 2
+        for node in (one, other):
+            reply = await get(node, 5)
+            assert isinstance(reply, GetManyReply) and reply.stale and found(reply) == [True]
+            assert reason_of(await get(node, 5, 6)) is RejectReason.NOT_READY
+        single = await one.ask(GetData(SCENE.scene, SPACE, Location.from_number(5), 1))
+        assert isinstance(single, ReturnData) and single.stale
+        assert reason_of(await one.ask(GetData(SCENE.scene, SPACE, Location.from_number(6), 1))) is RejectReason.NOT_READY
+        listed = await query(one, 0)
+        assert isinstance(listed, ReturnRange) and listed.stale and len(listed.locations) == 1
+        assert reason_of(await query(one, 6)) is RejectReason.NOT_READY
+        one.lease.held = True
+        assert isinstance(await one.ask(GetData(SCENE.scene, SPACE, Location.from_number(6), 1)), EmptyData)
+
+    with_nodes(test, LEFT, RIGHT)
+
+
+def test_a_lease_that_runs_out_during_a_write_acknowledges_nothing() -> None:
+    async def test(_: Neighbours, one: Node) -> None:
+        one.lease.lost_after = 1
+        assert await put(one, item(5)) == [RejectReason.NOT_READY]
+        one.lease = one.data.writes._lease = type(one.lease)()
+        assert await put(one, item(5)) == [0], "the same bytes again"
+
+    with_nodes(test, arc(0, 99))
+
+
+def test_a_place_without_an_owner_is_waited_for() -> None:
+    async def test(neighbours: Neighbours, one: Node, empty: Node) -> None:
+        assert await put(one, item(200)) == [RejectReason.NOT_READY]
+        assert reason_of(await get(one, 200)) is RejectReason.NOT_READY
+        assert await put(empty, item(5)) == [RejectReason.NOT_MY_LOCATION]
+        assert found(await get(empty, 5)) == [False], "who owns nothing forwards"
+        assert reason_of(await query(empty, 0)) is RejectReason.OUTSIDE_BOUNDS
+        neighbours.believed[one.me] = empty.me
+        assert reason_of(await get(one, 200)) is RejectReason.NOT_READY, "tables that disagree"
+        neighbours.away.add(empty.me)
+        assert reason_of(await get(one, 200)) is RejectReason.NOT_READY
+
+    with_nodes(test, arc(0, 99), None)
+
+
+def test_a_frozen_place_takes_no_writes_and_delays_them_only_for_a_moment() -> None:
+    async def test(_: Neighbours, one: Node) -> None:
+        await one.line.freeze(arc(50, 99))
+        began = trio.current_time()
+        assert await put(one, item(60)) == [RejectReason.BUSY]
+        assert 1.5 < trio.current_time() - began < 3
+        assert await put(one, item(40)) == [0]
+        assert await put(one, managed_item(OBJECT)) == [RejectReason.BUSY], "its place could be a frozen one"
+        assert found(await get(one, 60)) == [False], "reads go on"
+
+        results: list[list[int]] = []
+
+        async def write(number: int) -> None:
+            results.append(await put(one, item(number)))
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(write, 61)
+            nursery.start_soon(write, 41)
+            await trio.sleep(0.5)
+            await one.line.change(arc(0, 49))
+            await one.line.freeze(None)
+        assert sorted(results) == [[0], [RejectReason.NOT_READY]], "what was given away meanwhile is not ours to write"
+        assert one.line.inside == 0
+
+    with_nodes(test, arc(0, 99))
+
+
+def test_node_managed_records_find_their_place() -> None:
+    async def test(_: Neighbours, one: Node, other: Node) -> None:
+        [outcome] = await outcomes(other, managed_item(OBJECT))
+        assert (outcome.reason, outcome.location) == (0, wanted_place(OBJECT))
+        [outcome] = await outcomes(one, managed_item(OBJECT[::-1]))
+        assert outcome.reason == 0 and outcome.location in LEFT
+        listed = await query(other, MIDDLE)
+        assert isinstance(listed, ReturnRange)
+        assert (listed.locations, listed.objects) == ((wanted_place(OBJECT),), (OBJECT,))
+        assert await put(other, managed_item(OBJECT, seq=2, at=wanted_place(OBJECT), expect=None)) == [0]
+        assert await outcomes(one, managed_item(OBJECT, seq=3, at=wanted_place(OBJECT))) == [
+            PutOutcome(RejectReason.NOT_MY_LOCATION, wanted_place(OBJECT), other.me)
+        ]
+        key = RecordKey(SPACE, wanted_place(OBJECT), OBJECT)
+        for node in (one, other):
+            reply = await node.ask(GetMany(SCENE.scene, 1, (key,)))
+            assert isinstance(reply, GetManyReply) and reply.records[0] is not None
+            assert reply.records[0].header == managed_item(OBJECT, seq=2).header
+        single = managed_item(b"\x81" + OBJECT[1:])
+        accepted = await other.ask(
+            ProposeData(single.scene, single.space, single.location, single.signature, single.header, single.ciphertext, b"")
+        )
+        assert isinstance(accepted, AcceptData) and accepted.location in RIGHT
+
+    with_nodes(test, LEFT, RIGHT)
+
+
+def test_a_node_that_owns_nothing_sends_new_objects_on() -> None:
+    async def test(_: Neighbours, empty: Node, other: Node) -> None:
+        assert await outcomes(empty, managed_item(OBJECT)) == [
+            PutOutcome(RejectReason.NOT_MY_LOCATION, managed_item(OBJECT).location, other.me)
+        ]
+
+    with_nodes(test, None, RIGHT)
+
+
+@pytest.mark.expect_log("changed on the disk")
+def test_a_damaged_record_is_no_answer() -> None:
+    async def test(_: Neighbours, one: Node) -> None:
+        assert await put(one, item(5), item(6)) == [0, 0]
+        dice = random.Random(1)
+        for _turn in range(20):
+            one.disk.corrupt("records", dice)
+        assert reason_of(await get(one, 5, 6)) is RejectReason.NOT_READY
+        assert one.store.damaged
+        assert await put(one, item(5, seq=2), item(6, seq=2)) == [0, 0], "a new version heals it"
+        assert found(await get(one, 5, 6)) == [True, True]
+
+    with_nodes(test, arc(0, 99))
+
+
+def test_a_bound_that_moves_under_readers_and_writers_loses_nothing() -> None:
+    """Every acknowledged record is found by whoever asks its owner, whatever moved meanwhile; one seed after another."""
+
+    async def test(_: Neighbours, one: Node, other: Node) -> None:
+        acknowledged: set[int] = set()
+
+        async def write(numbers: range) -> None:
+            for number in numbers:
+                for node in (one, other):
+                    if await put(node, item(number)) == [0]:
+                        acknowledged.add(number)
+
+        async def read() -> None:
+            for _ in range(40):
+                for node in (one, other):
+                    before = sorted(acknowledged)
+                    if before and isinstance(reply := await get(node, *before), GetManyReply):
+                        assert all(found(reply)), "an acknowledged record was called absent"
+
+        async def move() -> None:
+            for bound in (60, 30, 80, 10):
+                await trio.sleep(0.01)
+                await _move_bound(one, other, bound)
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(write, range(50))
+            nursery.start_soon(write, range(50, 100))
+            nursery.start_soon(read)
+            nursery.start_soon(move)
+        assert acknowledged
+
+    for seed in range(12):
+        with_nodes(test, arc(0, 49), arc(50, 99), seed=seed)
+
+
+async def _move_bound(one: Node, other: Node, bound: int) -> None:
+    """What a handover does in its end: freeze, copy, release, claim, delete."""
+    assert one.line.arc is not None and other.line.arc is not None
+    before = one.line.arc.last.number
+    giver, taker = (one, other) if bound < before else (other, one)
+    piece = arc(min(bound, before) + 1, max(bound, before))
+    await giver.line.freeze(piece)
+    await giver.line.drained()
+    entries = (await giver.store.manifest(piece, None, 1000)).entries
+    records = await giver.store.read([entry.spot for entry in entries])
+    await taker.store.merge([Put(record) for record in records if not isinstance(record, Exception) and record is not None])
+    arcs = {id(one): arc(0, bound), id(other): arc(bound + 1, 99)}
+    await giver.line.change(arcs[id(giver)])
+    await giver.line.freeze(None)
+    await taker.line.change(arcs[id(taker)])
+    await giver.store.remove([(entry.spot, entry.digest) for entry in entries])
