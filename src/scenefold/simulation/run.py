@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable
 from contextlib import AsyncExitStack, ExitStack
 from pathlib import Path
@@ -44,6 +45,8 @@ QUIET_CHECKS = 3
 """Quiet is what lasts for so many seconds."""
 LINGER_S_MAX = 30.0
 """Acts that have begun end within this time."""
+DEPTH_TOLD = 6
+"""Frames of a failure that a story shows."""
 VIRTUAL_S_MAX = 2_000.0
 STEPS_MAX = 4_000_000
 
@@ -157,8 +160,11 @@ class _Drama:
 
     def broke_off(self, problem: BaseException) -> None:
         """The run itself did not come to its end."""
-        text = f"{type(problem).__name__}: {problem}"
-        self._broken.append(Violation(laws.SOUND, text[:4000], self._net.now))
+        first = problem
+        while isinstance(first, BaseExceptionGroup):
+            first = first.exceptions[0]
+        where = "".join(traceback.format_exception(first)[-DEPTH_TOLD:])
+        self._broken.append(Violation(laws.SOUND, f"{type(first).__name__}: {first}\n{where}"[:4000], self._net.now))
 
     def result(self, cpu_s: float) -> Result:
         """What it came to."""
