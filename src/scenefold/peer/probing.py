@@ -142,7 +142,7 @@ class Probing:
         if await self._probe(suspect.node):
             self.suspicion.heard(suspect, self._world.clock.now())
             return
-        helpers = self._helpers(suspect.node)
+        helpers = self._helpers(suspect)
         verdict = await heard_by_others(self._peers, helpers, suspect.node)
         now = self._world.clock.now()
         match verdict:
@@ -184,8 +184,12 @@ class Probing:
         by_chance_s = self._world.entropy.uniform() * PROPOSE_SPREAD_S * self._roster.count
         return silence_needed_s(member, self._remove_after_s) + PROPOSE_LATER_S + by_chance_s
 
-    def _helpers(self, target: NodeId) -> list[NodeId]:
-        candidates = [node for node in self._roster.alive() if node not in (self._own.me, target)]
+    def _helpers(self, suspect: Suspect) -> list[NodeId]:
+        """Who is to probe for us, by chance, those first who were not asked yet."""
+        candidates = [node for node in self._roster.alive() if node not in (self._own.me, suspect.node)]
+        fresh = [node for node in candidates if node not in suspect.asked]
+        if len(fresh) >= HELPERS:
+            candidates = fresh
         chosen: list[NodeId] = []
         while candidates and len(chosen) < HELPERS:
             chosen.append(candidates.pop(int(self._world.entropy.uniform() * len(candidates))))

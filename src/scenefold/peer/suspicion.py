@@ -16,7 +16,7 @@ Nothing here knows a clock or dice: the time, and a number for how long to hold 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, auto
 
 from scenefold.base.ids import NodeId, address_of
@@ -95,6 +95,8 @@ class Suspect:
     """Not before that: who proposes holds back, and lets the voter rest after a refusal."""
     helpers: tuple[NodeId, ...] = ()
     """Who was asked to probe it in the last round."""
+    asked: set[NodeId] = field(default_factory=set)
+    """Who was asked in any round: others have their turn first, so that in a small cluster everybody is asked."""
 
     @property
     def node(self) -> NodeId:
@@ -170,6 +172,7 @@ class Suspicion:
             self._end_round(suspect, now)
             suspect.silent_at = now
             suspect.helpers = helpers
+            suspect.asked |= set(helpers)
 
     def to_propose(self, proof_at: Callable[[Suspect], float], now: float) -> list[Suspect]:
         """Whose removal is to be proposed now. They are PROPOSED."""

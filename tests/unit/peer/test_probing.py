@@ -101,6 +101,16 @@ async def test_two_others_are_asked_and_one_that_hears_is_enough(autojump_clock:
         assert not {node_at(0), node_at(5)} & set(asked)
 
 
+async def test_in_a_small_cluster_everybody_is_asked_in_the_end(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(8) as them:
+        await start_all(them, 8, probing_at=lambda index: index == 0)
+        # Only one hears it, and it is heard by the prober.
+        them.ether.lost = cut(*((7, index) for index in range(6)))
+        them.of(0).log.lapsed_nodes = [node_at(7)]
+        await trio.sleep(5 * REMOVE_AFTER_S)
+        assert removals(them) == []
+
+
 async def test_who_is_asked_probes_and_answers(autojump_clock: trio.testing.MockClock) -> None:
     async with village(3) as them:
         await start_all(them, 3)
