@@ -34,7 +34,7 @@ class SimDatagrams:
     async def send(self, data: bytes, target: Endpoint | str) -> None:
         assert len(data) <= DATAGRAM_SIZE_MAX, f"a datagram of {len(data)} bytes"
         await trio.lowlevel.checkpoint()
-        if not self._is_open:
+        if not self._is_open and self._process.is_alive:
             raise trio.ClosedResourceError
         endpoint = Endpoint(target, self._port_of_nodes) if isinstance(target, str) else target
         if self._process.passes(Point.BEFORE_SEND):

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import trio
 
+from scenefold.world.ports import DiskFailed
 from scenefold.world.sim.machines import Process
 from scenefold.world.sim.paths import Paths
 from scenefold.world.sim.time import current_time_of_simulation
@@ -44,7 +45,7 @@ class SimWorkers:
         await trio.lowlevel.checkpoint()
         cost = self._cost(lane)
         if cost == 0.0:
-            result = function(*args)
+            result = await self._call(function, *args)
             await trio.lowlevel.cancel_shielded_checkpoint()
             return result
         async with self._limiter(lane):
@@ -52,9 +53,18 @@ class SimWorkers:
             await self._elapse(before)
             if not self._process.is_alive:
                 await trio.lowlevel.checkpoint()
-            result = function(*args)
+            result = await self._call(function, *args)
             await self._elapse(cost - before)
             return result
+
+    async def _call(self, function: Callable[..., T], *args: object) -> T:
+        try:
+            return function(*args)
+        except DiskFailed:
+            if not self._process.is_alive:
+                # A process that died in the middle of a commit raises nothing: its tasks are just gone.
+                await trio.lowlevel.checkpoint()
+            raise
 
     def _limiter(self, lane: str) -> trio.CapacityLimiter:
         if lane not in self._limiters:
