@@ -16,7 +16,8 @@ How to use it:
 Faults are methods of `SimNet` (faults.py: set_weather, cut, mend, partition, unite, clog, unclog, slow, pause, reset,
 crash, trap, calm) and of a machine's disk, `net.machine(address).disk` (disk.py: fill, slow, corrupt, wipe, snapshot, restore,
 lies). Clocks: `net.machine(address).clock.set_rate(1.001)`. A trap calls a function in the middle of the n-th send or
-commit: `net.trap(address, Point.BEFORE_COMMIT, 3, crash_it)`. `net.note(kind, ...)` adds a line to the trace.
+commit: `net.trap(address, Point.BEFORE_COMMIT, 3, crash_it)`; `net.observe(address, Point.AFTER_COMMIT, look)` calls one
+each time, and `disk.peek(table)` shows what is there. `net.note(kind, ...)` adds a line to the trace.
 
 What holds: nothing runs in threads, a worker's call is atomic; time passes only while no task can run; an event is a heap
 entry, not a task; after `crash` nothing of the process reaches network or disk, `Environment.update` raises DiskFailed and

@@ -161,5 +161,12 @@ class Faults:
 
         `spring` runs in the middle of that step: a `crash` there takes effect before, or after, exactly that send or commit.
         """
-        assert count >= 1
+        assert count >= 1, f"the {count}-th time"
         self.machine(name).traps.append(Trap(point, count, spring))
+
+    def observe(self, name: str, point: Point, see: Callable[[], None]) -> None:
+        """Call `see` each time a machine passes a point, before any trap, for good: checkers look at the truth this way.
+
+        At AFTER_COMMIT the disk has changed already.
+        """
+        self.machine(name).observers.append((point, see))

@@ -60,17 +60,22 @@ class Machine:
     sockets: dict[int, SimDatagrams] = field(default_factory=dict)
     listeners: dict[int, Listener] = field(default_factory=dict)
     traps: list[Trap] = field(default_factory=list)
+    observers: list[tuple[Point, Callable[[], None]]] = field(default_factory=list)
     passed: dict[Point, int] = field(default_factory=lambda: dict.fromkeys(Point, 0))
     """How often each point was passed by all processes so far."""
 
     def pass_point(self, point: Point) -> None:
         self.passed[point] += 1
-        if self.traps:
-            for trap in [trap for trap in self.traps if trap.point is point]:
-                trap.count -= 1
-                if trap.count <= 0:
+        for watched, see in self.observers:
+            if watched is point:
+                see()
+        # All that are due go off, in the order in which they were set, also if one of them ends the machine.
+        for trap in [trap for trap in self.traps if trap.point is point]:
+            trap.count -= 1
+            if trap.count <= 0:
+                if trap in self.traps:
                     self.traps.remove(trap)
-                    trap.spring()
+                trap.spring()
 
 
 @dataclass(slots=True, eq=False)
