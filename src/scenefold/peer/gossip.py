@@ -149,7 +149,8 @@ class Gossip:
 
     async def take_table(self, statuses: Sequence[Status], source: NodeId) -> int:
         """Take a whole table that a member has sent; the number of signs of life in it."""
-        news = [status for status in statuses if self._roster.rises(status)]
+        # Lamport time 0 stands for a member that was never heard there: nobody has signed that.
+        news = [status for status in statuses if status.lamport and self._roster.rises(status)]
         problems = await self._world.workers.run("crypto", problems_of, [(status, self._key_of(status.node)) for status in news])
         taken = [self._take(status, source, problem) for status, problem in zip(news, problems, strict=True)]
         await self._tell_waiters()

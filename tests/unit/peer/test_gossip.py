@@ -280,12 +280,13 @@ async def test_a_table_is_taken_whole_and_nothing_false_in_it(autojump_clock: tr
     async with village(40, registered=39) as them:
         await them.start(0)
         statuses = [them.of(index).own.signed() for index in range(1, 40)]
+        statuses[7] = replace(statuses[7], lamport=0, boot=0)
         statuses[4] = replace(statuses[4], lamport=statuses[4].lamport + 9)
         them.ether.lost = lambda _source, _target: True
         with pytest.MonkeyPatch.context() as patch:
             said: list[str] = []
             patch.setattr(them.of(0).gossip, "_drop", lambda _source, _kind, text, _quiet=None: said.append(text))
-            assert await them.of(0).gossip.take_table(statuses, node_at(1)) == 37
+            assert await them.of(0).gossip.take_table(statuses, node_at(1)) == 36
         assert len(said) == 1 and address_of(node_at(5)) in said[0]
-        assert set(them.of(0).roster.unheard()) == {node_at(5), node_at(39)}
+        assert set(them.of(0).roster.unheard()) == {node_at(5), node_at(8), node_at(39)}
         assert them.of(0).roster.proofs(node_at(1)) == 1 and them.of(0).roster.proofs(node_at(2)) == 0

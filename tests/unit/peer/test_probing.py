@@ -107,7 +107,7 @@ async def test_in_a_small_cluster_everybody_is_asked_in_the_end(autojump_clock: 
         # Only one hears it, and it is heard by the prober.
         them.ether.lost = cut(*((7, index) for index in range(6)))
         them.of(0).log.lapsed_nodes = [node_at(7)]
-        await trio.sleep(5 * REMOVE_AFTER_S)
+        await trio.sleep(3 * REMOVE_AFTER_S)
         assert removals(them) == []
 
 
@@ -196,7 +196,7 @@ async def test_loss_alone_removes_nobody(autojump_clock: trio.testing.MockClock)
         await start_all(them, 5)
         dice = iter(range(10**9))
         them.ether.lost = lambda _source, _target: next(dice) % 7 == 0
-        await trio.sleep(900.0)
+        await trio.sleep(600.0)
         assert removals(them) == [] and them.proposals == []
 
 
@@ -216,7 +216,7 @@ async def test_a_voter_that_is_cut_off_removes_nobody(autojump_clock: trio.testi
         them.ether.lost = lambda source, target: alone in (source, target)
         them.reaches_voter = lambda node: node == node_at(0)
         them.of(0).log.lapsed_nodes = [node_at(index) for index in range(1, 5)]
-        await trio.sleep(5 * REMOVE_AFTER_S)
+        await trio.sleep(3 * REMOVE_AFTER_S)
         assert removals(them) == [], "it is more likely itself that is away"
         them.ether.lost, them.reaches_voter = lambda _source, _target: False, lambda _node: True
         them.of(0).log.lapsed_nodes = []
@@ -307,5 +307,5 @@ async def test_a_founder_that_speaks_but_has_not_registered_keeps_its_seat(autoj
     async with village(3, registered=2) as them:
         for index in range(3):
             await them.start(index, probing=True)
-        await trio.sleep(10 * REMOVE_AFTER_S)
+        await trio.sleep(6 * REMOVE_AFTER_S)
         assert them.proposals == []
