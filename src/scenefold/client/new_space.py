@@ -52,12 +52,17 @@ def new_space(
         raise LocalFault(f"there is no curve {curve!r}", where=where, remedy="use hilbert or z-order")
     count = dimensions if dimensions is not None else 3 if box is None else len(box[0])
     if not 1 <= count <= SPACE_DIMENSIONS_MAX:
-        raise LocalFault(f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {count}", where=where)
+        raise LocalFault(
+            f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {count}",
+            where=where,
+            remedy="choose as many as positions have coordinates",
+        )
     low, high = ((0.0,) * count, (1.0,) * count) if box is None else (tuple(map(float, corner)) for corner in box)
     if not len(low) == len(high) == count:
-        raise LocalFault(f"a corner of the box has {count} coordinates, not {len(low)} and {len(high)}", where=where)
+        what = f"a corner of the box has {count} coordinates, not {len(low)} and {len(high)}"
+        raise LocalFault(what, where=where, remedy="give one for each dimension")
     if not all(map(math.isfinite, (*low, *high))):
-        raise LocalFault("the box of a space is finite", where=where)
+        raise LocalFault("the box of a space is finite", where=where, remedy="it can be scaled later")
     for axis, (first, last) in enumerate(zip(low, high, strict=True)):
         if not first < last:
             what = f"the box ends at {last:g} where it begins at {first:g} on axis {axis}"

@@ -6,6 +6,7 @@ Arcs hold more than the box does; what lies in no cell of the box is left out he
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -58,6 +59,24 @@ def movable(log: SceneLog, space: SpaceId) -> SpaceId:
             what, where=f"space {space}", remedy="move the objects in the file and import it again, or make a space of your own"
         )
     return log.space(space).id
+
+
+def checked_offset(offset: Sequence[float], space: SpaceId) -> tuple[float, ...]:
+    """What a space is to be moved by; LocalFault if it is not finite."""
+    by = tuple(map(float, offset))
+    if not all(map(math.isfinite, by)):
+        raise LocalFault("a space is moved by finite numbers", where=f"space {space}", remedy="give one for each dimension")
+    return by
+
+
+def checked_factor(factor: float, space: SpaceId) -> float:
+    """What a space is to be scaled by; LocalFault if it is not finite and above 0."""
+    by = float(factor)
+    if not (math.isfinite(by) and by > 0.0):
+        raise LocalFault(
+            f"a space is scaled by a finite factor above 0, not {by:g}", where=f"space {space}", remedy="0.5 halves it, 2 doubles it"
+        )
+    return by
 
 
 def _inside(space: LoggedSpace, box: CellBox, locations: list[Location]) -> list[Found]:

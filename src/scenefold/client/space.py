@@ -14,7 +14,7 @@ from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client.access import SceneAccess, Wish
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.managed import ManagedPlace, ManagedRecords
-from scenefold.client.positions import Found, found_in_box, logged_space, movable
+from scenefold.client.positions import Found, checked_factor, checked_offset, found_in_box, logged_space, movable
 from scenefold.client.sealing import Opened, payload_of
 from scenefold.scene.log import LoggedSpace
 from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
@@ -117,13 +117,13 @@ class Space:
 
         Gives the space as it is then. LocalFault for an offset of another number of coordinates, or not finite.
         """
-        by = tuple(map(float, offset))
+        by = checked_offset(offset, self.id)
         log = await self._access.change_log(lambda log: TranslateSpace(movable(log, self.id), by))
         return log.state.space(self.id)
 
     async def scale(self, factor: float) -> LoggedSpace:
         """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved."""
-        by = float(factor)
+        by = checked_factor(factor, self.id)
         log = await self._access.change_log(lambda log: ScaleSpace(movable(log, self.id), by))
         return log.state.space(self.id)
 

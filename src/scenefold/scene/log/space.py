@@ -182,12 +182,15 @@ class LoggedSpace:
         try:
             row = np.asarray(corner, np.float64)
         except (TypeError, ValueError) as problem:
-            raise SpaceFault(f"a corner consists of numbers: {problem}", where=self._where) from problem
+            raise SpaceFault(
+                f"a corner consists of numbers: {problem}", where=self._where, remedy="give one for each dimension"
+            ) from problem
         if row.shape != (self.dimensions,):
             count = len(corner) if row.ndim == 1 else f"shape {row.shape}"
-            raise SpaceFault(f"a corner has {self.dimensions} coordinates here, not {count}", where=self._where)
+            what = f"a corner has {self.dimensions} coordinates here, not {count}"
+            raise SpaceFault(what, where=self._where, remedy="give one for each dimension")
         if np.isnan(row).any():
-            raise SpaceFault("a corner of the box is not a number (NaN)", where=self._where)
+            raise SpaceFault("a corner of the box is not a number (NaN)", where=self._where, remedy="inf and -inf mean: without end")
         return row
 
     def _rows(self, points: npt.ArrayLike) -> Points:
@@ -196,11 +199,12 @@ class LoggedSpace:
         try:
             rows = np.asarray(points, np.float64)
         except (TypeError, ValueError) as problem:
-            raise SpaceFault(f"positions are numbers: {problem}", where=self._where) from problem
+            raise SpaceFault(f"positions are numbers: {problem}", where=self._where, remedy=self._extent) from problem
         if rows.ndim != 2 or rows.shape[1] != self.dimensions:
-            raise SpaceFault(f"positions have {self.dimensions} coordinates here, not shape {rows.shape}", where=self._where)
+            what = f"positions have {self.dimensions} coordinates here, not shape {rows.shape}"
+            raise SpaceFault(what, where=self._where, remedy="give rows, one number for each dimension")
         if np.isnan(rows).any():
-            raise SpaceFault("a position is not a number (NaN)", where=self._where)
+            raise SpaceFault("a position is not a number (NaN)", where=self._where, remedy=self._extent)
         return rows
 
     @property

@@ -1,0 +1,118 @@
+"""If this fails, scenectl makes spaces that nobody finds, moves them wrongly, or shows records where they are not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from integration.scenectl_process import Done, free_ports, running, scenectl
+
+ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
+CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+
+
+@pytest.fixture(scope="module")
+def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Three nodes with one scene."""
+    folder = tmp_path_factory.mktemp("trial")
+    with running("node", "local", "3", "--folder", folder, "--ports", free_ports(*ADDRESSES), "--json") as (_, ready):
+        done = scenectl("scene", "create", "kitchen", profile=ready["profile"])
+        assert done.code == 0, done.err
+        yield ready["profile"]
+
+
+def space(profile: str, *arguments: str) -> Done:
+    return scenectl("space", *arguments, "--scene", "kitchen", "--json", profile=profile)
+
+
+def made(profile: str, name: str, *arguments: str) -> int:
+    done = space(profile, "create", name, *arguments)
+    assert done.code == 0, done.err
+    number: int = done.json["space"]
+    return number
+
+
+def put(profile: str, number: int, *digits: str) -> None:
+    for place in digits:
+        done = scenectl("data", "put", str(number), place, "-", "--scene", "kitchen", profile=profile, stdin=place.encode())
+        assert done.code == 0, done.err
+
+
+def found(profile: str, name: str, box: str) -> list[str]:
+    done = space(profile, "query", name, "--box", box)
+    assert done.code == 0, done.err
+    return [record["location"][:1] for record in done.json["records"]]
+
+
+def test_a_space_is_made_moved_scaled_and_asked(profile: str) -> None:
+    number = made(profile, "strip", "--box", "0:16", "--curve", "z-order")
+    put(profile, number, "0", "4", "8", "f")
+    assert found(profile, "strip", "0:5") == ["0", "4"], "the first digit is the place in the strip"
+    moved = space(profile, "translate", "strip", "--by", "-8")
+    assert (moved.json["world_low"], moved.json["world_high"]) == ([-8], [8])
+    assert found(profile, "strip", "-5:1") == ["4", "8"]
+    scaled = space(profile, "scale", str(number), "--by", "0.5")
+    assert (scaled.json["factor"], scaled.json["offset"]) == (0.5, [-4])
+    asked = space(profile, "query", "strip", "--box", "3.4:3.6").json
+    assert [record["position"] for record in asked["records"]] == [[pytest.approx(3.5)]]
+    everything = space(profile, "query", "strip", "--limit", "2").json
+    assert (len(everything["records"]), everything["more"]) == (2, True)
+    assert scenectl("data", "get", str(number), "8", "--scene", "kitchen", profile=profile).out == b"8"
+
+
+def test_all_nodes_take_records_of_a_new_space_at_once(profile: str) -> None:
+    number = made(profile, "wide", "--dimensions", "4")
+    put(profile, number, "1", "5", "9", "d")
+    listed = space(profile, "list").json
+    assert [entry["name"] for entry in listed["spaces"]][-1] == "wide"
+    assert listed["spaces"][-1]["created"] <= listed["position"]
+    text = scenectl("space", "list", "--scene", "kitchen", profile=profile).out.decode()
+    assert "geometry" in text and "wide" in text
+
+
+def test_a_managed_space_lists_ids(profile: str) -> None:
+    made(profile, "results", "--managed")
+    assert space(profile, "query", "results").json["records"] == []
+    assert "nodes choose" in space(profile, "query", "results", "--box", "0,0,0:1,1,1").refusal(1)
+    assert "no positions" in space(profile, "scale", "results", "--by", "2").refusal(1)
+
+
+def test_imported_geometry_is_asked_by_box_and_stays_where_it_is(profile: str, tmp_path: Path) -> None:
+    file = tmp_path / "square.obj"
+    file.write_text(CUBE)
+    done = scenectl("scene", "import", file, "--scene", "kitchen", profile=profile)
+    assert done.code == 0, done.err
+    inside = space(profile, "query", "geometry", "--box", "0.2,0.2,-0.1:0.8,0.8,0.1").json["records"]
+    assert len(inside) == 1 and inside[0]["position"] == pytest.approx([0.5, 0.5, 0.0], abs=1e-3)
+    assert space(profile, "query", "geometry", "--box", "0,0,-0.1:0.2,0.2,0.1").json["records"] == []
+    assert "imported content" in space(profile, "translate", "geometry", "--by", "1,0,0").refusal(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["query", "hall", "--box", ",".join("0" * 17) + ":" + ",".join("1" * 17)], "3 coordinates here, not 17"),
+        (["query", "hall", "--box", "0,2,0:1,1,1"], "ends at 1 before it begins at 2 on axis 1"),
+        (["query", "hall", "--box", "5,5,5:6,6,6"], "lies outside of the space"),
+        (["query", "hall", "--box", "0,nan,0:1,1,1"], "not a number"),
+        (["query", "attic", "--box", "0:1"], "no space 'attic'"),
+        (["query", "999"], "no such space"),
+        (["translate", "hall", "--by", "1,2"], "offset of 2 coordinates in a space of 3"),
+        (["translate", "hall", "--by", "inf,0,0"], "moved by finite numbers"),
+        (["scale", "hall", "--by", "0"], "factor above 0"),
+        (["scale", "hall", "--by", "-2"], "factor above 0"),
+        (["create", "hall"], "needs a name of its own"),
+        (["create", "deep", "--box", ",".join("0" * 17) + ":" + ",".join("1" * 17)], "1 to 8 dimensions, not 17"),
+        (["create", "flat", "--box", "0,0:1,0"], "ends at 0 where it begins at 0 on axis 1"),
+    ],
+)
+def test_what_cannot_be_is_one_line(profile: str, hall: str, arguments: list[str], complaint: str) -> None:
+    assert complaint in space(profile, *arguments).refusal(1)
+
+
+@pytest.fixture(scope="module")
+def hall(profile: str) -> str:
+    made(profile, "hall")
+    return "hall"
