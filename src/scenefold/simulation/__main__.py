@@ -80,15 +80,19 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
         return
     lines = [f"{len(results)} seeds, {operations} acknowledged operations, {faults.total()} faults, {len(violations)} violations"]
     lines += [f"  {count:7d}  {kind}" for kind, count in sorted(faults.items())]
-    lines += [f"seed {one['seed']}: {one['law']}: {one['what']}\n  {one['replay']}" for one in violations]
+    lines += [f"seed {one['seed']}: {one['law']}: {_first_line(one['what'])}\n  {one['replay']}" for one in violations]
     sys.stdout.write("\n".join(lines) + "\n")
 
 
 def _line_of(result: Result) -> str:
     what = f"seed {result.order.seed}: {result.operations} operations, {sum(result.faults.values())} faults"
     counts = ", ".join(f"{count} {name}" for name, count in sorted(result.counts.items()))
-    verdict = f" VIOLATED {result.violations[0].law}: {result.violations[0].what}" if result.violations else ""
+    verdict = f" VIOLATED {result.violations[0].law}: {_first_line(result.violations[0].what)}" if result.violations else ""
     return f"{what}, {counts}, {result.virtual_s:.0f} s in {result.cpu_s:.2f} s{verdict}"
+
+
+def _first_line(text: object) -> str:
+    return str(text).partition("\n")[0]
 
 
 def _say(text: str) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,16 @@ def address_of_slot(slot: int) -> str:
     return f"10.0.{(slot + 1) >> 8}.{(slot + 1) & 255}"
 
 
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """Settings of all nodes of a run that are not what people have. None: as they are."""
+
+    remove_after_s: float | None = REMOVE_AFTER_S
+
+
+HABITS = Habits()
+
+
 @dataclass(eq=False)
 class Node:
     """A machine and the life that its node leads just now, if any."""
@@ -60,8 +71,11 @@ class Node:
     is_wanted: bool = False
     """Whether somebody wants it to run; a crash ends that until the restart."""
     is_draining: bool = False
+    """It was told to leave."""
     has_left: bool = False
-    """It was drained and is switched off for good."""
+    """It was drained and is switched off, until somebody starts it again as a newcomer."""
+    left: trio.Event = field(default_factory=trio.Event)
+    """Set when it has left for the first time."""
     born: trio.Event = field(default_factory=trio.Event)
     """Set once its machine exists."""
     gone: trio.Event = field(default_factory=trio.Event)
@@ -81,8 +95,9 @@ class Node:
 class Cluster:
     """All machines of a run, founders first, then spares."""
 
-    def __init__(self, net: SimNet, founders: int, spares: int, nursery: trio.Nursery) -> None:
+    def __init__(self, net: SimNet, founders: int, spares: int, nursery: trio.Nursery, habits: Habits = HABITS) -> None:
         self.net = net
+        self.habits = habits
         self.nodes: dict[int, Node] = {}
         self._running: dict[int, Node] = {}
         self._nursery = nursery
@@ -126,7 +141,7 @@ class Cluster:
         """Let the node run, and run again whenever it ends by itself."""
         node = self.nodes[slot]
         if not node.is_wanted:
-            node.is_wanted = True
+            node.is_wanted, node.has_left = True, False
             self.watch.reach.comes_up(slot, self.net.now)
             self._nursery.start_soon(self._live, node, name=f"n{slot}")
 
@@ -164,6 +179,7 @@ class Cluster:
             finally:
                 node.gone.set()
             if not node.is_wanted:
+                self.watch.tell(node.slot, "has ended: {}", why)
                 return
             self._down(node)
             self.watch.tell(node.slot, "ends: {}", why)
@@ -174,15 +190,10 @@ class Cluster:
 
     async def _one_life(self, node: Node) -> str:
         world = self.net.world(node.name, node.address, node.disk)
-        node.born.set()
-        self._watch_commits(node)
-        settings = NodeSettings(
-            profile_folder=Path("/profile"),
-            address=node.address,
-            data_folder=DATA_FOLDER,
-            remove_after_s=REMOVE_AFTER_S,
-            memory_bytes=1 << 30,
-        )
+        if not node.born.is_set():
+            node.born.set()
+            self.net.observe(node.address, Point.AFTER_COMMIT, partial(self.watch.committed, node.slot))
+        settings = self._settings(node)
         log_key = self._log_key if node.slot == 0 else None
         ends: list[BaseException] = []
         with trio.CancelScope() as node.scope:
@@ -197,14 +208,25 @@ class Cluster:
             return "killed"
         return self._judge_end(node, ends)
 
+    def _settings(self, node: Node) -> NodeSettings:
+        settings = NodeSettings(profile_folder=Path("/profile"), address=node.address, data_folder=DATA_FOLDER, memory_bytes=1 << 30)
+        remove_after_s = self.habits.remove_after_s
+        return settings if remove_after_s is None else replace(settings, remove_after_s=remove_after_s)
+
     def _judge_end(self, node: Node, ends: list[BaseException]) -> str:
         """Why a life ended that nobody ended; what must not be is a violation."""
         words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
-        expected = [end for end in ends if isinstance(end, IdentityRenewed | Unreachable)]
-        if not ends or len(expected) < len(ends):
+        drained = any(type(end).__name__ == "NodeDrained" for end in ends)
+        if not ends or not all(drained or isinstance(end, IdentityRenewed | Unreachable) for end in ends):
             self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
         if any(isinstance(end, IdentityRenewed) for end in ends):
             self.watch.counts["new incarnations"] += 1
+        if drained:
+            self.watch.counts["drained"] += 1
+            node.is_wanted, node.has_left = False, True
+            node.left.set()
+            self._down(node)
+            self.net.crash(node.address)
         return words
 
     def _is_up(self, node: Node, context: NodeContext) -> None:
@@ -217,13 +239,6 @@ class Cluster:
         self._watch_acknowledgements(node, context)
 
     # --------------------------------------------------------------------------------------------------- observers
-
-    def _watch_commits(self, node: Node) -> None:
-        def seen() -> None:
-            self.net.trap(node.address, Point.AFTER_COMMIT, 1, seen)
-            self.watch.committed(node.slot)
-
-        self.net.trap(node.address, Point.AFTER_COMMIT, 1, seen)
 
     def _watch_acknowledgements(self, node: Node, context: NodeContext) -> None:
         """Look at each answer to a write at the moment at which it is made."""

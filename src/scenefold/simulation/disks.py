@@ -43,7 +43,7 @@ def holding_of(disk: Disk) -> tuple[bytes | None, bytes | None]:
 def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
     """The pieces that a node is giving away, each with whom it goes to, as its note says."""
     note = disk.peek(HOLDING).get(_NOTE)
-    if note is None:
+    if not note:
         return []
     return [(handover.piece, handover.peer) for _, handover in decode_holding(note).handovers if handover.gives]
 
@@ -51,7 +51,7 @@ def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
 def has_open_handover(disk: Disk) -> bool:
     """Whether a handover is under way here, on either side, down to the last deletion."""
     note = disk.peek(HOLDING).get(_NOTE)
-    return note is not None and bool(decode_holding(note).handovers)
+    return bool(note and decode_holding(note).handovers)
 
 
 def incarnation_of(disk: Disk) -> bytes | None:

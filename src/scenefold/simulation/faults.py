@@ -94,7 +94,7 @@ KINDS: dict[Kind, Shape] = {
     Kind.CLOCK_RATE: Shape(0.66, Whom.ONE, (10, 60), (-0.009, 0.009), "rate error; consensus assumes at most 1 %"),
     Kind.CLOCK_OFFSET: Shape(0.66, Whom.ONE, (0, 0), (-3600, 3600), "seconds that the time of day jumps"),
     Kind.JOIN: Shape(0.7, Whom.SPARE, (0, 0), moves_members=True),
-    Kind.DRAIN: Shape(0.64, Whom.NO_VOTER, (0, 0), moves_members=True),
+    Kind.DRAIN: Shape(0.64, Whom.NO_VOTER, (5, 30), (0, 1), "above 0.5 it comes back as a newcomer", moves_members=True),
     Kind.KILL_IN_JOIN: Shape(0.66, Whom.SPARE, (1, 15), (1, 12), "which commit of the joiner", moves_members=True),
     Kind.KILL_IN_HANDOVER: Shape(0.85, Whom.ALL, (2, 15), (1, 5), "which commit of any open handover", moves_members=True),
 }

@@ -5,8 +5,9 @@ from __future__ import annotations
 import trio
 
 from scenefold.peer.registry import NO_INCARNATION, Removal
+from scenefold.peer.timing import REMOVE_AFTER_S as DEFAULT_REMOVE_AFTER_S
 from scenefold.simulation import laws
-from scenefold.simulation.cluster import REMOVE_AFTER_S, Cluster
+from scenefold.simulation.cluster import Cluster
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.lineage import Holder
 
@@ -34,10 +35,10 @@ def _removed(cluster: Cluster, removal: Removal) -> None:
     watch.lineage.gone(Holder(slot, removal.member.incarnation))
     node = cluster.nodes[slot]
     if node.is_draining:
-        node.has_left = True
+        node.is_draining = False
         return
     if removal.member.incarnation == NO_INCARNATION or incarnation_of(node.disk) != removal.member.incarnation:
         return
-    window = (now - REMOVE_AFTER_S / 2, now)
+    window = (now - (cluster.habits.remove_after_s or DEFAULT_REMOVE_AFTER_S) / 2, now)
     if node.is_wanted and watch.reach.was_reachable(slot, 0, list(cluster.running), window):
         watch.violated(laws.REMOVED_RIGHTLY, f"n{slot} is removed though it could be reached: {removal.reason}", slots=(slot, 0))

@@ -273,9 +273,14 @@ class Storm:
         self._set_trap(fault, Point.AFTER_COMMIT)
 
     async def _drain_node(self, fault: Fault) -> None:
+        """A node is told to leave; some that did are switched on again."""
         node = self._node(fault)
-        if node.is_wanted and await self._drain(node):
-            self._begins(fault)
+        if not node.is_wanted or not await self._drain(node):
+            return
+        self._begins(fault)
+        await node.left.wait()
+        if fault.amount > 0.5:
+            await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
 
     def _handover_moves(self, slot: int) -> None:
         """Called in the middle of a commit that changes an open handover."""

@@ -1,0 +1,35 @@
+"""If this fails, a cluster under faults breaks a law: the story says which, and the command at its end shows it again."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from scenefold.simulation.faults import Kind
+from simulation.runs import ACKNOWLEDGED_MIN, FAULTS_MIN, fail_with_stories, run_seeds
+
+SMOKE = range(20)
+
+
+@pytest.mark.slow
+def test_seeds_hold() -> None:
+    results = run_seeds(SMOKE)
+    fail_with_stories(results)
+    for result in results:
+        assert result.operations >= ACKNOWLEDGED_MIN, f"seed {result.order.seed}"
+        assert sum(result.faults.values()) >= FAULTS_MIN, f"seed {result.order.seed}"
+    happened = Counter[str]()
+    for result in results:
+        happened.update(result.faults)
+    assert {kind.value for kind in Kind} - set(happened) == set(), "kinds of faults that never took effect"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workload", ["data", "members"])
+def test_other_workloads_hold(workload: str) -> None:
+    fail_with_stories(run_seeds(range(1_000, 1_003), workload=workload))
+
+
+def test_three_nodes_hold() -> None:
+    fail_with_stories(run_seeds(range(2), nodes=3))
