@@ -1,0 +1,123 @@
+"""If this fails, histories say of an answer more than it proves, or less."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import FIRST, LAST, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import SigningKey, seal_record
+from scenefold.simulation.history import NEVER_ENDED, Listing, Outcome, Place, Read, Write
+from scenefold.simulation.recording import Recorder
+from scenefold.wire import GetMany, PutItem, RecordBytes, RecordKey, ReturnRange
+
+SCENE, SPACE = SceneId(7), SpaceId(1)
+HERE = Location.from_number(5 << 100)
+PLACE = Place(SCENE, SPACE, HERE)
+KEY = SigningKey(bytes(32))
+
+
+def item(seq: int, expect: bytes | None = None) -> PutItem:
+    record = seal_record(
+        b"payload",
+        scene=SCENE,
+        genesis=bytes(32),
+        space=SPACE,
+        location=HERE,
+        epoch=1,
+        seq=seq,
+        session=1,
+        nonce=seq.to_bytes(12, "big"),
+        symmetric_key=bytes(24),
+        signing_key=KEY,
+    )
+    return PutItem(SCENE, SPACE, HERE, expect, record.signature, record.header_bytes, record.ciphertext)
+
+
+def recorder() -> Recorder:
+    return Recorder(lambda: 1.0, lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    ("reason", "outcome"),
+    [
+        (0, Outcome.DONE),
+        (RejectReason.STALE_VERSION, Outcome.REFUSED),
+        (RejectReason.BUSY, Outcome.MAYBE),
+        (RejectReason.NOT_READY, Outcome.MAYBE),
+        (None, Outcome.MAYBE),
+    ],
+)
+def test_what_an_answer_proves(reason: int | None, outcome: Outcome) -> None:
+    book = recorder()
+    begin = book.histories.moment()
+    book.written("c0", begin, [item(1)], None if reason is None else [reason])
+    (event,) = book.histories.of(PLACE)
+    assert isinstance(event, Write)
+    assert event.outcome is outcome
+    assert (event.end == NEVER_ENDED) == (outcome is Outcome.MAYBE)
+    assert event.begin == begin < event.end
+
+
+@pytest.mark.parametrize("reason", [RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL])
+def test_what_was_not_even_looked_at_is_no_event(reason: int) -> None:
+    book = recorder()
+    book.written("c0", 1, [item(1)], [reason])
+    assert book.histories.of(PLACE) == []
+
+
+def read(book: Recorder, records: list[RecordBytes | None], *, stale: bool = False) -> None:
+    keys = tuple(RecordKey(SPACE, HERE) for _ in range(2))
+    book.read("c1", book.histories.moment(), GetMany(SCENE, 0, keys), records, stale)
+
+
+def test_reads_are_of_the_keys_that_were_answered() -> None:
+    book = recorder()
+    put = item(1)
+    book.offered(put)
+    read(book, [RecordBytes(put.signature, put.header, put.ciphertext)])
+    (event,) = book.histories.of(PLACE)
+    assert isinstance(event, Read)
+    assert event.digest is not None
+    assert not book.strange
+
+
+def test_a_stale_read_proves_nothing_but_that_it_was_written() -> None:
+    book = recorder()
+    put = item(1)
+    read(book, [RecordBytes(put.signature, put.header, put.ciphertext)], stale=True)
+    assert book.histories.of(PLACE) == []
+    assert [place for place, _ in book.strange] == [PLACE]
+
+
+def listing(*locations: Location, stale: bool = False, last: Location = LAST) -> ReturnRange:
+    return ReturnRange(SCENE, SPACE, FIRST, last, locations, (), stale)
+
+
+def test_a_list_is_of_every_place_that_it_covers() -> None:
+    book = recorder()
+    book.offered(item(1))
+    book.listed("c0", 1, listing(HERE))
+    book.listed("c0", 3, listing())
+    book.listed("c0", 5, listing(last=FIRST))
+    book.listed("c0", 7, listing(stale=True))
+    assert [event.present for event in book.histories.of(PLACE) if isinstance(event, Listing)] == [True, False]
+
+
+def test_a_rotten_record_says_nothing_in_lists() -> None:
+    book = recorder()
+    book.offered(item(1))
+    book.damaged.add(PLACE)
+    book.listed("c0", 1, listing(HERE))
+    assert book.histories.of(PLACE) == []
+
+
+def test_operations_are_what_was_answered() -> None:
+    book = recorder()
+    book.written("c0", 1, [item(1)], [0])
+    book.written("c0", 2, [item(2)], [RejectReason.STALE_VERSION])
+    book.written("c0", 3, [item(3)], None)
+    read(book, [None, None])
+    book.listed("c0", 5, listing())
+    assert book.acknowledged == 4
