@@ -23,11 +23,12 @@ def init(
     /,
     *,
     nodes: AddressesOption,
+    spares: AddressesOption | None = None,
     name: str | None = None,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:
-    """Make the authority, the keys and the member list of a new cluster.
+    """Make the authority and the keys of a new cluster.
 
     Every node needs its own part of the folder (`nodes/ADDRESS/` and `cluster.toml`); users need the whole.
 
@@ -38,7 +39,9 @@ def init(
     folder
         Folder to make; it is the cluster's profile. It must not exist, or be empty.
     nodes
-        IPv4 addresses of the nodes, separated by commas.
+        IPv4 addresses of the nodes, separated by commas. The lowest of them decides who is a member: never lose its disk.
+    spares
+        IPv4 addresses of nodes that may join later; they get keys now.
     name
         Name of the cluster; by default that of the folder.
     ports
@@ -46,8 +49,9 @@ def init(
     """
     from scenefold.client import create_cluster
 
-    profile = create_cluster(folder, name or folder.resolve().name, nodes.all, ports=cluster_ports(ports))
-    document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all)}
+    more = () if spares is None else spares.all
+    profile = create_cluster(folder, name or folder.resolve().name, nodes.all, spares=more, ports=cluster_ports(ports))
+    document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more)}
     first = nodes.all[0]
     text = (
         f"Cluster {profile.name} with {len(nodes.all)} nodes is in {profile.folder}.\n"

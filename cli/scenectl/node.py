@@ -27,6 +27,12 @@ def run_(
     seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     memory: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_MEMORY")] = 0,
+    capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
+    transfer: Annotated[int, whole(1, 2**63 - 1, env_var="SCENEFOLD_TRANSFER")] = 64 * 1024 * 1024,
+    remove_after: Annotated[float, Parameter(env_var="SCENEFOLD_REMOVE_AFTER", validator=Number(gte=13, lte=86_400 * 365))] = 120.0,
+    blacklist: Annotated[AddressesOption | None, Parameter(env_var="SCENEFOLD_BLACKLIST")] = None,
+    join_at: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
+    balance: Annotated[bool, Parameter(env_var="SCENEFOLD_BALANCE")] = True,
     log_level: Literal["debug", "info", "warning", "error"] = "info",
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -48,6 +54,19 @@ def run_(
         Threads that may render; by default as many as there are processors.
     memory
         Bytes of memory that the node may use; 0: half of the machine's.
+    capacity
+        Bytes that the node may store; 0: what its disk holds.
+    transfer
+        Bytes a second that the node may use to move data to and from its neighbours.
+    remove_after
+        Seconds that a node must be silent before this one has it removed from the cluster.
+    blacklist
+        Addresses of nodes that must not hold copies of this node's data: in the same rack, say.
+    join_at
+        Where a newcomer stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in
+        hexadecimal, 80 for the middle.
+    balance
+        Whether the node evens out its load with its neighbours'.
     log_level
         Least important lines that are logged.
     """
@@ -57,6 +76,7 @@ def run_(
     from scenefold.client import profile_folder
     from scenefold.node import NodeSettings, run_node
     from scenefold.node.logs import set_up_logs
+    from scenefold.peer.settings import place_of
 
     set_up_logs("json" if output.json else "console", log_level)
     settings = replace(
@@ -64,6 +84,12 @@ def run_(
         seeds=() if seeds is None else seeds.all,
         seed_wait_s=seed_wait,
         memory_bytes=memory,
+        capacity_bytes=capacity,
+        transfer_bytes_per_s=transfer,
+        remove_after_s=remove_after,
+        blacklist=() if blacklist is None else blacklist.all,
+        join_place=place_of(join_at),
+        balance=balance,
     )
 
     async def work() -> None:
@@ -81,6 +107,7 @@ def local(
     /,
     *,
     folder: Path | None = None,
+    spares: Annotated[int, whole(0, 126)] = 0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
@@ -97,6 +124,8 @@ def local(
         Number of nodes, 1 to 127.
     folder
         Where their profile and data lie and stay; by default a temporary folder that is removed at the end.
+    spares
+        Further nodes that get keys and are not started: `scenectl node run` with their address lets them join.
     threads
         Threads that each node may render with; by default the machine's are shared out.
     ports
@@ -108,9 +137,9 @@ def local(
     from scenefold.node.local import local_cluster
 
     async def work() -> None:
-        async with local_cluster(count, folder, threads=threads, ports=cluster_ports(ports)) as cluster:
+        async with local_cluster(count, folder, spares=spares, threads=threads, ports=cluster_ports(ports)) as cluster:
             profile = str(cluster.profile.resolve())
-            document = {"event": "ready", "profile": profile, "nodes": list(cluster.addresses)}
+            document = {"event": "ready", "profile": profile, "nodes": list(cluster.addresses), "spares": list(cluster.spares)}
             emit_event(output, document, f"{count} nodes are ready; use --profile {profile}\nCtrl-C ends them.")
             await trio.sleep_forever()
 

@@ -301,6 +301,7 @@ async def test_a_node_that_was_away_learns_of_the_scene(tmp_path: Path) -> None:
         await nodes.stop(away)
         assert isinstance(await user.create(SCENE, node=next(iter(nodes.contexts))), AcceptSceneProposal)
         await nodes.start(away)
+        await nodes.joined()  # without a lease it acknowledges nothing
         assert await user.put(away, offered(sealed(SCENE, location=place_of(nodes, away)))) == [0]
 
 

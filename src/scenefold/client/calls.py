@@ -18,12 +18,16 @@ from scenefold.base.limits import (
     CLIENT_FRAMES_IN_FLIGHT,
     CLIENT_FRAMES_PER_NODE,
     CLIENT_REQUEST_S,
+    CLIENT_STATUS_S,
 )
 from scenefold.base.location import even_right_bounds
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.wire import Fault, Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
+
+LEARN_NODES_MAX = 3
+"""Nodes that are asked for a first table; with more of them away, a call had better begin to fail by itself."""
 
 Answer = TypeVar("Answer", bound=Packet)
 Result = TypeVar("Result")
@@ -40,11 +44,24 @@ def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreacha
 class Calls:
     """What all objects of one client share: links, routing table, bounds on what is in flight."""
 
-    def __init__(self, world: World, links: Links, addresses: Sequence[str], node_ids: Sequence[NodeId]) -> None:
-        """`addresses` and `node_ids`: the members that the profile knows, in the order of the line."""
+    def __init__(
+        self,
+        world: World,
+        links: Links,
+        addresses: Sequence[str],
+        node_ids: Sequence[NodeId],
+        *,
+        spares: Sequence[tuple[NodeId, str]] = (),
+    ) -> None:
+        """`addresses` and `node_ids`: the founders, in the order of the line; `spares`: who else may be there by now.
+
+        The even bounds between founders only tell whom to ask first; the first call takes the table of a node.
+        """
         bounds = even_right_bounds(len(node_ids))
         self.world = world
-        self.table = RoutingTable(map(Owner, node_ids, addresses, bounds))
+        self.table = RoutingTable([*map(Owner, node_ids, addresses, bounds), *(Owner(node, address, None) for node, address in spares)])
+        self._learning = trio.Lock()
+        self._has_asked = False
         self._links = links
         self._slots = trio.CapacityLimiter(CLIENT_FRAMES_IN_FLIGHT)
         self._node_slots: dict[str, trio.CapacityLimiter] = {}
@@ -104,19 +121,33 @@ class Calls:
             raise no_answer(self._addresses_from(self.table.owners[0].node_id), error) from error
 
     async def refresh(self) -> None:
-        """Take the routing table of any node. Nodes that it does not know keep their last known place."""
-        reply = await self.ask_any(RequestTable(), RespondTable)
-        owners = [
-            Owner(status.node, _place_of(status), status.right_bound, status.lamport)
-            for status in reply.statuses
-            if status.right_bound is not None
-        ]
-        if owners:
+        """Take the routing table of any node."""
+        self._take(await self.ask_any(RequestTable(), RespondTable))
+
+    async def learn(self) -> None:
+        """Before the first call: take the table of a node. If none answers, the call itself will say so."""
+        async with self._learning:
+            if self._has_asked:
+                return
+            self._has_asked = True
+            for address in self._addresses_from(None)[:LEARN_NODES_MAX]:
+                try:
+                    self._take(await self.ask(address, RequestTable(), RespondTable, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S))
+                    return
+                except (Unreachable, Refused):
+                    continue
+
+    def _take(self, reply: RespondTable) -> None:
+        owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport) for status in reply.statuses]
+        # A node that has just begun knows nobody yet: then what we know is better.
+        if any(owner.right_bound is not None for owner in owners):
             self.table = RoutingTable(owners)
 
     async def patiently(self, call: Callable[[], Awaitable[Result]], *, refresh: bool = True) -> Result:
         """Try a call again while nodes are away or busy, as long as patience lasts, with growing pauses between."""
         patience = Patience()
+        if refresh:
+            await self.learn()
         while True:
             try:
                 return await call()
@@ -132,11 +163,12 @@ class Calls:
         await self.world.clock.sleep(patience.pause_s(self.world.entropy.uniform()))
 
     def _addresses_from(self, first: NodeId | None) -> list[str]:
-        owners = self.table.owners
-        start = int(self.world.entropy.uniform() * len(owners))
-        if first is not None:
-            start = next((index for index, owner in enumerate(owners) if owner.node_id == first), start)
-        return [owner.address for owner in [*owners[start:], *owners[:start]]]
+        """All nodes: `first`, then those that own something, begun anywhere, then those that may not even run."""
+        owning = [owner for owner in self.table.owners if owner.right_bound is not None]
+        empty = [owner for owner in self.table.owners if owner.right_bound is None]
+        start = int(self.world.entropy.uniform() * len(owning)) if owning else 0
+        turned = [*owning[start:], *owning[:start], *empty]
+        return [owner.address for owner in sorted(turned, key=lambda owner: owner.node_id != first)]
 
     def _notice(self, reply: Packet) -> None:
         news = reply.mini_status

@@ -82,15 +82,16 @@ class Cluster:
     """Made by `connect`. `calls` and `links` are there for rooms above, such as the renderer's client."""
 
     def __init__(self, profile: ClusterProfile, world: World, links: Links, writer: SigningKey) -> None:
-        members = profile.members
+        founders = [member for member in profile.members if member.node_id in profile.founders]
+        spares = [(member.node_id, member.address) for member in profile.members if member.node_id not in profile.founders]
         self.profile = profile
         self.name = profile.name
         self.links = links
-        self.calls = Calls(world, links, [m.address for m in members], [m.node_id for m in members])
+        self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
         self.scenes = Scenes(self.calls, profile.keyring, writer, profile.voters[0])
 
     async def nodes(self) -> list[Owner]:
-        """All members with their right bounds, in the order of the line, as one of them knows them."""
+        """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""
         await self.calls.refresh()
         return list(self.calls.table.owners)
 

@@ -19,7 +19,8 @@ DEFAULT_PROFILE = "default"
 async def connect(profile: str | Path | None = None) -> AsyncIterator[Cluster]:
     """A cluster, by the folder or the name of its profile (see `profile_folder`).
 
-    Nothing is sent before the first call; a call finds the nodes by the members that the profile lists.
+    Nothing is sent before the first call; that one finds the nodes by those that the profile lists, and takes the
+    table of who is there from the first that answers.
     LocalFault if there is no such profile.
     """
     known, world, writer = await offline_world().workers.run("import", _read, profile)
@@ -49,6 +50,8 @@ def profile_folder(profile: str | Path | None) -> Path:
     raise LocalFault("there is no cluster profile", where=where, remedy=remedy)
 
 
-def create_cluster(folder: Path, name: str, node_addresses: Sequence[str], *, ports: Ports | None = None) -> ClusterProfile:
-    """Make authority, keys and member list of a new cluster in a folder, whole or not at all."""
-    return ClusterProfile.create(folder, name, node_addresses, ports=ports)
+def create_cluster(
+    folder: Path, name: str, node_addresses: Sequence[str], *, spares: Sequence[str] = (), ports: Ports | None = None
+) -> ClusterProfile:
+    """Make authority and keys of a new cluster in a folder, whole or not at all. `spares` may join it later."""
+    return ClusterProfile.create(folder, name, node_addresses, spares=spares, ports=ports)

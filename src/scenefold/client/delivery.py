@@ -121,6 +121,7 @@ async def _rounds(
 ) -> None:
     """Exchange all pending parts at once, again and again with pauses, until nothing is pending or tries run out."""
     patience = Patience()
+    await calls.learn()
     while True:
         waiting = pending()
         if not waiting:

@@ -48,8 +48,13 @@ class LocalCluster:
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """The members' addresses in the order of the line."""
-        return tuple(member.address for member in self.known.members)
+        """The founders' addresses, which is their order along the line in the beginning."""
+        return tuple(map(address_of, self.known.founders))
+
+    @property
+    def spares(self) -> tuple[str, ...]:
+        """The addresses of nodes that may join: `start` them."""
+        return tuple(member.address for member in self.known.members if member.node_id not in self.known.founders)
 
     def log(self, address: str) -> Path:
         """What the node wrote to stderr."""
@@ -68,7 +73,8 @@ class LocalCluster:
         self._nursery.start_soon(node.run)
 
     async def wait(self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX) -> None:
-        """Return once these nodes (all) listen and, if `joined`, know every member; LocalFault if that takes too long."""
+        """Return once these nodes (the founders) listen and, if `joined`, are members that know the others; LocalFault if that
+        takes too long."""
         nodes = [self._nodes[address] for address in (self.addresses if addresses is None else addresses)]
         waiting = {node.address: node.joined if joined else node.ready for node in nodes}
         with trio.move_on_after(seconds):
@@ -96,6 +102,7 @@ async def local_cluster(
     count: int,
     folder: Path | None = None,
     *,
+    spares: int = 0,
     name: str = "local",
     ports: Ports | None = None,
     threads: int | None = None,
@@ -104,7 +111,7 @@ async def local_cluster(
     options: Sequence[str] = (),
     start_s_max: float = START_S_MAX,
 ) -> AsyncIterator[LocalCluster]:
-    """`count` nodes that are ready and know each other.
+    """`count` nodes that are ready and know each other, and `spares` more that can be started to join them.
 
     `folder` gets profile/, data/ and logs/, and keeps them; one that holds such a cluster already is run again. None: a
     temporary folder, removed at the end. `threads` render in each node; by default the machine's are shared out,
@@ -115,7 +122,7 @@ async def local_cluster(
         raise LocalFault(f"a local cluster of {count} nodes", remedy=f"choose a number from 1 to {POOL_NODES_MAX}")
     place = Path(tempfile.mkdtemp(prefix="scenefold-")) if folder is None else folder
     try:
-        known = _profile(place, count, name, ports, first_address)
+        known = _profile(place, count, spares, name, ports, first_address)
         arguments = ["--threads", str(threads or max(1, processors() // count)), *options]
         arguments += ["--memory", str(memory_bytes or machine_memory_bytes() * 3 // 4 // count)]
         async with _nodes_end_with_the_block() as nursery:
@@ -162,19 +169,20 @@ def _first(group: BaseExceptionGroup[NodeEnded]) -> NodeEnded:
     return error
 
 
-def _profile(folder: Path, count: int, name: str, ports: Ports | None, first_address: str) -> ClusterProfile:
+def _profile(folder: Path, count: int, spares: int, name: str, ports: Ports | None, first_address: str) -> ClusterProfile:
     """The cluster in `folder`, made if there is none; LocalFault if there is one of another size."""
     first = node_id_of(first_address)
-    addresses = [address_of(NodeId(first + index)) for index in range(count)]
+    addresses = [address_of(NodeId(first + index)) for index in range(count + spares)]
     where = folder / _PROFILE
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     if not where.exists():
-        return ClusterProfile.create(where, name, addresses, ports=ports)
+        return ClusterProfile.create(where, name, addresses[:count], spares=addresses[count:], ports=ports)
     known = ClusterProfile.load(where)
-    if [member.address for member in known.members] != addresses:
+    founders = [address_of(node) for node in known.founders]
+    if founders != addresses[:count] or [member.address for member in known.members] != addresses:
         raise LocalFault(
-            f"the folder holds a cluster of {len(known.members)} nodes",
+            f"the folder holds a cluster of {len(founders)} nodes and {len(known.members) - len(founders)} spares",
             where=str(folder),
-            remedy=f"start these {len(known.members)}, or choose another folder",
+            remedy="start as many, or choose another folder",
         )
     return known

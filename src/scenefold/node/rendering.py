@@ -63,7 +63,7 @@ class RenderHost:
         return self._context.settings.memory_budget_bytes
 
     def nodes(self) -> list[NodeId]:
-        return list(self._context.routing.members)
+        return list(self._context.cluster_log.registry.members)
 
     def handle(self, packet: type[P], handler: Callable[[P, str], Awaitable[Packet | None]], *, nodes_only: bool) -> None:
         self._context.handlers.add(packet, handler, senders=Senders.NODES if nodes_only else Senders.ANY)

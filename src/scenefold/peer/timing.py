@@ -38,8 +38,6 @@ VOTER_PATIENCE_S = 1.5
 """For other nodes to say that they hold a log which the voter lacks, before it begins one."""
 ENROL_RETRY_S = 1.0
 """Between two looks at how to become a member, where nothing else wakes us."""
-JOIN_WAIT_S = 10.0
-"""A member that has not been heard for so long, while it was asked directly, is away: a node need not wait for it."""
 REMOVE_AFTER_S = 120.0
 """Nobody is removed who was heard within this time (a setting): a reboot takes about a minute."""
 

@@ -74,8 +74,10 @@ async def test_a_node_that_stays_away_is_an_error_in_bounded_time(autojump_clock
 
 
 async def test_a_lost_reply_is_asked_for_again_with_the_same_bytes(autojump_clock: MockClock) -> None:
-    nodes = FakeNodes(lost_replies=1)
+    nodes = FakeNodes()
     space = _scene(nodes).space(FILES)
+    assert await space.get(FIRST) is None
+    nodes.lost_replies = 1
     await space.put(FIRST, b"once", expect=ABSENT)
     sent = [packet.items for _, packet in nodes.asked if isinstance(packet, PutMany)]
     assert len(sent) == 2
