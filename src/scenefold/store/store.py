@@ -38,6 +38,9 @@ from scenefold.world.tasks import background_tasks
 P = ParamSpec("P")
 T = TypeVar("T")
 
+SLIDE_BATCH = 256
+"""Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
+
 _log = logging.getLogger("scenefold.store")
 
 
@@ -75,7 +78,7 @@ class Store:
         """Delete exactly the versions with these digests, and say how many were there. Durable on return."""
         return await self._writer.submit(RemoveRecords(list(versions)))
 
-    async def slide(self, piece: Arc, into: Arc, limit: int = STORE_READ_BATCH_MAX) -> int:
+    async def slide(self, piece: Arc, into: Arc, limit: int = SLIDE_BATCH) -> int:
         """Put up to `limit` node-managed records of `piece` at places of `into`; 0 once none are left there."""
         return await self._writer.submit(SlideObjects(piece, into, limit))
 

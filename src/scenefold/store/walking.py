@@ -17,13 +17,11 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.store.layout import (
-    OBJECTS,
     OBJECTS_END,
     RECORDS,
     STATISTICS,
     Spot,
     location_of,
-    object_key,
     object_of,
     record_key,
     space_of,
@@ -102,7 +100,7 @@ def entry_keys(
 ) -> Iterator[bytes]:
     """Keys of the records in the pieces, space by space."""
     for space in spaces(transaction):
-        if (after is not None and space < space_of(after)) or (managed_only and not _has_objects(transaction, space)):
+        if after is not None and space < space_of(after):
             continue
         for piece in pieces:
             first, last = _ends(space, piece)
@@ -147,10 +145,6 @@ def describe(spot: Spot) -> str:
     place, object_id = spot
     suffix = f", object {object_id.hex()}" if object_id else ""
     return f"scene {place.scene:08x}, space {place.space}, {place.location.hex()}{suffix}"
-
-
-def _has_objects(transaction: ReadTransaction, space: SpaceAddress) -> bool:
-    return next(transaction.keys(OBJECTS, object_key(*space, b""), object_key(*space, OBJECTS_END)), None) is not None
 
 
 def _sizes(transaction: ReadTransaction, space: SpaceAddress, arc: Arc, from_right: bool) -> Iterator[tuple[Location, int]]:

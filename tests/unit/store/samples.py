@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId, node_id_of
 from scenefold.base.location import WHOLE_LINE, Arc, Location
@@ -55,7 +56,7 @@ def object_id(number: int) -> bytes:
     return hashlib.sha256(b"%d" % number).digest()[:16]
 
 
-def put(number: int, *, expect: bytes | None = None, **details: int) -> Put:
+def put(number: int, *, expect: bytes | None = None, **details: Any) -> Put:
     return Put(record(number, **details), expect)
 
 

@@ -1,0 +1,234 @@
+"""If this failed, some order of puts, copies, deletions, releases and crashes would make the store forget or invent records.
+
+The store on a simulated disk, beside a model that is a dict. A crash strikes before or after exactly one commit; what was
+being done then has happened wholly or not at all.
+"""
+
+from __future__ import annotations
+
+import copy
+import random
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import trio
+
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import WHOLE_LINE, Arc, Location
+from scenefold.crypto import Record, RecordPlace, object_of, version_key
+from scenefold.store import Counts, Outcome, Put, Spot, Store, StoredHolding, open_store
+from scenefold.world.sim import Point, SimNet, run_simulated
+from unit.store.samples import NODE, SCENE, SPACE, arc, managed, record
+
+ADDRESS = "10.0.0.1"
+LENGTH = 40
+SPACES = (int(SPACE), int(SPACE) + 1)
+MANAGED = int(SPACE) + 2
+OBJECTS = 6
+STEPS = 60
+
+
+@dataclass
+class Model:
+    """What should be in a store."""
+
+    records: dict[Spot, Record] = field(default_factory=dict)
+    arc: Arc | None = None
+    note: bytes | None = None
+
+    def owns(self, location: Location) -> bool:
+        return self.arc is not None and location in self.arc
+
+    def merge(self, spot: Spot, new: Record) -> bool:
+        """Whether it is there now."""
+        present = self.records.get(spot)
+        if present is not None and present != new and version_key(new.header) <= version_key(present.header):
+            return False
+        self.records[spot] = new
+        return True
+
+    def put(self, spot: Spot, new: Record, expect: bytes | None) -> Outcome:
+        if not self.owns(spot.place.location):
+            return Outcome.NOT_OWNED
+        present = self.records.get(spot)
+        if present == new:
+            return Outcome.STORED
+        if expect is not None and expect != (b"" if present is None else present.header.digest):
+            return Outcome.EXISTS
+        return Outcome.STORED if self.merge(spot, new) else Outcome.STALE
+
+    def holding(self) -> StoredHolding | None:
+        return None if self.note is None else StoredHolding(self.arc, self.note)
+
+
+class Trial:
+    """One store through several lives, beside its model."""
+
+    def __init__(self, seed: int) -> None:
+        self.dice = random.Random(seed)
+        self.model = Model()
+        self.before = Model()
+        """The model before the step that a crash struck; the same as `model` otherwise."""
+        self.removable: list[tuple[Spot, bytes]] = []
+        self.choices: list[dict[Spot, Record]] = []
+        """What else a crash may leave."""
+        self.seq = 0
+
+    async def step(self, store: Store) -> None:
+        self.before = copy.deepcopy(self.model)
+        name = self.dice.choice(["put", "put", "put", "managed", "merge", "remove", "arc", "list", "slide", "read", "renew"])
+        await getattr(self, f"_{name}")(store)
+        self.before = self.model
+
+    # -------------------------------------------------------------------------------------------------- what is done
+
+    def _fixed(self) -> tuple[Spot, Record]:
+        self.seq += 1
+        seq = self.seq if self.dice.random() < 0.7 else self.dice.randint(1, self.seq)
+        new = record(self.dice.randrange(LENGTH), seq=seq, text=b"%d" % self.dice.randrange(3), space=self.dice.choice(SPACES))
+        return Spot(RecordPlace(new.header.scene, new.header.space, new.header.location)), new
+
+    async def _put(self, store: Store) -> None:
+        wanted = [self._fixed() for _ in range(self.dice.randint(1, 4))]
+        there = [self.model.records.get(spot) for spot, _ in wanted]
+        choices = [[None, b"", b"\xff" * 32, found.header.digest if found else None] for found in there]
+        expects = [self.dice.choice(options) for options in choices]
+        expected = [self.model.put(spot, new, expect) for (spot, new), expect in zip(wanted, expects, strict=True)]
+        results = await store.put([Put(new, expect) for (_, new), expect in zip(wanted, expects, strict=True)])
+        assert [result.outcome for result in results] == expected
+
+    async def _managed(self, store: Store) -> None:
+        self.seq += 1
+        new = managed(self.dice.randrange(OBJECTS), seq=self.seq, space=MANAGED)
+        # Where it goes is the store's choice: beside what it has, or over one that is this object.
+        nowhere = Spot(RecordPlace(SCENE, SpaceId(MANAGED), WHOLE_LINE.first), b"?")
+        over = [spot for spot in self.model.records if spot.object == object_of(new.header)]
+        self.choices = [self.model.records | {spot: new} for spot in [nowhere, *over]]
+        [result] = await store.put([Put(new)])
+        self.choices = []
+        if self.model.arc is None:
+            assert result.outcome is Outcome.NOT_OWNED
+            return
+        assert result.outcome is Outcome.STORED and result.location is not None and self.model.owns(result.location)
+        self.model.records[Spot(RecordPlace(new.header.scene, new.header.space, result.location), object_of(new.header))] = new
+
+    async def _merge(self, store: Store) -> None:
+        if self.dice.random() < 0.7:
+            spot, new = self._fixed()
+            at = None
+        else:
+            self.seq += 1
+            new = managed(self.dice.randrange(OBJECTS), seq=self.seq, space=MANAGED)
+            at = Location.from_number(self.dice.randrange(LENGTH))
+            spot = Spot(RecordPlace(new.header.scene, new.header.space, at), object_of(new.header))
+        expected = self.model.merge(spot, new)
+        [result] = await store.merge([Put(new, at=at)])
+        assert (result.outcome is Outcome.STORED) == expected
+
+    async def _list(self, store: Store) -> None:
+        piece, limit = self._piece(), self.dice.randint(1, 9)
+        entries, cursor = [], None
+        while True:
+            page, cursor = await store.manifest(piece, cursor, limit)
+            entries += page
+            if cursor is None:
+                break
+        expected = sorted((spot, kept.header.digest) for spot, kept in self.model.records.items() if spot.place.location in piece)
+        assert [(entry.spot, entry.digest) for entry in entries] == expected
+        assert await store.arc_totals(piece) == Counts(len(entries), sum(entry.size for entry in entries))
+        self.removable += expected
+
+    async def _remove(self, store: Store) -> None:
+        chosen = [self.removable.pop(self.dice.randrange(len(self.removable))) for _ in range(min(4, len(self.removable)))]
+        gone = {spot for spot, digest in chosen if spot in self.model.records and self.model.records[spot].header.digest == digest}
+        for spot in gone:
+            del self.model.records[spot]
+        assert await store.remove(chosen) == len(gone)
+
+    async def _arc(self, store: Store) -> None:
+        self.model.arc = None if self.dice.random() < 0.2 else self._piece()
+        self.model.note = self.dice.randbytes(3)
+        await store.put_holding(self.model.arc, self.model.note)
+
+    async def _slide(self, store: Store) -> None:
+        gone, kept = arc(LENGTH // 2, LENGTH - 1), arc(LENGTH, LENGTH + 50)
+        leaving = {spot: kept for spot, kept in self.model.records.items() if spot.object and spot.place.location in gone}
+        if len(leaving) != len({spot.object for spot in leaving}) or any(
+            spot.object in {other.object for other in leaving} and spot not in leaving for spot in self.model.records
+        ):
+            # Two copies of one object, which the model cannot follow: that is for whoever reads to sort out.
+            return
+        for spot in leaving:
+            del self.model.records[spot]
+        self.model.records |= {Spot(spot.place, b"sliding" + spot.object): kept for spot, kept in leaving.items()}
+        moved = await store.slide(gone, kept, 100)
+        assert moved == len(leaving)
+        self.model = copy.deepcopy(self.before)
+        for spot in leaving:
+            del self.model.records[spot]
+        answer = await store.range(SCENE, SpaceId(MANAGED), kept, 1000)
+        there = dict(zip(answer.objects, answer.locations, strict=True))
+        for spot, slid in leaving.items():
+            place = RecordPlace(SCENE, spot.place.space, there[spot.object])
+            self.model.records[Spot(place, spot.object)] = slid
+
+    async def _read(self, store: Store) -> None:
+        spots = [self.dice.choice(list(self.model.records)) for _ in range(3) if self.model.records]
+        assert await store.read(spots) == [self.model.records[spot] for spot in spots]
+
+    async def _renew(self, store: Store) -> None:
+        if self.dice.random() < 0.3:
+            self.model.arc = self.model.note = None
+            await store.renew_identity()
+
+    def _piece(self) -> Arc:
+        ends = sorted(self.dice.randrange(LENGTH) for _ in range(2))
+        return arc(*ends)
+
+    # ------------------------------------------------------------------------------------------------ what is there
+
+    async def settle(self, store: Store) -> None:
+        """Take over what is there after a crash: it must be the model before the step, or after it."""
+        page = await store.manifest(WHOLE_LINE, None, 10_000)
+        found = await store.read([entry.spot for entry in page.entries])
+        there = {entry.spot: kept for entry, kept in zip(page.entries, found, strict=True) if isinstance(kept, Record)}
+        holding = await store.holding()
+        assert len(there) == len(found)
+        if (there, holding) != (self.before.records, self.before.holding()):
+            assert _kept(there) in [_kept(self.model.records), *(_kept(records) for records in self.choices)]
+            assert holding == self.model.holding()
+        arc_now = None if holding is None else holding.arc
+        self.model = Model(there, arc_now, None if holding is None else holding.note)
+        self.before, self.choices = self.model, []
+        assert store.record_count == len(there)
+
+
+def _kept(records: dict[Spot, Record]) -> list[bytes]:
+    """What is kept, whatever places the store chose."""
+    return sorted(kept.encode() for kept in records.values())
+
+
+async def trial(seed: int) -> None:
+    net, run = SimNet(seed), Trial(seed)
+    for life in range(6):
+        with trio.CancelScope() as scope:
+
+            def crash(scope: trio.CancelScope = scope) -> None:
+                net.crash(ADDRESS, torn=run.dice.random() < 0.5)
+                scope.cancel()
+
+            world = net.world(f"node:{NODE}", ADDRESS)
+            async with open_store(world, Path("data"), NODE) as store:
+                assert store.identity.boot == life + 1
+                await run.settle(store)
+                net.trap(ADDRESS, run.dice.choice([Point.BEFORE_COMMIT, Point.AFTER_COMMIT]), run.dice.randint(2, STEPS), crash)
+                for _ in range(STEPS):
+                    await run.step(store)
+                crash()
+        await trio.sleep(2)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_no_order_of_changes_and_crashes_confuses_the_store(seed: int) -> None:
+    run_simulated(seed, trial, seed)
