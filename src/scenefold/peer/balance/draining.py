@@ -1,0 +1,287 @@
+"""A node hands everything over and leaves: DrainNode (74) (specs/13-balance.md, Draining).
+
+    serving --DrainNode--> draining: gives to both neighbours --nothing left--> RemoveNode "drained" in the log --> NodeDrained
+       ^______cancel________|
+
+The order is durable: a restarted node goes on with it. While it drains, a node takes no piece, but serves what it still
+owns. It leaves only when it owns nothing, no handover is open, and no record lies here that somebody could still need.
+`NodeDrained` ends this life in order; who starts the node again later starts a newcomer.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.balance.emptying import Portion, next_portion, room_of
+from scenefold.peer.balance.pieces import Scales, piece_of
+from scenefold.peer.balance.seams import Log, MovesBounds, fill_of
+from scenefold.peer.handlers import Handlers, Senders
+from scenefold.peer.line.holding import Side
+from scenefold.peer.roster import Roster
+from scenefold.peer.status import OwnStatus
+from scenefold.store.walking import Manifest
+from scenefold.wire import DrainNode, NodeReport, RemoveNode, pack_value
+from scenefold.world import QuietLog, World
+
+DRAINED = "drained"
+"""The reason in the log."""
+LOOK_S = 1.0
+"""Between two tries, and between two looks whether the last of it has gone."""
+REFUSED_S = 5.0
+"""A neighbour that refused is left alone for so long; meanwhile the other one gets its turn."""
+_NOTE = "drain"
+_ORDERED, _NOT_ORDERED = b"1", b""
+_REFUSES = "this node is leaving, and takes nothing"
+
+_log = logging.getLogger("scenefold.peer.draining")
+
+
+class NodeDrained(Exception):
+    """The node has handed everything over and is no member any more. Its life ends here, in order."""
+
+
+class Keeps(Scales, Protocol):
+    """What is asked of the store."""
+
+    async def strays(self, arc: Arc | None, excluded: Sequence[Arc], after: bytes | None, limit: int) -> Manifest: ...
+    async def put_note(self, name: str, value: bytes) -> None: ...
+    async def get_note(self, name: str) -> bytes | None: ...
+
+
+class Draining:
+    """`register`, `load`, then `run`."""
+
+    def __init__(
+        self,
+        world: World,
+        store: Keeps,
+        line: MovesBounds,
+        roster: Roster,
+        log: Log,
+        own: OwnStatus,
+        decides: Callable[[], Sequence[SceneId]],
+    ) -> None:
+        """`decides`: scenes whose log this node alone keeps."""
+        self._world = world
+        self._store = store
+        self._line = line
+        self._roster = roster
+        self._log = log
+        self._own = own
+        self._decides = decides
+        self._ordered = trio.Event()
+        self._leaving = False
+        self._request: bytes | None = None
+        self._begun: tuple[float, int] | None = None
+        self._waits_for = ""
+        self._again_at: dict[Side, float] = {}
+        self._sent_since: dict[NodeId, tuple[int, int]] = {}
+        self._quiet = QuietLog(_log, logging.INFO)
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(DrainNode, self._on_drain, senders=Senders.USERS)
+
+    async def load(self) -> None:
+        """Go on with an order that an earlier run took."""
+        if await self._store.get_note(_NOTE) == _ORDERED:
+            self._begin()
+
+    @property
+    def is_leaving(self) -> bool:
+        """Whether this node's removal is its own doing, so that it must not join again by itself."""
+        removal = self._log.registry.removal(self._own.incarnation)
+        return self._ordered.is_set() and removal is not None and removal.reason == DRAINED
+
+    # --------------------------------------------------------------------------------------------------- the order
+
+    async def _on_drain(self, packet: DrainNode, _peer: str) -> NodeReport:
+        if packet.cancel:
+            await self._cancel()
+        elif not packet.check_only and not self._ordered.is_set():
+            problem = self._why_never()
+            if problem is not None:
+                raise problem
+            await self._store.put_note(_NOTE, _ORDERED)
+            self._begin()
+            _log.info("draining: everything goes to the neighbours, then this node leaves")
+        return NodeReport(pack_value(await self.report()))
+
+    def _begin(self) -> None:
+        self._ordered.set()
+        self._line.refuses = _REFUSES
+
+    async def _cancel(self) -> None:
+        if self._leaving:
+            raise Refused(RejectReason.BUSY, "this node has handed everything over and is leaving", remedy="start it again: it joins anew")
+        await self._store.put_note(_NOTE, _NOT_ORDERED)
+        self._ordered = trio.Event()
+        self._begun = None
+        self._line.refuses = ""
+
+    def _why_never(self) -> Refused | None:
+        """Why this node cannot leave at all."""
+        if self._own.me in self._log.registry.voters:
+            return Refused(
+                RejectReason.NOT_AUTHORISED,
+                "this node decides the cluster's log, and the cluster cannot do without it",
+                remedy="drain any other node; or take a backup of the cluster and found it anew on another first node",
+            )
+        scenes = self._decides()
+        if scenes:
+            names = ", ".join(f"{scene:08x}" for scene in scenes[:4]) + (" and others" if len(scenes) > 4 else "")
+            return Refused(
+                RejectReason.NOT_AUTHORISED,
+                f"this node alone keeps the log of scene {names}",
+                remedy="copy the scene into a new one that another node decides, and delete this one",
+            )
+        return None
+
+    # ----------------------------------------------------------------------------------------------------- report
+
+    async def report(self) -> dict[str, Any]:
+        """How far it is, and what stands in the way of switching the node off now."""
+        statistics = await self._store.statistics()
+        obstacles = await self._obstacles()
+        removal = self._log.registry.removal(self._own.incarnation)
+        has_left = removal is not None and removal.reason == DRAINED
+        state = "left" if has_left else "draining" if self._ordered.is_set() else "serving"
+        return {
+            "state": state,
+            "records": statistics.records,
+            "bytes": statistics.bytes,
+            "seconds_left": self._seconds_left(statistics.bytes),
+            "may_switch_off": not obstacles,
+            "obstacles": obstacles,
+            "text": self._waits_for,
+        }
+
+    def _seconds_left(self, left: int) -> float | None:
+        if self._begun is None:
+            return None
+        begun_at, at_first = self._begun
+        done, elapsed = at_first - left, self._world.clock.now() - begun_at
+        return elapsed * left / done if done > 0 else None
+
+    async def _obstacles(self) -> list[str]:
+        """What would be lost, or be left undone, if the node were switched off now."""
+        found = []
+        never = self._why_never()
+        if never is not None:
+            found.append(never.what)
+        if self._line.arc is not None:
+            totals = await self._store.arc_totals(self._line.arc)
+            found.append(f"it owns a part of the line, with {totals.records} records")
+        if self._line.open_handovers():
+            found.append("a handover with a neighbour is under way")
+        elif self._line.arc is None and await self._has_strays():
+            found.append("records lie here that their owners have not taken yet")
+        return found
+
+    async def _has_strays(self) -> bool:
+        manifest = await self._store.strays(self._line.arc, [], None, 1)
+        return bool(manifest.entries)
+
+    # ------------------------------------------------------------------------------------------------------ doing
+
+    async def run(self) -> None:
+        """Carry the order out once there is one. NodeDrained at the end."""
+        while True:
+            await self._ordered.wait()
+            self._begun = self._world.clock.now(), (await self._store.statistics()).bytes
+            while self._ordered.is_set():
+                if self.is_leaving:
+                    await self._end()
+                await self._step()
+
+    async def _step(self) -> None:
+        if not self._log.registry.is_current(self._own.member):
+            self._waits_for = "this node is no member yet"
+        elif self._line.arc is not None:
+            if await self._give_some(self._line.arc):
+                return
+        else:
+            obstacles = await self._obstacles()
+            self._waits_for = "; ".join(obstacles)
+            if not obstacles and await self._leave():
+                return
+        await self._world.clock.sleep(LOOK_S)
+
+    async def _give_some(self, arc: Arc) -> bool:
+        """Give the next piece to the neighbour with more room; whether that worked."""
+        totals = await self._store.arc_totals(arc)
+        portion = next_portion({side: room for side in Side if (room := self._room(side)) is not None}, totals.bytes)
+        if portion is None:
+            self._wait_for("no neighbour that lives has room for what lies here")
+            return False
+        piece = await self._piece(arc, portion)
+        if not self._line.settled(piece):
+            self._wait_for("what came last must lie for ten seconds before it moves on")
+            return False
+        try:
+            await self._line.give(portion.side, piece, why="this node is leaving")
+        except (Refused, Unreachable, PeerFault) as problem:
+            self._again_at[portion.side] = self._world.clock.now() + REFUSED_S
+            self._wait_for(str(problem))
+            return False
+        self._sent(portion.side, portion.bytes)
+        self._waits_for = ""
+        return True
+
+    async def _piece(self, arc: Arc, portion: Portion) -> Arc:
+        if portion.is_all:
+            return arc
+        piece = await piece_of(self._store, arc, portion.side, portion.bytes)
+        return arc if piece is None else piece.arc
+
+    def _room(self, side: Side) -> int | None:
+        """Room at the neighbour on that side, if it can take something now."""
+        node = self._neighbour(side)
+        if node is None or self._line.busy(side) or self._world.clock.now() < self._again_at.get(side, 0.0):
+            return None
+        status = self._roster.status(node)
+        if status is None or not self._roster.is_believed_alive(node) or self._log.registry.current(node) is None:
+            return None
+        # What went there since its last status is not in that.
+        lamport, sent = self._sent_since.get(node, (status.lamport, 0))
+        return room_of(*fill_of(status)) - (sent if lamport == status.lamport else 0)
+
+    def _neighbour(self, side: Side) -> NodeId | None:
+        left, right = self._log.registry.neighbours(self._own.me)
+        return left if side is Side.LEFT else right
+
+    def _sent(self, side: Side, size: int) -> None:
+        node = self._neighbour(side)
+        status = None if node is None else self._roster.status(node)
+        if node is not None and status is not None:
+            lamport, sent = self._sent_since.get(node, (status.lamport, 0))
+            self._sent_since[node] = status.lamport, size + (sent if lamport == status.lamport else 0)
+
+    def _wait_for(self, text: str) -> None:
+        self._waits_for = text
+        self._quiet.say(self._world.clock.now(), "drain", text[:40], text)
+
+    async def _leave(self) -> bool:
+        """Propose the own removal; whether it is decided."""
+        self._leaving = True
+        self._request = self._request or self._world.entropy.token(16)
+        try:
+            await self._log.propose(RemoveNode(self._own.member, DRAINED), self._request)
+        except (Refused, Unreachable, PeerFault) as problem:
+            # An answer may be lost although it was decided: then the log says so, sooner or later.
+            self._leaving = isinstance(problem, Unreachable)
+            self._wait_for(str(problem))
+            return False
+        return True
+
+    async def _end(self) -> None:
+        await self._store.put_note(_NOTE, _NOT_ORDERED)
+        _log.info("drained: everything is handed over, and this node is no member any more")
+        raise NodeDrained

@@ -1,0 +1,63 @@
+"""Which piece of its arc a node gives: by bytes from one side, by half, up to a place (specs/13-balance.md, Pieces).
+
+Bytes are those of records as the store counts them. A piece is an end of the arc; all of it only where the node leaves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from scenefold.base.location import Arc, Location
+from scenefold.peer.line.holding import Side
+from scenefold.store.statistics import Counts, StoreStatistics
+from scenefold.store.walking import Weighed
+
+
+class Scales(Protocol):
+    """What is asked of the store."""
+
+    async def weigh(self, arc: Arc, bytes_wanted: int, *, from_right: bool) -> Weighed: ...
+    async def arc_totals(self, arc: Arc) -> Counts: ...
+    async def statistics(self) -> StoreStatistics: ...
+
+
+class Piece(NamedTuple):
+    """An end of an arc, with what lies in it."""
+
+    arc: Arc
+    records: int
+    bytes: int
+
+
+async def piece_of(scales: Scales, arc: Arc, side: Side, size: int) -> Piece | None:
+    """The end of the arc in which about `size` bytes lie, at least one record; None if that would be all of it, or nothing."""
+    weighed = await scales.weigh(arc, size, from_right=side is Side.RIGHT)
+    if weighed.records == 0:
+        return None
+    cut = _end_at(arc, side, weighed.location)
+    return None if cut == arc else Piece(cut, weighed.records, weighed.bytes)
+
+
+async def half_of(scales: Scales, arc: Arc, side: Side) -> Arc | None:
+    """The end with half of what lies in the arc; half of its length if that is one record or none. None: one location."""
+    if arc.length == 1:
+        return None
+    totals = await scales.arc_totals(arc)
+    if totals.records > 1:
+        piece = await piece_of(scales, arc, side, totals.bytes // 2)
+        if piece is not None:
+            return piece.arc
+    middle = arc.first.number + arc.length // 2
+    return _end_at(arc, side, Location.from_number(middle if side is Side.RIGHT else middle - 1))
+
+
+def up_to(arc: Arc, side: Side, place: Location) -> Arc | None:
+    """The end of the arc that reaches to a place inside, which is in it; None if that would be all, or not in the arc."""
+    if place not in arc:
+        return None
+    cut = _end_at(arc, side, place)
+    return None if cut == arc else cut
+
+
+def _end_at(arc: Arc, side: Side, location: Location) -> Arc:
+    return Arc(location, arc.last) if side is Side.RIGHT else Arc(arc.first, location)
