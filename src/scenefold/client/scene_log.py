@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from scenefold.base.errors import LocalFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import SceneId, address_of
@@ -147,13 +148,9 @@ class LogAccess:
     async def _propose(
         self, header: SceneLogPublic, records: tuple[SignedRecord, ...], rejected: Callable[[RejectReason, str], None]
     ) -> None:
-        private = seal_private(
-            records,
-            genesis=self._keys.genesis,
-            symmetric_key=self._keys.symmetric_key,
-            key_epoch=self._keys.key_epoch,
-            nonce=self._calls.world.entropy.token(NONCE_BYTES),
-        )
+        keys, nonce = self._keys, self._calls.world.entropy.token(NONCE_BYTES)
+        sealing = partial(seal_private, genesis=keys.genesis, symmetric_key=keys.symmetric_key, key_epoch=keys.key_epoch, nonce=nonce)
+        private = await self._calls.world.workers.run("crypto", sealing, records)
         packet = ProposeSceneLog(
             genesis=self._keys.genesis,
             proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),

@@ -13,7 +13,7 @@ from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import SigningKey
+from scenefold.crypto import SigningKey, seal_log
 from scenefold.scene.layout import SPACES
 from scenefold.scene.log import SceneLog, first_log, first_record, open_private, seal_private, sign_record
 from scenefold.wire import (
@@ -24,6 +24,7 @@ from scenefold.wire import (
     CurveKind,
     LogEntry,
     LogRecord,
+    MalformedPacket,
     Member,
     RemoveObserver,
     RemoveParticipant,
@@ -187,3 +188,24 @@ def sign_record_bytes(record: bytes) -> Any:
     from scenefold.wire import SignedRecord
 
     return SignedRecord(record, HEADER_KEY.sign(LOG_DOMAIN, record))
+
+
+@given(st.binary(max_size=400), st.integers(1, 10))
+def test_whatever_was_sealed_is_a_log_or_damaged(plain: bytes, position: int) -> None:
+    """A key holder's mistake, or malice, ends in words and never in a traceback."""
+    sealed = seal_log(plain, genesis=GENESIS, position=position, symmetric_key=KEY, key_epoch=0, nonce=bytes(12))
+    with pytest.raises(DamagedData):
+        open_private(sealed, genesis=GENESIS, position=position, symmetric_key=KEY, header_key=HEADER_KEY.public)
+
+
+@given(st.data())
+def test_changed_bytes_of_a_record_do_not_pass(data: st.DataObject) -> None:
+    encoded = bytearray(records_of(space(), ScaleSpace(HALL, 2.0))[-1].encode())
+    encoded[data.draw(st.integers(0, len(encoded) - 1))] ^= data.draw(st.integers(1, 255))
+    before = SceneLog.of(records_of(space()))
+    try:
+        after = before.apply(LogRecord.decode(bytes(encoded)))
+    except (MalformedPacket, Refused):
+        return
+    # Only who and what may have changed: a request id, an origin, a space, a factor.
+    assert (after.position, len(after.spaces)) == (3, 11)

@@ -1,0 +1,34 @@
+"""If this fails, logs that were written before cannot be read, or places of stored scenes mean something else than they did."""
+
+from __future__ import annotations
+
+import json
+
+from make_scene_log_vectors import TARGET, document
+
+from house.sources import ROOT
+from scenefold.crypto import SigningKey
+from scenefold.scene.log import open_private
+
+
+def test_the_golden_log_is_what_we_make() -> None:
+    assert document() == json.loads(TARGET.read_text(encoding="utf-8"))
+
+
+def test_the_golden_log_is_read() -> None:
+    golden = json.loads((ROOT / "specs" / "vectors" / "scene_log.json").read_text(encoding="utf-8"))
+    header_key = SigningKey.from_seed(bytes.fromhex(golden["header_seed"])).public
+    log, records = open_private(
+        bytes.fromhex(golden["sealed"]),
+        genesis=bytes.fromhex(golden["genesis"]),
+        position=len(golden["records"]),
+        symmetric_key=bytes.fromhex(golden["symmetric_key"]),
+        header_key=header_key,
+    )
+    assert [record.record.hex() for record in records] == [row["record"] for row in golden["records"]]
+    assert log.head.hex() == golden["records"][-1]["hash"]
+    for row in golden["places"]:
+        space = log.space(row["space"])
+        assert [float(number).hex() for number in space.transform.offset] == row["offset"]
+        positions = [[float.fromhex(number) for number in point] for point in row["positions"]]
+        assert [location.hex() for location in space.locations_of(positions)] == row["locations"]

@@ -1,0 +1,92 @@
+"""Writes specs/vectors/scene_log.json: what any implementation of specs/16-scene-log.md must give.
+
+    .venv/bin/python tools/make_scene_log_vectors.py
+
+A log of four records, its hashes, the sealed bytes, what its spaces are then, and where places lie. The inputs are
+fixed, signatures and cipher deterministic, so the file changes only when the format does. Floats are in hexadecimal.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.location import FIRST
+from scenefold.crypto import SigningKey
+from scenefold.scene.log import LoggedSpace, SceneLog, first_record, seal_private, sign_record
+from scenefold.wire import Batch, CreateSpace, CurveKind, LogEntry, LogRecord, ScaleSpace, TranslateSpace
+
+TARGET = Path(__file__).parents[1] / "specs" / "vectors" / "scene_log.json"
+GENESIS = bytes(range(32))
+ORIGIN = NodeId(0x7F000002)
+HEADER_SEED = bytes(range(32, 64))
+SYMMETRIC_KEY = bytes(range(24))
+NONCE = bytes(range(12))
+HALL, WIDE = SpaceId(11), SpaceId(12)
+
+
+def entries() -> list[LogEntry]:
+    """What happens to the scene after its first record."""
+    hall = CreateSpace(HALL, 3, CurveKind.HILBERT, False, SpaceId(0), FIRST, 1, 1, False, "hall", (0.0, -1.0, 2.0), (4.0, 3.0, 10.0))
+    wide = CreateSpace(WIDE, 5, CurveKind.Z_ORDER, False, SpaceId(0), FIRST, 3, 2, True, "wide", (0.0,) * 5, (1.0,) * 5)
+    return [
+        Batch((hall, wide)),
+        TranslateSpace(HALL, (1.0, 0.25, -2.0)),
+        Batch((ScaleSpace(HALL, 0.1), TranslateSpace(WIDE, (0.1,) * 5), ScaleSpace(WIDE, 3.0))),
+    ]
+
+
+def records() -> list[LogRecord]:
+    """The whole log."""
+    made = [first_record(GENESIS, ORIGIN)]
+    for index, entry in enumerate(entries()):
+        made.append(SceneLog.of(made).next_record(entry, bytes([index + 1]) * 16, ORIGIN))
+    return made
+
+
+def document() -> dict[str, Any]:
+    """The file's content."""
+    log = records()
+    key = SigningKey.from_seed(HEADER_SEED)
+    signed = [sign_record(record, key) for record in log]
+    sealed = seal_private(signed, genesis=GENESIS, symmetric_key=SYMMETRIC_KEY, key_epoch=0, nonce=NONCE)
+    state = SceneLog.of(log)
+    return {
+        "genesis": GENESIS.hex(),
+        "header_seed": HEADER_SEED.hex(),
+        "symmetric_key": SYMMETRIC_KEY.hex(),
+        "nonce": NONCE.hex(),
+        "records": [
+            {"record": one.record.hex(), "signature": one.signature.hex(), "hash": log[i].hash().hex()} for i, one in enumerate(signed)
+        ],
+        "sealed": sealed.hex(),
+        "places": [_places(state.space(space)) for space in (HALL, WIDE)],
+    }
+
+
+def _places(space: LoggedSpace) -> dict[str, Any]:
+    low, high = space.world_box
+    points = [[a + (b - a) * share for a, b in zip(low, high, strict=True)] for share in (0.0, 0.3, 0.5, 1.0)]
+    locations = space.locations_of(points)
+    return {
+        "space": space.id,
+        "factor": space.transform.factor.hex(),
+        "offset": _floats(space.transform.offset),
+        "world_low": _floats(low),
+        "world_high": _floats(high),
+        "positions": [_floats(point) for point in points],
+        "locations": [location.hex() for location in locations],
+        "centres": [_floats(row) for row in space.world_of(locations).tolist()],
+        "centres_at_2": [_floats(row) for row in space.world_of(locations, at=2).tolist()],
+        "fast_forward_from_3": [_floats(row) for row in space.fast_forward(points, 3).tolist()],
+    }
+
+
+def _floats(row: Any) -> list[str]:
+    return [float(number).hex() for number in row]
+
+
+if __name__ == "__main__":
+    TARGET.write_text(json.dumps(document(), indent=1) + "\n", encoding="utf-8")
