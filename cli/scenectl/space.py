@@ -233,10 +233,11 @@ def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace) -> None:
 
 def _row(space: LoggedSpace) -> tuple[object, ...]:
     low, high = space.world_box
-    places = "nodes choose" if space.node_managed else "fixed"
+    if space.node_managed:
+        return space.id, space.name, space.dimensions, space.curve, "nodes choose", "-", "-", "-"
     moved = _corner(space.transform.offset) if any(space.transform.offset) else "-"
     factor = f"{space.transform.factor:g}" if space.transform.factor != 1.0 else "-"
-    return space.id, space.name, space.dimensions, space.curve, places, f"{_corner(low)} to {_corner(high)}", factor, moved
+    return space.id, space.name, space.dimensions, space.curve, "fixed", f"{_corner(low)} to {_corner(high)}", factor, moved
 
 
 def _corner(corner: tuple[float, ...]) -> str:

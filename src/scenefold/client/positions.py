@@ -30,6 +30,12 @@ class Found(NamedTuple):
     position: tuple[float, ...]
 
 
+async def logged_spaces(access: SceneAccess) -> list[LoggedSpace]:
+    """All spaces by the newest log; as `logged_space` gives them."""
+    spaces = (await access.read_log()).state.spaces.values()
+    return [await _with_lattice_of_import(access, space) if space.id == GEOMETRY else space for space in spaces]
+
+
 async def logged_space(access: SceneAccess, space: SpaceId) -> LoggedSpace:
     """A space by the newest log. The geometry of an import lies in the lattice that the scene document names."""
     found = (await access.read_log()).state.space(space)

@@ -11,6 +11,7 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
 from scenefold.client.importing import ImportReport, prepare_import, store_import
 from scenefold.client.new_space import SpaceOptions, new_space
+from scenefold.client.positions import logged_spaces
 from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.space import Space
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
@@ -68,7 +69,7 @@ class Scene:
 
     async def spaces(self) -> list[LoggedSpace]:
         """All spaces by the newest log, in the order of their creation."""
-        return list((await self.access.read_log()).state.spaces.values())
+        return await logged_spaces(self.access)
 
     async def space_named(self, name: str | int) -> Space:
         """A space by its name, or by its number; LocalFault if the scene has none such."""
