@@ -23,7 +23,7 @@ class Unrest(NamedTuple):
 
 
 def unrest(cluster: Cluster) -> list[Unrest]:
-    """What is not as it should be, most basic things first; only the first of several layers."""
+    """What is not as it should be, most basic things first: what follows from them is not said yet."""
     voter = cluster.voter.context
     if voter is None:
         return [Unrest(laws.CONVERGED, "the voter does not run", (0,))]
@@ -31,6 +31,8 @@ def unrest(cluster: Cluster) -> list[Unrest]:
     members = {cluster.slot_of(node) for node in registry.order}
     down = [node.slot for node in cluster.nodes.values() if node.is_wanted and node.context is None]
     wrong = [Unrest(laws.CONVERGED, f"n{slot} does not run", (slot,)) for slot in down]
+    outside = [node.slot for node in cluster.nodes.values() if node.is_wanted and node.slot not in members]
+    wrong += [Unrest(laws.CONVERGED, f"n{slot} is no member", (slot,)) for slot in outside]
     for slot in sorted(members):
         wrong += _member(cluster, cluster.nodes[slot])
     if wrong:

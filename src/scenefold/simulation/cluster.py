@@ -22,11 +22,11 @@ from scenefold.base.location import Location
 from scenefold.crypto import SigningKey
 from scenefold.node.running import run_assembled
 from scenefold.peer import NodeContext, NodeSettings
+from scenefold.peer.balance.draining import NodeDrained
 from scenefold.peer.enrolment import IdentityRenewed
 from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
-from scenefold.simulation.history import Place
-from scenefold.simulation.recording import version_of
+from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
 from scenefold.wire import PutItem, PutOutcome
 from scenefold.world.facts import ClusterFacts, Credential
@@ -216,8 +216,8 @@ class Cluster:
     def _judge_end(self, node: Node, ends: list[BaseException]) -> str:
         """Why a life ended that nobody ended; what must not be is a violation."""
         words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
-        drained = any(type(end).__name__ == "NodeDrained" for end in ends)
-        if not ends or not all(drained or isinstance(end, IdentityRenewed | Unreachable) for end in ends):
+        drained = any(isinstance(end, NodeDrained) for end in ends)
+        if not ends or not all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends):
             self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
         if any(isinstance(end, IdentityRenewed) for end in ends):
             self.watch.counts["new incarnations"] += 1
@@ -250,8 +250,7 @@ class Cluster:
             if self._running.get(node.slot) is node and node.context is context:
                 for item, outcome in zip(items, outcomes, strict=True):
                     if outcome.reason == 0:
-                        place = Place(item.scene, item.space, item.location)
-                        self.watch.acknowledges(node.slot, place, outcome.location, version_of(item.header))
+                        self.watch.acknowledges(node.slot, *named(item), outcome.location)
             return outcomes
 
         writes.put = watched

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenefold.base.errors import ScenefoldError
 from scenefold.base.ids import SpaceId
-from scenefold.base.location import FIRST, LAST, Location
+from scenefold.base.location import FIRST, LAST, LOCATION_BYTES, Location
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
 from scenefold.simulation.history import Listing, Outcome, Place, Read, Write
@@ -15,17 +15,39 @@ from scenefold.simulation.watch import Watch
 async def read_everything(watch: Watch, client: Client) -> None:
     """Read every place that any client wrote to, and list every space, into the histories."""
     assert client.scene is not None
-    for space, locations in sorted(watch.recorder.places.items()):
-        healthy = [Location(place) for place in sorted(locations) if Place(*space, place) not in watch.recorder.damaged]
-        try:
-            await client.scene.access.get([(SpaceId(space[1]), location) for location in healthy])
-            async for _ in client.scene.space(space[1]).query(FIRST, LAST):
-                pass
-        except ScenefoldError as problem:
-            watch.violated(laws.READABLE, f"not everything can be read at the end: {problem}")
-            return
-        for location in sorted(locations - set(healthy)):
-            await _read_damaged(watch, client, Place(*space, location))
+    try:
+        for space, names in sorted(watch.recorder.places.items()):
+            if any(len(name) != LOCATION_BYTES for name in names):
+                await _read_managed(watch, client, space, names)
+            else:
+                await _read_fixed(watch, client, space, names)
+    except ScenefoldError as problem:
+        watch.violated(laws.READABLE, f"not everything can be read at the end: {problem}")
+
+
+async def _read_fixed(watch: Watch, client: Client, space: tuple[int, int], names: set[bytes]) -> None:
+    assert client.scene is not None
+    rotten = {name for name in names if Place(*space, name) in watch.recorder.damaged}
+    await client.scene.access.get([(SpaceId(space[1]), Location(name)) for name in sorted(names - rotten)])
+    async for _ in client.scene.space(space[1]).query(FIRST, LAST):
+        pass
+    for name in sorted(rotten):
+        await _read_damaged(watch, client, Place(*space, name))
+
+
+async def _read_managed(watch: Watch, client: Client, space: tuple[int, int], names: set[bytes]) -> None:
+    """Records without a place of their own are looked for in the list of all, and must be found there."""
+    assert client.scene is not None
+    begin = watch.recorder.histories.moment()
+    records = client.scene.space(space[1]).managed
+    found = [place async for place in records.query(FIRST, LAST)]
+    end = watch.recorder.histories.moment()
+    there = {place.object for place in found}
+    for name in sorted(names):
+        place = Place(*space, name)
+        if place not in watch.recorder.damaged:
+            watch.recorder.histories.add(place, Listing(begin, end, name in there, client.name, 0.0))
+    await records.get([place for place in found if Place(*space, place.object) not in watch.recorder.damaged])
 
 
 async def _read_damaged(watch: Watch, client: Client, place: Place) -> None:

@@ -77,11 +77,24 @@ def _deaf_helpers(_original: Any) -> Any:
     return heard_by_others
 
 
+def _no_last_copy(original: Any) -> Any:
+    """What was written while a piece was being copied is not copied again before the piece is let go of."""
+
+    async def copy(self: Any, *, hurry: bool) -> Any:
+        from scenefold.peer.line.copying import Pass
+
+        return Pass(0, 0) if hurry else await original(self, hurry=hurry)
+
+    return copy
+
+
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": (Patch("scenefold.store.record_changes", "judge", _blind_judge),),
     "durable before ack": (Patch("scenefold.store.writer", "GroupWriter.submit", _hasty_submit),),
     "owner lease": (Patch("scenefold.peer.lease", "OwnerLease.holds", _always(True)),),
     "indirect probe": (Patch("scenefold.peer.probing", "heard_by_others", _deaf_helpers),),
+    "durable before release": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
+    "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 

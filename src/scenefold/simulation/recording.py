@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import RecordHeader
+from scenefold.crypto import PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
 from scenefold.simulation.history import NEVER_ENDED, Histories, Listing, Outcome, Place, Read, Version, Write
 from scenefold.wire import GetMany, GetManyReply, Packet, PutItem, PutMany, PutManyReply, QueryRange, RecordBytes, ReturnRange
@@ -21,10 +22,11 @@ Tell = Callable[[str, Place, str], None]
 """Who, where, what: for the story."""
 
 
-def version_of(header: bytes) -> Version:
-    """The version that a record's header names."""
-    decoded = RecordHeader.decode(header)
-    return Version(version_key(decoded), decoded.digest)
+def named(item: PutItem) -> tuple[Place, Version]:
+    """How histories call a record, and its version. Where the nodes choose the place, it is called by its object id."""
+    header = RecordHeader.decode(item.header)
+    name = object_of(header) if header.placement == PLACED_BY_NODE else item.location
+    return Place(item.scene, item.space, name), Version(version_key(header), header.digest)
 
 
 class Recorder:
@@ -49,9 +51,9 @@ class Recorder:
 
     def offered(self, item: PutItem) -> tuple[Place, Version]:
         """A record leaves a client."""
-        place, version = Place(item.scene, item.space, item.location), version_of(item.header)
+        place, version = named(item)
         self._offered.setdefault(place, set()).add(version.digest)
-        self.places.setdefault((item.scene, item.space), set()).add(item.location)
+        self.places.setdefault((item.scene, item.space), set()).add(place.location)
         return place, version
 
     def written(self, who: str, begin: int, items: Sequence[PutItem], outcomes: Sequence[int] | None) -> None:
@@ -73,11 +75,12 @@ class Recorder:
         """What was answered for the first keys."""
         end = self.histories.moment()
         for key, record in zip(packet.keys, records, strict=False):
-            place = Place(packet.scene, key.space, key.location)
+            place = Place(packet.scene, key.space, key.object or key.location)
             digest = None if record is None else RecordHeader.decode(record.header).digest
             if digest is not None and digest not in self._offered.get(place, ()):
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
-            if not stale:
+            # "Nothing" says of a record that may slide only that it is not at this place.
+            if not stale and not (key.object and digest is None):
                 self.histories.add(place, Read(begin, end, digest, who, self._now()))
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
 
@@ -85,13 +88,13 @@ class Recorder:
         """A range answer: every place that it covers is there, or is not."""
         end = self.histories.moment()
         self.listings += 1
-        if reply.stale:
+        if reply.stale or reply.objects:
             return
         there = set(reply.locations)
         for location in sorted(self.places.get((reply.scene, reply.space), ())):
             if reply.first <= location <= reply.last:
                 place = Place(reply.scene, reply.space, location)
-                if place in self.damaged:
+                if place in self.damaged or len(location) != LOCATION_BYTES:
                     continue
                 self.histories.add(place, Listing(begin, end, location in there, who, self._now()))
 

@@ -149,7 +149,8 @@ class Watch:
         self._blame(laws.CARRIED, f"n{holder.slot} lets go of", disks, piece.towards.slot, holder.slot)
 
     def _blame(self, law: str, what: str, disks: dict[int, dict[Place, Version]], claimer: int, other: int) -> None:
-        places = {place for disk in disks.values() for place in disk}
+        # A record that rotted cannot be copied; its loss stands in its history already.
+        places = {place for disk in disks.values() for place in disk} - self.recorder.damaged
         for lost in lost_to_claimer(disks, claimer, places):
             newest = lost.left[-1].digest.hex()[:6]
             words = f"{what} {lost.place.location.hex()[:8]}… though n{claimer} does not hold its newest version {newest}"
@@ -169,7 +170,7 @@ class Watch:
 
     # --------------------------------------------------------------------------------------------- acknowledgements
 
-    def acknowledges(self, slot: int, place: Place, location: Location, version: Version) -> None:
+    def acknowledges(self, slot: int, place: Place, version: Version, location: Location) -> None:
         """A node is about to answer that a record is durable at a location."""
         node = self._running.get(slot)
         name = f"{location.hex()[:8]}… {version.digest.hex()[:6]}"

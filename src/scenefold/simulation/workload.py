@@ -15,9 +15,10 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import Wish
+from scenefold.client.managed import ManagedPlace
 from scenefold.client.scene import Scene
 from scenefold.client.space import ABSENT
-from scenefold.scene.layout import META
+from scenefold.scene.layout import META, RENDERS
 from scenefold.simulation.outcome import Workload
 
 CLIENTS = 4
@@ -26,7 +27,7 @@ ACT_S_MAX = 12.0
 WIDE_PLACES = 200
 HOT_PLACES = 12
 """Beside those at the founders' bounds."""
-PAUSE_S = {"data": 0.45, "all": 0.6, "members": 1.2}
+PAUSE_S = {"data": 0.6, "all": 0.8, "members": 1.4}
 """Seconds between the acts of one client, on average."""
 _ACTS = {
     "put": 20,
@@ -38,9 +39,13 @@ _ACTS = {
     "put many": 6,
     "range": 6,
     "get wide": 2,
-    "put wide": 2,
+    "put wide": 3,
+    "put managed": 2,
+    "get managed": 3,
 }
-PAYLOAD_BYTES = (8, 8, 40, 200, 3000)
+PAYLOAD_BYTES = (8, 8, 40, 200, 3_000)
+WIDE_BYTES = (2_000, 20_000)
+"""Balance leaves less than 64 KiB where it is."""
 
 
 def client_name(number: int) -> str:
@@ -63,8 +68,16 @@ def draw_places(seed: int, nodes: int) -> Places:
     at_bounds = [bound for bound in bounds if dice.random() < 0.7]
     beside = [following for bound in at_bounds if (following := bound.next()) is not None]
     anywhere = [Location.from_number(dice.randrange(LINE_LENGTH)) for _ in range(HOT_PLACES)]
-    wide = [Location.from_number(dice.randrange(LINE_LENGTH)) for _ in range(WIDE_PLACES)]
+    wide = [Location.from_number(number) for number in _numbers(dice)]
     return Places(tuple(sorted({FIRST, LAST, *at_bounds, *beside, *anywhere})), tuple(sorted(wide)))
+
+
+def _numbers(dice: random.Random) -> list[int]:
+    """Of the wide places: all over the line, or, in two seeds of three, mostly on a piece of it, which makes bounds move."""
+    if dice.random() < 1 / 3:
+        return [dice.randrange(LINE_LENGTH) for _ in range(WIDE_PLACES)]
+    start, width = dice.randrange(LINE_LENGTH), LINE_LENGTH // dice.randint(4, 40)
+    return [(start + dice.randrange(width if dice.random() < 0.9 else LINE_LENGTH)) % LINE_LENGTH for _ in range(WIDE_PLACES)]
 
 
 @dataclass(slots=True)
@@ -84,6 +97,9 @@ class Worker:
         self._name = name
         self._access = scene.access
         self._space = scene.space(META)
+        self._renders = scene.space(RENDERS).managed
+        self._managed: list[ManagedPlace] = []
+        """Records of which the nodes chose the places, and where they were."""
         self._places = places
         self._dice = random.Random(f"work/{seed}/{name}")
         self._pause_s = PAUSE_S[workload]
@@ -137,9 +153,13 @@ class Worker:
             case "get wide":
                 await self._get(dice.sample(wide, 16))
             case "put many":
-                await self._put_many(dice.sample(hot, 4))
+                await self._put_many(dice.sample(hot, 4), PAYLOAD_BYTES)
             case "put wide":
-                await self._put_many(dice.sample(wide, 12))
+                await self._put_many(dice.sample(wide, 16), WIDE_BYTES)
+            case "put managed":
+                self._managed.append((await self._renders.put(self._payload())).place)
+            case "get managed":
+                await self._renders.get(dice.sample(self._managed, min(3, len(self._managed))))
             case _:
                 await self._list(*sorted(dice.sample([*hot, *wide], 2)))
 
@@ -159,15 +179,15 @@ class Worker:
         if not placed.reason:
             self._seen[place] = placed.digest
 
-    async def _put_many(self, places: list[Location]) -> None:
+    async def _put_many(self, places: list[Location], sizes: tuple[int, ...]) -> None:
         for place in places:
             self._seen.pop(place, None)
-        await self._access.put([Wish(META, place, self._payload()) for place in places])
+        await self._access.put([Wish(META, place, self._payload(sizes)) for place in places])
 
     async def _get(self, places: list[Location]) -> None:
         found = await self._access.get([(META, place) for place in places])
         for place, record in zip(places, found, strict=True):
             self._seen[place] = None if record is None else record.digest
 
-    def _payload(self) -> bytes:
-        return self._dice.randbytes(self._dice.choice(PAYLOAD_BYTES))
+    def _payload(self, sizes: tuple[int, ...] = PAYLOAD_BYTES) -> bytes:
+        return self._dice.randbytes(self._dice.choice(sizes))

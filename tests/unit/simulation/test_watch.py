@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LAST, Arc, Location
 from scenefold.crypto import Record, RecordPlace, SigningKey, seal_record
+from scenefold.crypto.record_header import version_key
 from scenefold.peer.line.holding import Holding, Side, handover_id
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.simulation import laws
 from scenefold.simulation.disks import place_of
 from scenefold.simulation.history import Loss, Place, Version
 from scenefold.simulation.lineage import Holder
-from scenefold.simulation.recording import version_of
 from scenefold.simulation.watch import Watch
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, pack_record, record_key
 from scenefold.wire import Member
@@ -74,7 +74,8 @@ def record(seq: int) -> Record:
 
 
 def version(seq: int) -> Version:
-    return version_of(record(seq).header_bytes)
+    header = record(seq).header
+    return Version(version_key(header), header.digest)
 
 
 class Stage:
@@ -114,16 +115,16 @@ class Stage:
 def test_an_acknowledgement_by_the_owner_alone_is_right() -> None:
     stage = Stage()
     stage.machines[1].store(record(1))
-    stage.watch.acknowledges(1, PLACE, HERE, version(1))
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
     assert stage.laws == []
 
 
 def test_an_acknowledgement_must_be_durable_and_not_older() -> None:
     stage = Stage()
-    stage.watch.acknowledges(1, PLACE, HERE, version(1))
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
     stage.machines[1].store(record(2))
-    stage.watch.acknowledges(1, PLACE, HERE, version(1))
-    stage.watch.acknowledges(1, PLACE, HERE, version(3))
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
+    stage.watch.acknowledges(1, PLACE, version(3), HERE)
     assert stage.laws == [laws.DURABLE, laws.DURABLE]
 
 
@@ -131,10 +132,10 @@ def test_an_acknowledgement_needs_arc_and_lease() -> None:
     stage = Stage()
     stage.machines[1].store(record(1))
     stage.machines[1].lease = False
-    stage.watch.acknowledges(1, PLACE, HERE, version(1))
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
     assert stage.laws == [laws.RIGHT_TO_ANSWER]
     stage.machines[0].store(record(1))
-    stage.watch.acknowledges(0, PLACE, HERE, version(1))
+    stage.watch.acknowledges(0, PLACE, version(1), HERE)
     assert stage.laws[1:] == [laws.RIGHT_TO_ANSWER, laws.RIGHT_TO_ANSWER]
 
 
@@ -142,10 +143,10 @@ def test_two_that_could_acknowledge_are_one_too_many() -> None:
     stage = Stage()
     stage.machines[1].store(record(1))
     stage.machines[2].holding = Holding().found(RIGHT)
-    stage.watch.acknowledges(1, PLACE, HERE, version(1))
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
     assert stage.laws == [laws.ONE_OWNER]
     stage.machines[2].lease = False
-    stage.watch.acknowledges(1, PLACE, HERE, version(1))
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
     assert len(stage.laws) == 1
 
 
