@@ -115,6 +115,48 @@ def get(
 
 
 @app.command
+def delete(
+    space: SpaceOption,
+    location: PlaceOption,
+    /,
+    *,
+    scene: SceneOption,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Delete a record: its place counts as empty once this is durable. It takes up some space until it is purged.
+
+    Example: scenectl data delete files 0a --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Number or name of the space.
+    location
+        Up to 40 hexadecimal digits; missing ones are 0.
+    scene
+        Name of the scene.
+    """
+    from scenectl.running import run
+    from scenefold.base.errors import LocalFault
+    from scenefold.client import connect
+
+    async def work() -> bool:
+        async with connect(output.profile) as cluster:
+            target = (await cluster.scenes.open(scene)).space(space.number)
+            [found] = await target.read([location.first])
+            if found is None or found.deleted:
+                return False
+            # Exactly what was found goes, not what somebody else puts there in this moment.
+            await target.delete(location.first, expect=found.digest)
+            return True
+
+    if not run(work):
+        place = f"scene {scene}, space {space}, {location.first.hex()}"
+        raise LocalFault("there is no record", where=place, remedy="`scenectl data ls` lists those that are there")
+    emit(output, {"scene": scene, "space": space.number, "location": location.first.hex()}, f"{location.first.hex()} deleted.")
+
+
+@app.command
 def ls(
     space: SpaceOption,
     /,
@@ -125,7 +167,7 @@ def ls(
     limit: Annotated[int, whole(1, 2**63 - 1)] = 1000,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """List locations that hold records, in the order of the line.
+    """List locations that hold records, in the order of the line; deleted ones, too, until they are purged.
 
     Example: scenectl data ls geometry --scene kitchen --first 40 --last 7f --profile studio
 

@@ -16,7 +16,7 @@ import trio
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.client.sealing import Opened, SceneIdentity, open_all
+from scenefold.client.sealing import Opened, SceneIdentity, open_all, payload_of
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
 from scenefold.wire import Packet, RecordBytes, RecordKey
@@ -102,7 +102,7 @@ class NodeReader:
                 keys = [RecordKey(space, location) for location in locations[start : start + READ_BATCH]]
                 records = await self.context.data.read(self.scene, keys, identity.position)
                 opened = await self.context.world.workers.run("crypto", _open, identity, keys, records)
-                payloads[start : start + len(keys)] = [None if one is None else one.payload for one in opened]
+                payloads[start : start + len(keys)] = [payload_of(one) for one in opened]
 
         async with trio.open_nursery() as nursery:
             for start in range(0, len(locations), READ_BATCH):

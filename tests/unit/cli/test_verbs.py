@@ -27,6 +27,7 @@ VERBS = [
     "data put",
     "data get",
     "data ls",
+    "data delete",
     "render still",
     "bench curve",
     "bench store",

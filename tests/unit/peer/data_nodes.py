@@ -116,7 +116,8 @@ class Node:
 class Neighbours:
     """All nodes as each of them sees the others: `Peers`, `Scenes` and routing in one."""
 
-    def __init__(self) -> None:
+    def __init__(self, net: SimNet) -> None:
+        self.net = net
         self.nodes: dict[NodeId, Node] = {}
         self.away: set[NodeId] = set()
         self.believed: dict[NodeId, NodeId] = {}
@@ -156,7 +157,7 @@ def with_nodes(test: Callable[..., Awaitable[None]], *arcs: Arc | None, seed: in
 
     async def main() -> None:
         net = SimNet(seed)
-        neighbours = Neighbours()
+        neighbours = Neighbours(net)
         async with _nodes(net, neighbours, list(arcs)) as nodes:
             await test(neighbours, *nodes)
 
