@@ -162,13 +162,17 @@ class ConfirmBound(Packet):
 
 @dataclass(frozen=True, slots=True)
 class BoundConfirmed(Packet):
-    """`right_bound` is durable; None: the answerer owns nothing. `pending`: a handover between the two is open."""
+    """`right_bound` is durable; None: the answerer owns nothing. `pending`: a handover on the asker's side is open.
+
+    `revision` rises with every change of the answerer's holding, so that an asker of several sees whether one changed.
+    """
 
     TYPE: ClassVar[int] = 70
     reason: int
     right_bound: Location | None
     pending: bool
     log_position: int
+    revision: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +216,7 @@ ROWS = (
         ("right_bound", Maybe(LOCATION)),
         ("pending", BOOL),
         ("log_position", U64),
+        ("revision", U64),
     ),
     row(HandRecords, Carrier.TCP_LOW, ("items", HAND_ITEMS)),
 )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 from scenefold.base.errors import Refused
@@ -525,7 +526,7 @@ class Model:
         assert arcs, "nobody owns anything"
         assert arcs[0].first == FIRST, "the line has no beginning"
         assert arcs[-1].last == LAST, "the line has no end"
-        assert all(left.last.next() == right.first for left, right in zip(arcs, arcs[1:], strict=False)), "the line has a gap"
+        assert all(left.last.next() == right.first for left, right in pairwise(arcs)), "the line has a gap"
         assert self._is_quiet(), "a handover never ends"
 
     def _go_on(self, node: Node, side: Side) -> None:

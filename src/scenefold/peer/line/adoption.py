@@ -1,0 +1,153 @@
+"""The shell of adoption: wait, ask, adopt; and the answers to others that ask (specs/12-line.md, Adoption)."""
+
+from __future__ import annotations
+
+import logging
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.location import FIRST, Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.line.rules import Bound, bound_for
+from scenefold.peer.line.survey import Survey, Unsettled, surveys
+from scenefold.peer.registry import Registry
+from scenefold.peer.timing import T_WAIT_S
+from scenefold.wire import BoundConfirmed, ConfirmBound, Packet
+from scenefold.world import Priority
+
+ASK_S_MAX = 5.0
+
+_log = logging.getLogger("scenefold.peer.line")
+
+
+class Adoption:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+        self._surveyed: tuple[int, Arc | None] | None = None
+        self.gap: Arc | None = None
+        """A gap that was found and is not adopted yet."""
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(ConfirmBound, self._on_confirm, senders=Senders.NODES)
+
+    async def run(self) -> None:
+        """Look for gaps whenever somebody was removed, or our arc was born or moved, until cancelled."""
+        parts = self._parts
+        pauses = Pauses(parts.world)
+        while True:
+            registry = parts.cluster_log.registry
+            holding = parts.keeper.holding
+            if not registry.is_current(parts.own.member):
+                await parts.cluster_log.changed_after(registry.position)
+                continue
+            about = (newest_removal(registry), holding.arc)
+            if about == self._surveyed:
+                await self._something_new(registry.position, holding.revision)
+                continue
+            await parts.world.clock.sleep(self._wait_s(registry))
+            try:
+                await self._look()
+                self._surveyed = about
+                pauses.reset()
+            except (Unsettled, Refused, Unreachable, PeerFault) as problem:
+                _log.debug("a gap is looked for again: %s", problem)
+                await pauses.wait()
+
+    async def _something_new(self, position: int, revision: int) -> None:
+        """Return once the log or the holding has changed."""
+        async with trio.open_nursery() as nursery:
+
+            async def log_changed() -> None:
+                await self._parts.cluster_log.changed_after(position)
+                nursery.cancel_scope.cancel()
+
+            nursery.start_soon(log_changed)
+            await self._parts.keeper.changed_after(revision)
+            nursery.cancel_scope.cancel()
+
+    def _wait_s(self, registry: Registry) -> float:
+        """Until the leases of all who were removed are over."""
+        newest = newest_removal(registry)
+        if not newest:
+            return 0.0
+        return max(0.0, self._parts.cluster_log.learnt_at(newest) + T_WAIT_S - self._parts.world.clock.now())
+
+    async def _look(self) -> None:
+        parts = self._parts
+        parts.require_lease()
+        # Drops, durably, what the log has ended.
+        holding = await parts.keeper.change(lambda now: now)
+        registry = parts.cluster_log.registry
+        if self._wait_s(registry):
+            raise Unsettled("somebody was removed meanwhile")
+        for survey in surveys(holding, registry, parts.own.me):
+            gap = await self._found(survey, registry)
+            if gap is None:
+                continue
+            self.gap = gap
+            parts.require_lease()
+            if parts.cluster_log.registry.position != registry.position:
+                raise Unsettled("the log has changed meanwhile")
+            revision = holding.revision
+            adopted = gap
+            holding = await parts.keeper.change(lambda now, gap=adopted, revision=revision: now.adopt(gap, revision=revision))  # type: ignore[misc]
+            parts.events["adopted"] += 1
+            _log.warning("the arc %s..%s had no owner any more: it is this node's now", gap.first.hex()[:8], gap.last.hex()[:8])
+        self.gap = None
+
+    async def _found(self, survey: Survey, registry: Registry) -> Arc | None:
+        """Play a survey to its end."""
+        try:
+            node = next(survey)
+            while True:
+                node = survey.send(await self._ask(node, registry))
+        except StopIteration as end:
+            gap: Arc | None = end.value
+            return gap
+
+    async def _ask(self, node: NodeId, registry: Registry) -> Bound:
+        parts = self._parts
+        arc = parts.keeper.holding.arc
+        request = ConfirmBound(parts.own.member, registry.position, FIRST if arc is None else arc.first)
+        reply = await parts.peers.ask(node, Priority.LOW, request, BoundConfirmed, ASK_S_MAX)
+        if reply.reason or reply.log_position != registry.position:
+            if reply.log_position > registry.position:
+                await parts.cluster_log.pull(reply.log_position)
+            raise Unsettled(f"{address_of(node)} does not confirm its bound (reason {reply.reason}, log {reply.log_position})")
+        return Bound(reply.right_bound, reply.revision, reply.pending)
+
+    # -------------------------------------------------------------------------------------------------- handler
+
+    async def _on_confirm(self, packet: ConfirmBound, peer: str) -> Packet:
+        parts = self._parts
+        try:
+            if node_of(peer) != packet.asker.node:
+                raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} asks in the name of {address_of(packet.asker.node)}")
+            if parts.cluster_log.registry.position < packet.log_position:
+                await parts.cluster_log.pull(packet.log_position)
+            await parts.keeper.change(lambda now: now)
+            async with parts.keeper.unchanging() as holding:
+                parts.require_lease()
+                registry = parts.cluster_log.registry
+                if (
+                    registry.position != packet.log_position
+                    or holding.drop_removed(lambda m: registry.removal(m.incarnation) is not None) != holding
+                ):
+                    raise Refused(RejectReason.POSITION_BEHIND, "the log has another position here")
+                bound = bound_for(holding, registry, parts.own.member, packet.asker, packet.log_position)
+        except Refused as refusal:
+            _log.debug("no bound is confirmed to %s: %s", peer, refusal)
+            return BoundConfirmed(int(refusal.reason), None, False, parts.cluster_log.registry.position, 0)
+        return BoundConfirmed(0, bound.right_bound, bound.is_open, packet.log_position, bound.revision)
+
+
+def newest_removal(registry: Registry) -> int:
+    """The position of the newest removal; 0 if nobody was ever removed."""
+    return max((removal.position for removal in registry.removed.values()), default=0)

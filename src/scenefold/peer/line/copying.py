@@ -1,0 +1,114 @@
+"""The giver's copying: what lies in the piece, what the receiver lacks, those records; pass after pass.
+
+A pass walks the piece in the store's order. What the receiver has answered for, by the digest that names a version, is
+not spoken of again, so the last pass, while writers wait, costs little more than the walk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX
+from scenefold.crypto import Record
+from scenefold.peer.line.holding import Handover
+from scenefold.peer.line.parts import Parts, check_reply
+from scenefold.store import Entry
+from scenefold.wire import CopyRecords, HandItem, HandoverReply, OfferRecords, RecordEntry, RecordsWanted
+from scenefold.world import Priority
+
+COPY_BYTES_MAX = 2 * 1024 * 1024
+"""Of one CopyRecords: a quarter of a frame, so that other requests on the connection need not wait long."""
+ENTRY_BYTES = 96
+"""About what an entry costs on the wire."""
+ANSWERED_MAX = 500_000
+"""Versions remembered as answered for: some 50 MB. What is beyond is offered again in each pass, and not wanted."""
+LIST_S_MAX = 10.0
+COPY_S_MAX = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """What one pass sent."""
+
+    records: int
+    bytes: int
+
+
+class Copier:
+    """Copies one handover's piece to its receiver."""
+
+    def __init__(self, parts: Parts, handover: Handover) -> None:
+        self._parts = parts
+        self._handover = handover
+        self._answered: set[bytes] = set()
+
+    async def copy(self, *, hurry: bool) -> Pass:
+        """One pass. Afterwards the receiver has answered for every version that lay in the piece when it was reached.
+
+        In a hurry the budget is charged and not waited for.
+        """
+        records = stored_bytes = 0
+        cursor: bytes | None = None
+        while True:
+            manifest = await self._parts.store.manifest(self._handover.piece, cursor, HANDOVER_BATCH_RECORDS_MAX)
+            entries = [entry for entry in manifest.entries if entry.digest not in self._answered]
+            for batch in _batches(await self._wanted(entries, hurry)):
+                stored_bytes += await self._send(batch, hurry)
+                records += len(batch)
+            if len(self._answered) < ANSWERED_MAX:
+                self._answered.update(entry.digest for entry in entries)
+            cursor = manifest.cursor
+            if cursor is None:
+                return Pass(records, stored_bytes)
+
+    async def _wanted(self, entries: Sequence[Entry], hurry: bool) -> list[Entry]:
+        if not entries:
+            return []
+        await self._spend(len(entries) * ENTRY_BYTES, hurry)
+        listed = tuple(
+            RecordEntry(entry.place.scene, entry.place.space, entry.place.location, entry.object, entry.digest) for entry in entries
+        )
+        request = OfferRecords(self._handover.id, listed)
+        reply = await self._parts.peers.ask(self._handover.peer.node, Priority.LOW, request, RecordsWanted, LIST_S_MAX)
+        return [entries[index] for index in reply.indexes if index < len(entries)]
+
+    async def _send(self, batch: Sequence[Entry], hurry: bool) -> int:
+        found = await self._parts.store.read([entry.spot for entry in batch])
+        items = tuple(hand_item(entry, record) for entry, record in zip(batch, found, strict=True) if isinstance(record, Record))
+        self._parts.events["damaged"] += sum(isinstance(record, DamagedData) for record in found)
+        if not items:
+            return 0
+        size_bytes = sum(entry.size for entry in batch)
+        await self._spend(size_bytes, hurry)
+        request = CopyRecords(self._handover.id, items)
+        check_reply(await self._parts.peers.ask(self._handover.peer.node, Priority.LOW, request, HandoverReply, COPY_S_MAX))
+        self._parts.events["copied"] += len(items)
+        return size_bytes
+
+    async def _spend(self, count: int, hurry: bool) -> None:
+        if hurry:
+            self._parts.budget.charge(count)
+        else:
+            await self._parts.budget.take(count)
+
+
+def hand_item(entry: Entry, record: Record) -> HandItem:
+    """A record with its place, for the wire."""
+    place = entry.place
+    return HandItem(place.scene, place.space, place.location, entry.object, record.signature, record.header_bytes, record.ciphertext)
+
+
+def _batches(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
+    """Parts of about COPY_BYTES_MAX each."""
+    batch: list[Entry] = []
+    size_bytes = 0
+    for entry in entries:
+        if batch and size_bytes + entry.size > COPY_BYTES_MAX:
+            yield batch
+            batch, size_bytes = [], 0
+        batch.append(entry)
+        size_bytes += entry.size
+    if batch:
+        yield batch

@@ -1,0 +1,251 @@
+"""The giver's side of a handover: offered, released, given, done (specs/12-line.md, Steps and Copying).
+
+One task tends each side of the node. All that it goes by is the durable holding: a handover that `give` has begun and
+one that a restarted node finds look the same to it. Until the release it may give up; afterwards it goes on until the
+receiver has answered, or the log has removed that.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import address_of
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.line.copying import Copier
+from scenefold.peer.line.holding import Handover, Holding, Side, Step, describe, handover_id, is_end_of, without
+from scenefold.peer.line.parts import Parts, check_reply
+from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.line.rules import neighbour_on
+from scenefold.wire import ClaimRange, DropHandover, HandoverReply, OfferRange
+from scenefold.world import Priority
+
+ASK_S_MAX = 5.0
+PASSES_MAX = 4
+"""Passes before the piece is frozen, however much is written meanwhile."""
+LITTLE_RECORDS = 64
+LITTLE_BYTES = 1024 * 1024
+"""A pass that brought so little: the next one is short enough for writers to wait."""
+FREEZE_S_MAX = 1.5
+"""Writers wait for 2 s before they are sent away: the last pass is given up before that."""
+FREEZES_MAX = 5
+TRIES_MAX = 6
+"""Of an offer without an answer: some 16 s with the pauses between them."""
+DELETE_BATCH = 256
+SALT_BYTES = 8
+
+_log = logging.getLogger("scenefold.peer.line")
+
+
+@dataclass(slots=True, eq=False)
+class _Waiting:
+    """A caller of `give`, until the piece is the receiver's, or will not be."""
+
+    done: trio.Event = field(default_factory=trio.Event)
+    problem: ScenefoldError | None = None
+
+    def finish(self, problem: ScenefoldError | None = None) -> None:
+        self.problem = problem
+        self.done.set()
+
+
+class Giving:
+    """Used from the Trio thread only. `tend` must run for both sides, or `give` waits for ever."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+        self._waiting: dict[bytes, _Waiting] = {}
+
+    async def give(self, side: Side, piece: Arc, why: str) -> None:
+        """Hand an end of the arc to the neighbour on that side; returns once that owns it durably.
+
+        Refused, Unreachable or PeerFault: the piece is still ours, but for a neighbour that falls silent after the release.
+        """
+        parts = self._parts
+        parts.require_lease()
+        peer = neighbour_on(parts.cluster_log.registry, parts.own.me, side)
+        settles_in_s = parts.settling.settles_in_s(piece)
+        if settles_in_s:
+            raise Refused(RejectReason.BUSY, f"what was received lately stays: wait {settles_in_s:.1f} s")
+        salt = parts.world.entropy.token(SALT_BYTES)
+
+        def offer(holding: Holding) -> Holding:
+            return holding.offer(handover_id(holding.revision + 1, salt), side, peer, piece)
+
+        offered = (await parts.keeper.change(offer)).on(side)
+        assert offered is not None
+        # Nothing was awaited since the commit, so whoever tends this side has not seen it yet.
+        waiting = self._waiting[offered.id] = _Waiting()
+        _log.info("the piece %s..%s is offered to %s: %s", piece.first.hex()[:8], piece.last.hex()[:8], address_of(peer.node), why)
+        await waiting.done.wait()
+        if waiting.problem is not None:
+            raise waiting.problem
+
+    async def tend(self, side: Side) -> None:
+        """Go on with whatever this node gives on that side, until cancelled."""
+        keeper = self._parts.keeper
+        pauses = Pauses(self._parts.world)
+        current: bytes | None = None
+        while True:
+            revision = keeper.holding.revision
+            handover = keeper.holding.on(side)
+            if handover is None or not handover.gives:
+                self._dismiss_gone()
+                await keeper.changed_after(revision)
+                continue
+            if handover.id != current:
+                current = handover.id
+                pauses.reset()
+            try:
+                await self._try(side, handover, pauses.count)
+                pauses.reset()
+            except (Refused, Unreachable, PeerFault) as problem:
+                _log.debug("%s: %s", describe(handover), problem)
+                await pauses.wait()
+
+    async def _try(self, side: Side, handover: Handover, tries: int) -> None:
+        """One more try to go on. An offer that cannot is withdrawn; what was released is only ever tried again."""
+        try:
+            await self._go_on(side, handover)
+        except (Refused, Unreachable, PeerFault) as problem:
+            if handover.step is Step.OFFERED and _is_final(problem, tries):
+                await self._withdraw(handover, problem)
+                return
+            if handover.step is not Step.OFFERED and tries == TRIES_MAX:
+                _log.warning("%s cannot go on yet: %s", describe(handover), problem)
+                self._answer(handover.id, problem)
+            raise
+
+    async def _go_on(self, side: Side, handover: Handover) -> None:
+        match handover.step:
+            case Step.OFFERED:
+                await self._offer(side, handover)
+            case Step.RELEASED:
+                await self._claim(handover)
+            case _:
+                await self._delete(side, handover)
+
+    # --------------------------------------------------------------------------------------------- until release
+
+    async def _offer(self, side: Side, handover: Handover) -> None:
+        parts = self._parts
+        parts.require_lease()
+        registry = parts.cluster_log.registry
+        if neighbour_on(registry, parts.own.me, side) != handover.peer:
+            raise Refused(RejectReason.OUTSIDE_BOUNDS, "the receiver is our neighbour no more")
+        while await self._slide(side, handover):
+            pass
+        totals = await parts.store.arc_totals(handover.piece)
+        piece = handover.piece
+        request = OfferRange(
+            handover.id, parts.own.member, handover.peer, piece.first, piece.last, totals.records, totals.bytes, registry.position
+        )
+        check_reply(await self._ask(handover, request))
+        await self._copy(handover)
+
+    async def _slide(self, side: Side, handover: Handover) -> int:
+        """Records whose place the node has chosen need not go: it chooses another one, in what it keeps."""
+        async with self._parts.keeper.unchanging() as holding:
+            rest = None if holding.arc is None or holding.on(side) != handover else without(holding.arc, handover.piece, side)
+            other = holding.on(side.opposite)
+            if rest is not None and other is not None and other.step is Step.OFFERED:
+                # What goes to the other neighbour may be frozen, and must not grow behind its last copies.
+                rest = without(rest, other.piece, side.opposite) if is_end_of(other.piece, rest, side.opposite) else None
+            return 0 if rest is None else await self._parts.store.slide(handover.piece, rest)
+
+    async def _copy(self, handover: Handover) -> None:
+        parts = self._parts
+        copier = Copier(parts, handover)
+        for _ in range(PASSES_MAX):
+            sent = await copier.copy(hurry=False)
+            if sent.records <= LITTLE_RECORDS and sent.bytes <= LITTLE_BYTES:
+                break
+        pauses = Pauses(parts.world)
+        for _ in range(FREEZES_MAX):
+            await parts.world.clock.sleep(parts.settling.settles_in_s(handover.piece))
+            async with parts.gate.frozen(handover.piece):
+                if await self._complete(handover, copier):
+                    await self._release(handover)
+                    return
+            parts.events["thawed"] += 1
+            await pauses.wait()
+            await copier.copy(hurry=False)
+        raise Refused(RejectReason.BUSY, "too much is written to the piece: its last copies took too long")
+
+    async def _complete(self, handover: Handover, copier: Copier) -> bool:
+        """Bring the last changes of a frozen piece; False if writers would have to wait for too long."""
+        with trio.move_on_after(FREEZE_S_MAX):
+            await self._parts.gate.drained(handover.piece)
+            await self._parts.keeper.flush()
+            await copier.copy(hurry=True)
+            return True
+        return False
+
+    async def _release(self, handover: Handover) -> None:
+        self._parts.require_lease()
+        await self._parts.keeper.change(lambda holding: holding.release(handover.id))
+        self._parts.events["released"] += 1
+
+    async def _withdraw(self, handover: Handover, problem: ScenefoldError) -> None:
+        await self._parts.keeper.change(lambda holding: holding.withdraw(handover.id))
+        self._parts.events["withdrawn"] += 1
+        _log.info("%s is withdrawn: %s", describe(handover), problem)
+        self._answer(handover.id, problem)
+        try:
+            await self._ask(handover, DropHandover(handover.id))
+        except (Refused, Unreachable, PeerFault) as silence:
+            # The receiver asks by itself what became of it.
+            _log.debug("%s: the receiver was not told: %s", describe(handover), silence)
+
+    # --------------------------------------------------------------------------------------------- after release
+
+    async def _claim(self, handover: Handover) -> None:
+        piece = handover.piece
+        check_reply(await self._ask(handover, ClaimRange(handover.id, piece.first, piece.last)))
+        await self._parts.keeper.change(lambda holding: holding.confirm(handover.id))
+        self._parts.events["given"] += 1
+        self._answer(handover.id)
+
+    async def _delete(self, side: Side, handover: Handover) -> None:
+        cursor: bytes | None = None
+        while True:
+            # The holding stands still meanwhile, or a piece that comes back could lose what has come with it.
+            async with self._parts.keeper.unchanging() as holding:
+                if holding.on(side) != handover:
+                    return
+                manifest = await self._parts.store.manifest(handover.piece, cursor, DELETE_BATCH)
+                gone = [(entry.spot, entry.digest) for entry in manifest.entries if not holding.owns(entry.place.location)]
+                if gone:
+                    await self._parts.store.remove(gone)
+            cursor = manifest.cursor
+            if cursor is None:
+                break
+        check_reply(await self._ask(handover, DropHandover(handover.id)))
+        await self._parts.keeper.change(lambda now: now.finish(handover.id))
+
+    # -------------------------------------------------------------------------------------------------- helpers
+
+    async def _ask(self, handover: Handover, request: OfferRange | ClaimRange | DropHandover) -> HandoverReply:
+        return await self._parts.peers.ask(handover.peer.node, Priority.LOW, request, HandoverReply, ASK_S_MAX)
+
+    def _answer(self, handover: bytes, problem: ScenefoldError | None = None) -> None:
+        waiting = self._waiting.pop(handover, None)
+        if waiting is not None:
+            waiting.finish(problem)
+
+    def _dismiss_gone(self) -> None:
+        """Tell callers whose handover has ended without us: the log has removed the receiver."""
+        holding = self._parts.keeper.holding
+        for handover in [known for known in self._waiting if holding.find(known) is None]:
+            self._answer(handover, Unreachable("the receiver was removed from the cluster"))
+
+
+def _is_final(problem: ScenefoldError, tries: int) -> bool:
+    """Whether an offer is given up. A receiver without a lease, or that is away, may be back in a moment."""
+    if isinstance(problem, Refused) and problem.reason is not RejectReason.NOT_READY:
+        return True
+    return tries >= TRIES_MAX

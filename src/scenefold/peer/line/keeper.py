@@ -1,0 +1,107 @@
+"""The one place where a node's holding changes: one change at a time, durable before anybody sees it.
+
+Before each change, handovers with incarnations that the log has removed are dropped, so no decision is made beside
+what the log says. The mirror in memory (`holding`, and the arc that this node tells others) follows the disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Protocol
+
+import trio
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.line.holding import Holding
+from scenefold.peer.line.holding_note import decode_holding, encode_holding
+from scenefold.peer.registry import Registry
+from scenefold.peer.status import OwnStatus
+from scenefold.store import Store
+from scenefold.wire import Member
+
+Transition = Callable[[Holding], Holding]
+
+
+class Log(Protocol):
+    @property
+    def registry(self) -> Registry: ...
+
+
+class Keeper:
+    """Used from the Trio thread only."""
+
+    def __init__(self, store: Store, cluster_log: Log, own: OwnStatus) -> None:
+        self._store = store
+        self._cluster_log = cluster_log
+        self._own = own
+        self._lock = trio.Lock()
+        self._changed = trio.Event()
+        self._is_begun = False
+        self.holding = Holding()
+
+    async def load(self) -> None:
+        """Take what this node kept. DamagedData if its note is none, or speaks of another arc than the store does."""
+        stored = await self._store.holding()
+        if stored is None:
+            return
+        holding = decode_holding(stored.note)
+        if holding.arc != stored.arc:
+            raise DamagedData(
+                "the note about this node's arc does not fit the arc", remedy="wipe the folder: the node comes back as a newcomer"
+            )
+        self._is_begun = True
+        self._take(holding)
+
+    async def change(self, transition: Transition) -> Holding:
+        """Make a change durable, and answer the holding after it. What the transition refuses changes nothing."""
+        async with self._lock:
+            await self._begin()
+            after = transition(self.holding.drop_removed(self._is_removed))
+            if after != self.holding:
+                await self._keep(after)
+            return after
+
+    async def flush(self) -> None:
+        """Return once everything that was given to the store's writer before is durable."""
+        async with self._lock:
+            await self._keep(self.holding)
+
+    @asynccontextmanager
+    async def unchanging(self) -> AsyncIterator[Holding]:
+        """The holding, which stands still as long as the body runs: for what must not race with a change."""
+        async with self._lock:
+            yield self.holding
+
+    async def changed_after(self, revision: int) -> None:
+        """Return once the holding is another than it was at this revision."""
+        while self.holding.revision == revision:
+            await self._changed.wait()
+
+    async def _begin(self) -> None:
+        """The first holding of this incarnation: a founder's arc if it took its founding seat, else nothing."""
+        registry = self._cluster_log.registry
+        if not registry.is_current(self._own.member):
+            raise Refused(RejectReason.NOT_READY, "this node is no registered member, as far as it knows")
+        if self._is_begun:
+            return
+        arc = registry.founding_arc(self._own.me)
+        await self._keep(Holding() if arc is None else Holding().found(arc))
+        self._is_begun = True
+
+    def _is_removed(self, member: Member) -> bool:
+        # Not "is no current member": a log that is behind does not know its newest members yet.
+        return self._cluster_log.registry.removal(member.incarnation) is not None
+
+    async def _keep(self, holding: Holding) -> None:
+        # Cancelled half-way, nobody would know what the disk says.
+        with trio.CancelScope(shield=True):
+            await self._store.put_holding(holding.arc, encode_holding(holding))
+        self._take(holding)
+
+    def _take(self, holding: Holding) -> None:
+        self.holding = holding
+        self._own.arc = holding.arc
+        self._changed.set()
+        self._changed = trio.Event()

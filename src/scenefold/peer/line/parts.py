@@ -1,0 +1,65 @@
+"""What the services of the line share: one holding, one gate, one budget, and the node around them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.line.budget import Budget
+from scenefold.peer.line.gate import Gate
+from scenefold.peer.line.keeper import Keeper
+from scenefold.peer.line.settling import Settling
+from scenefold.peer.peers import Peers
+from scenefold.peer.status import OwnStatus
+from scenefold.peer.verification import KnownScene
+from scenefold.store import Store
+from scenefold.wire import HandoverReply
+from scenefold.world import World
+
+
+class Lease(Protocol):
+    def holds(self) -> bool: ...
+
+
+class KnownScenes(Protocol):
+    async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene: ...
+
+
+class Owners(Protocol):
+    def owner_of(self, location: Location, /) -> NodeId: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Everything that giving, receiving, adopting and bringing home need."""
+
+    world: World
+    store: Store
+    peers: Peers
+    cluster_log: ClusterLog
+    own: OwnStatus
+    lease: Lease
+    scenes: KnownScenes
+    owners: Owners
+    keeper: Keeper
+    gate: Gate
+    settling: Settling
+    budget: Budget
+    events: Counter[str] = field(default_factory=Counter)
+
+    def require_lease(self) -> None:
+        """Refused (16) without a lease: who may not speak for its arc moves no bound either."""
+        if not self.lease.holds():
+            raise Refused(RejectReason.NOT_READY, "this node holds no owner lease at the moment")
+
+
+def check_reply(reply: HandoverReply) -> None:
+    """Refused with what the other node says, unless it says yes."""
+    if reply.reason:
+        raise Refused(RejectReason(reply.reason), reply.text or "the other node refused")

@@ -1,0 +1,156 @@
+"""Records that lie where they no longer belong are brought home, slowly (specs/12-line.md, Strays).
+
+A stray is deleted here only after the owner of its place has answered for it, as that version or a newer one. Whoever
+owns a place takes it like a put: under its lease, in its arc, behind the gate that handovers freeze.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Record
+from scenefold.peer.handlers import Handlers, Senders
+from scenefold.peer.line.copying import hand_item
+from scenefold.peer.line.holding import Holding
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.receiving import spot_of_item, verified
+from scenefold.store import Entry, Outcome, Put
+from scenefold.wire import HandItem, HandRecords, Packet, PutManyReply, PutOutcome, SceneMode
+from scenefold.world import Priority
+
+BATCH_RECORDS = 32
+"""Of one HandRecords: 2 MiB of the largest records."""
+ASK_S_MAX = 30.0
+PAUSE_S_MIN = 1.0
+PAUSE_S_MAX = 60.0
+GATE_S_MAX = 2.0
+"""For a place to thaw; the sender comes back later."""
+
+_log = logging.getLogger("scenefold.peer.line")
+
+
+class Strays:
+    """Used from the Trio thread only. `left`: strays that the last look through the store found and left."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+        self.left = 0
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(HandRecords, self._on_hand, senders=Senders.NODES)
+
+    async def run(self) -> None:
+        """Look through the store again and again, more seldom while there is nothing to bring home, until cancelled."""
+        pause_s = PAUSE_S_MIN
+        while True:
+            moved = await self._look()
+            pause_s = PAUSE_S_MIN if moved else min(PAUSE_S_MAX, 2 * pause_s)
+            revision = self._parts.keeper.holding.revision
+            with trio.move_on_after(pause_s):
+                await self._parts.keeper.changed_after(revision)
+                # What has just changed may have left something; but its handover comes first.
+                await self._parts.world.clock.sleep(PAUSE_S_MIN)
+
+    async def _look(self) -> int:
+        """One walk over all strays; how many were brought home."""
+        moved = seen = 0
+        cursor: bytes | None = None
+        while True:
+            holding = self._parts.keeper.holding
+            manifest = await self._parts.store.strays(holding.arc, _excluded(holding), cursor, BATCH_RECORDS)
+            seen += len(manifest.entries)
+            for owner, entries in self._by_owner(manifest.entries):
+                try:
+                    moved += await self._bring_home(owner, entries)
+                except (Refused, Unreachable, PeerFault) as problem:
+                    _log.debug("strays stay here for now, %s does not take them: %s", address_of(owner), problem)
+            cursor = manifest.cursor
+            if cursor is None:
+                self.left = seen - moved
+                return moved
+
+    def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
+        owners: dict[NodeId, list[Entry]] = {}
+        for entry in entries:
+            try:
+                owner = self._parts.owners.owner_of(entry.place.location)
+            except Refused:
+                # Nobody is known yet, at the start.
+                continue
+            if owner != self._parts.own.me:
+                owners.setdefault(owner, []).append(entry)
+        return sorted(owners.items())
+
+    async def _bring_home(self, owner: NodeId, entries: Sequence[Entry]) -> int:
+        parts = self._parts
+        found = await parts.store.read([entry.spot for entry in entries])
+        whole = [(entry, record) for entry, record in zip(entries, found, strict=True) if isinstance(record, Record)]
+        whole = [(entry, record) for entry, record in whole if record.header.digest == entry.digest]
+        if not whole:
+            return 0
+        await parts.budget.take(sum(entry.size for entry, _ in whole))
+        request = HandRecords(tuple(hand_item(entry, record) for entry, record in whole))
+        reply = await parts.peers.ask(owner, Priority.LOW, request, PutManyReply, ASK_S_MAX)
+        taken = [entry for (entry, _), outcome in zip(whole, reply.outcomes, strict=False) if outcome.reason == 0]
+        async with parts.keeper.unchanging() as holding:
+            kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
+            gone = [(entry.spot, entry.digest) for entry in taken if not any(entry.place.location in piece for piece in kept)]
+            if gone:
+                await parts.store.remove(gone)
+        parts.events["brought home"] += len(gone)
+        return len(gone)
+
+    # -------------------------------------------------------------------------------------------------- handler
+
+    async def _on_hand(self, packet: HandRecords, _peer: str) -> Packet:
+        verdicts = await verified(self._parts, packet.items)
+        outcomes: list[PutOutcome] = []
+        for item, verdict in zip(packet.items, verdicts, strict=True):
+            try:
+                if isinstance(verdict, Refused):
+                    raise verdict
+                await self._take(item, verdict)
+                outcomes.append(PutOutcome(0, item.location, NodeId(0)))
+            except Refused as refusal:
+                outcomes.append(PutOutcome(int(refusal.reason), item.location, self._parts.own.me))
+        return PutManyReply(tuple(outcomes))
+
+    async def _take(self, item: HandItem, put: Put) -> None:
+        """Own this version or a newer one, durably, when this returns."""
+        parts = self._parts
+        with trio.move_on_after(GATE_S_MAX) as patience:
+            async with parts.gate.writing([item.location]):
+                patience.deadline = float("inf")
+                if not parts.keeper.holding.owns(item.location):
+                    raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
+                parts.require_lease()
+                await self._check_mode(item)
+                parts.settling.note(Arc(item.location, item.location))
+                (result,) = await parts.store.merge([put])
+                if result.outcome is Outcome.FULL:
+                    raise Refused(RejectReason.STORAGE_FULL, "the disk is full")
+                parts.require_lease()
+        if patience.cancelled_caught:
+            raise Refused(RejectReason.BUSY, "the place is being handed over")
+        parts.events["taken home"] += 1
+
+    async def _check_mode(self, item: HandItem) -> None:
+        """While a scene is rendered, a stray may fill an empty place and replaces nothing."""
+        scene = await self._parts.scenes.known(item.scene)
+        if scene.public.mode is SceneMode.EDIT:
+            return
+        (present,) = await self._parts.store.read([spot_of_item(item)])
+        if isinstance(present, Record):
+            raise Refused(RejectReason.BUSY, "the scene is being rendered: nothing in it is replaced")
+
+
+def _excluded(holding: Holding) -> list[Arc]:
+    """Pieces whose records belong to a handover."""
+    return [handover.piece for _, handover in holding.handovers]
