@@ -17,7 +17,7 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.headers import checked_header
 from scenefold.peer.peers import Peers
 from scenefold.peer.proposals import is_decided
@@ -67,22 +67,24 @@ class Scenes:
         self._lock = trio.Lock()
 
     def register(self, handlers: Handlers) -> None:
+        """Packet 37. Those of logs, 5 to 7, are the cluster's too: its log hands on what is not its own."""
         handlers.add(ListScenes, self._on_list)
 
-    def register_logs(self, handlers: Handlers) -> None:
-        """Packets 5 to 7, where nobody else takes them first (the cluster's log has the same ones)."""
-        handlers.add(ProposeSceneLog, self.on_propose)
-        handlers.add(RequestSceneLog, self.on_request)
-        handlers.add(RespondSceneLog, self.on_push, senders=Senders.NODES)
-
     async def load(self) -> None:
-        """Read what this node kept from before. DamagedData if a header does not verify any more."""
-        for header in (await self._store.headers()).values():
+        """Read what this node kept from before.
+
+        A header that does not verify any more is left out: others have it, and it is pulled when the scene is met. But the
+        keeper of a log must not forget how far it is: DamagedData.
+        """
+        for scene, header in (await self._store.headers()).items():
             try:
-                scene = checked_header(SceneLogPublic.decode(header), None)
+                self._known[scene] = checked_header(SceneLogPublic.decode(header), None)
             except (MalformedPacket, Refused) as problem:
-                raise DamagedData("a stored scene header does not verify", where=str(problem)) from problem
-            self._known[scene.public.scene] = scene
+                where = f"scene {scene:08x}: {problem}"
+                if await self._store.get_scene_log(scene) is not None:
+                    remedy = "restore the data folder from a backup, or start with an empty one; the scene's spaces stand still then"
+                    raise DamagedData("the header of a scene whose log is kept here is damaged", where=where, remedy=remedy) from problem
+                _log.error("a damaged scene header is dropped and asked for again: %s", where)
 
     async def catch_up(self) -> None:
         """Take the list of scenes of the first other member that answers."""

@@ -8,7 +8,7 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import DamagedData, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.scenes import MISS_S, Scenes
@@ -54,6 +54,11 @@ class PlainStore:
     def __init__(self) -> None:
         self.written: list[tuple[bytes, bytes | None]] = []
         self.private: dict[int, bytes] = {}
+        self.headers_kept: dict[int, bytes] = {}
+
+    async def headers(self) -> dict[int, bytes]:
+        await trio.lowlevel.checkpoint()
+        return self.headers_kept
 
     async def put_header(self, scene: int, header: bytes) -> None:
         await trio.lowlevel.checkpoint()
@@ -217,3 +222,22 @@ async def test_another_node_hands_a_users_proposal_to_the_origin(autojump_clock:
     nowhere = await rig.scenes.on_propose(proposal(first_header(origin=NodeId(9))), USER)
     assert isinstance(nowhere, RejectSceneProposal) and nowhere.reason is RejectReason.NOT_AUTHORISED
     assert rig.store.written == []
+
+
+@pytest.mark.expect_log("damaged scene header is dropped")
+async def test_a_damaged_header_is_had_from_others(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    foreign = first_header(origin=OTHER)
+    rig.peers.headers[foreign.scene] = foreign
+    rig.store.headers_kept = {foreign.scene: foreign.encode()[:-1] + b"?", FIRST.scene: FIRST.encode()}
+    await rig.scenes.load()
+    assert rig.scenes.all() == [FIRST]
+    assert (await rig.scenes.known(foreign.scene)).public == foreign
+
+
+async def test_the_keeper_of_a_log_does_not_forget_how_far_it_is(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    rig.store.headers_kept = {FIRST.scene: FIRST.encode()[:-1] + b"?"}
+    rig.store.private[FIRST.scene] = b"log"
+    with pytest.raises(DamagedData, match="whose log is kept here"):
+        await rig.scenes.load()
