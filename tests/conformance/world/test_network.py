@@ -177,3 +177,121 @@ async def test_datagrams_find_nodes_and_answers_find_back(worlds: Worlds) -> Non
     await client.send(b"to nobody", worlds.address(7))
     for datagrams in (*nodes, client):
         await datagrams.aclose()
+
+
+async def test_a_sender_waits_for_a_reader_that_does_not_read(worlds: Worlds) -> None:
+    go_on = trio.Event()
+    pieces, sent = 32, 0
+
+    async def serve(connection: Connection) -> None:
+        await go_on.wait()
+        count = 0
+        while count < pieces << 20:
+            count += len(await connection.receive(1 << 18))
+        await connection.send(b"read it all")
+
+    address = worlds.address(0)
+    async with serving(worlds.node(0), address, serve):
+        connection = await worlds.user("ada").network.connect(address, LOW)
+
+        async def send() -> None:
+            nonlocal sent
+            for _ in range(pieces):
+                await connection.send(bytes(1 << 20))
+                sent += 1
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(send)
+            await worlds.silence(0.5)
+            # What the transport itself takes up is some megabytes at most.
+            assert sent < pieces // 2
+            go_on.set()
+            assert await receive_all(connection, 11) == b"read it all"
+        await connection.aclose()
+
+
+async def test_who_closes_without_reading_breaks_the_connection_for_the_other(worlds: Worlds) -> None:
+    async def serve(connection: Connection) -> None:
+        await connection.receive(1)
+
+    address = worlds.address(0)
+    async with serving(worlds.node(0), address, serve):
+        connection = await worlds.user("ada").network.connect(address, LOW)
+
+        async def send_on() -> None:
+            while True:
+                await connection.send(bytes(1 << 20))
+
+        with trio.fail_after(30), pytest.raises(ConnectionLost):
+            await send_on()
+        await connection.aclose()
+
+
+async def test_a_closed_connection_is_of_no_more_use_to_us(worlds: Worlds) -> None:
+    address = worlds.address(0)
+    async with serving(worlds.node(0), address, echo):
+        connection = await worlds.user("ada").network.connect(address, LOW)
+        await connection.aclose()
+        await connection.aclose()
+        with pytest.raises(ConnectionLost):
+            await connection.send(b"x")
+        with pytest.raises(ConnectionLost):
+            await connection.receive(1)
+
+
+async def test_a_receive_that_is_cancelled_loses_nothing(worlds: Worlds) -> None:
+    go_on = trio.Event()
+
+    async def serve(connection: Connection) -> None:
+        await go_on.wait()
+        await connection.send(b"late")
+        await connection.receive(1)
+
+    address = worlds.address(0)
+    async with serving(worlds.node(0), address, serve):
+        connection = await worlds.user("ada").network.connect(address, LOW)
+        with trio.move_on_after(0.05) as patience:
+            await connection.receive(10)
+        assert patience.cancelled_caught
+        go_on.set()
+        assert await receive_all(connection, 4) == b"late"
+        await connection.aclose()
+
+
+async def test_many_clients_at_once(worlds: Worlds) -> None:
+    address = worlds.address(0)
+    echoed: list[bytes] = []
+
+    async def client(number: int) -> None:
+        connection = await worlds.user(f"u{number}").network.connect(address, LOW)
+        await connection.send(b"%02d" % number)
+        echoed.append(await receive_all(connection, 2))
+        await connection.aclose()
+
+    async with serving(worlds.node(0), address, echo):
+        async with trio.open_nursery() as nursery:
+            for number in range(20):
+                nursery.start_soon(client, number)
+    assert sorted(echoed) == [b"%02d" % number for number in range(20)]
+
+
+async def test_datagrams_keep_their_boundaries(worlds: Worlds) -> None:
+    node = await worlds.node(0).network.open_datagrams(worlds.address(0), HIGH)
+    client = await worlds.user("ada").network.open_datagrams(None, HIGH)
+    sizes = [1, 1400, 0, 700]
+    with trio.fail_after(10):
+        for size in sizes:
+            await client.send(bytes(size), node.here)
+        assert sorted([len((await node.receive())[0]) for _ in sizes]) == sorted(sizes)
+    for datagrams in (node, client):
+        await datagrams.aclose()
+
+
+async def test_a_port_is_free_again_after_its_end(worlds: Worlds) -> None:
+    address = worlds.address(0)
+    for _ in range(2):
+        async with serving(worlds.node(0), address, echo):
+            connection = await worlds.user("ada").network.connect(address, LOW)
+            await connection.aclose()
+        datagrams = await worlds.node(0).network.open_datagrams(address, HIGH)
+        await datagrams.aclose()
