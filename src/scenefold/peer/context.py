@@ -13,8 +13,8 @@ from scenefold.peer.data import DataService
 from scenefold.peer.enrolment import Enrolment
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.interim_line import Line
 from scenefold.peer.lease import OwnerLease
+from scenefold.peer.line import Line
 from scenefold.peer.peers import Peers
 from scenefold.peer.probing import Probing
 from scenefold.peer.roster import Roster
