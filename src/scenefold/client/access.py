@@ -9,17 +9,16 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import repeat
 from typing import NamedTuple, TypeVar
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
+from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.delivery import deliver, fetch, stale_answer
-from scenefold.client.patience import is_passing
+from scenefold.client.delivery import deliver, fetch
+from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, open_all, seal_all
 from scenefold.client.split import frames
@@ -28,7 +27,7 @@ from scenefold.client.tombstones import tombstone
 from scenefold.client.versions import Sequencer
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey, signed_place, wanted_place
 from scenefold.scene.log import SceneLog
-from scenefold.wire import EXPECT_ABSENT, LogEntry, PutItem, QueryRange, RejectRange, ReturnRange
+from scenefold.wire import EXPECT_ABSENT, LogEntry, PutItem
 
 Result = TypeVar("Result")
 
@@ -202,47 +201,11 @@ class SceneAccess:
         self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False
     ) -> AsyncIterator[tuple[Location, bytes]]:
         """Likewise with the object id of each record; b"" in a fixed space."""
-        at: Location | None = first
-        end = last
-        while at is not None and at <= last:
-            reply = await self._query(space, at, min(end, last), stale_ok)
-            if isinstance(reply, RejectRange):
-                end = self._shorter(reply, at, min(end, last))
-                continue
-            for location, object_id in zip(reply.locations, reply.objects or repeat(b""), strict=False):
-                yield location, object_id
-            at, end = reply.last.next(), last
+        async for entry in entries(self.calls, self.identity.scene, space, first, last, stale_ok=stale_ok):
+            yield entry
 
     async def in_crypto_lane(self, function: Callable[..., Result], *arguments: object) -> Result:
         return await self.calls.world.workers.run("crypto", function, *arguments)
-
-    async def _query(self, space: SpaceId, first: Location, last: Location, stale_ok: bool) -> ReturnRange | RejectRange:
-        async def ask() -> ReturnRange | RejectRange:
-            owner, end = self.calls.table.holder_of(first)
-            packet = QueryRange(self.identity.scene, space, first, min(last, end))
-            reply = await self.calls.ask(owner.address, packet, (ReturnRange, RejectRange))
-            if isinstance(reply, RejectRange):
-                if reply.reason == RejectReason.OUTSIDE_BOUNDS or is_passing(reply.reason):
-                    # Our table is old, or the owner cannot speak just now: patiently() asks again, with a newer table.
-                    raise Refused(RejectReason.NOT_READY, "the owner of the range cannot answer just now", where=owner.address)
-                return reply
-            assert isinstance(reply, ReturnRange)
-            if not first <= reply.first <= reply.last <= packet.last:
-                raise PeerFault("a range answer lies elsewhere than its question", where=owner.address)
-            if reply.first != first:
-                # What lies before belongs to somebody else by now.
-                raise Refused(RejectReason.NOT_READY, "the owner of the range is changing", where=owner.address)
-            if reply.stale and not stale_ok:
-                raise stale_answer(owner.address)
-            return reply
-
-        return await self.calls.patiently(ask)
-
-    def _shorter(self, reply: RejectRange, first: Location, last: Location) -> Location:
-        where = f"scene {self.name}, space {reply.space}"
-        if reply.reason != RejectReason.TOO_LARGE_FOR_PACKET or first == last:
-            raise Refused(reply.reason, "the node refused the range query", where=where)
-        return Location.from_number((first.number + last.number) // 2)
 
     async def _seal(self, wishes: Sequence[Wish]) -> list[PutItem]:
         if self.writer is None:

@@ -20,7 +20,7 @@ from scenefold.client.births import verify_header
 from scenefold.client.calls import Calls
 from scenefold.client.patience import Patience, is_passing
 from scenefold.crypto import HEADER_DOMAIN, NONCE_BYTES, PublicKey, SigningKey
-from scenefold.scene.log import SceneLog, open_private, seal_private, sign_record
+from scenefold.scene.log import OpenedLog, SceneLog, open_private, seal_private, sign_record
 from scenefold.wire import (
     AcceptSceneProposal,
     Ballot,
@@ -31,6 +31,7 @@ from scenefold.wire import (
     RejectSceneProposal,
     RequestSceneLog,
     RespondSceneLog,
+    SceneLogAnswer,
     SceneLogPublic,
     SignedRecord,
     Want,
@@ -55,11 +56,14 @@ class LogKeys:
 
 @dataclass(frozen=True, slots=True)
 class ReadLog:
-    """The log at one position: the header that vouches for it, its state, its records."""
+    """The log at one position, and the header that vouches for it."""
 
     header: SceneLogPublic
-    state: SceneLog
-    records: tuple[SignedRecord, ...]
+    log: OpenedLog
+
+    @property
+    def state(self) -> SceneLog:
+        return self.log.state
 
 
 class LogAccess:
@@ -69,6 +73,8 @@ class LogAccess:
         self._calls = calls
         self._name = name
         self._keys = keys
+        self._read: ReadLog | None = None
+        """The log as it was read last; it is asked for again only when the keeper's header is another."""
 
     async def header(self, have: int = 0) -> SceneLogPublic | None:
         """The newest header that a node knows, at position `have` or later if any has that; None if the scene is unknown."""
@@ -80,21 +86,29 @@ class LogAccess:
 
         Unreachable if the keeper does not answer, or has lost the log.
         """
-        header = header or await self.header()
+        header = header or (await self.header() if self._read is None else self._read.header)
         if header is None:
             raise LocalFault("the cluster does not know this scene", where=f"scene {self._name}")
         keeper = address_of(header.origin)
-
-        async def ask() -> RespondSceneLog:
-            return await self._calls.ask(keeper, self._request(Want.LOG, 0), RespondSceneLog, priority=Priority.HIGH)
-
-        try:
-            answer = (await self._calls.patiently(ask, refresh=False)).answer
-        except Unreachable as error:
-            raise self._no_log(keeper, f"does not answer: {error.what}") from error
+        if self._read is not None:
+            answer = await self._ask_keeper(keeper, Want.HEADER)
+            if answer is not None and answer.public == self._read.header:
+                return self._read
+        answer = await self._ask_keeper(keeper, Want.LOG)
         if answer is None or answer.private is None:
             raise self._no_log(keeper, "has lost it")
-        return await self._calls.world.workers.run("crypto", self._opened, self._verified(answer.public), answer.private)
+        public = self._verified(answer.public)
+        self._read = await self._calls.world.workers.run("crypto", self._opened, public, answer.private, self._read)
+        return self._read
+
+    async def _ask_keeper(self, keeper: str, want: Want) -> SceneLogAnswer | None:
+        async def ask() -> RespondSceneLog:
+            return await self._calls.ask(keeper, self._request(want, 0), RespondSceneLog, priority=Priority.HIGH)
+
+        try:
+            return (await self._calls.patiently(ask, refresh=False)).answer
+        except Unreachable as error:
+            raise self._no_log(keeper, f"does not answer: {error.what}") from error
 
     async def propose(self, entry_of: Callable[[SceneLog], LogEntry]) -> ReadLog:
         """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew.
@@ -142,7 +156,7 @@ class LogAccess:
                 _refusal(reason, name)
             reasons.append(reason)
 
-        await self._propose(log.header, log.records, note)
+        await self._propose(log.header, log.log.records, note)
         return not reasons
 
     async def _propose(
@@ -184,14 +198,19 @@ class LogAccess:
             spaces=state.public_spaces(),
         )
         header = replace(header, signature=key.sign(HEADER_DOMAIN, header.signable()))
-        return ReadLog(header, state, (*before.records, signed))
+        return ReadLog(header, OpenedLog(state, (*before.log.records, signed)))
 
-    def _opened(self, header: SceneLogPublic, private: bytes) -> ReadLog:
+    def _opened(self, header: SceneLogPublic, private: bytes, before: ReadLog | None) -> ReadLog:
         keys = self._keys
-        state, records = open_private(
-            private, genesis=keys.genesis, position=header.position, symmetric_key=keys.symmetric_key, header_key=keys.header_key
+        log = open_private(
+            private,
+            genesis=keys.genesis,
+            position=header.position,
+            symmetric_key=keys.symmetric_key,
+            header_key=keys.header_key,
+            known=None if before is None else before.log,
         )
-        return ReadLog(header, state, records)
+        return ReadLog(header, log)
 
     def _verified(self, header: SceneLogPublic) -> SceneLogPublic:
         verify_header(header, self._keys.scene, self._keys.genesis, self._keys.header_key)

@@ -108,8 +108,8 @@ def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
         raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"the scene has no space {header.space}")
     if header.genesis != scene.public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the signed header is that of another scene")
-    if header.placement == PLACED_BY_NODE and header.location != signed_place(object_of(header)):
-        raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place")
+    if header.placement == PLACED_BY_NODE and (header.location != signed_place(object_of(header)) or not any(header.location)):
+        raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place, or no object")
 
 
 def verify_all(claims: Sequence[tuple[PutItem, KnownScene]]) -> list[Put | Refused]:

@@ -43,8 +43,8 @@ TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY)
 
 OBJECTS_END = b"\xff" * OBJECT_BYTES
 """Behind a location's key: the last object that may lie there."""
-RECORD_OVERHEAD_BYTES = 8
-"""What a packed record has beside header, signature and ciphertext."""
+NO_OBJECT = bytes(OBJECT_BYTES)
+"""No object has this id."""
 
 _SCENE = struct.Struct(">I")
 _SPACE = struct.Struct(">IH")

@@ -9,7 +9,18 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record, RecordPlace
-from scenefold.store.layout import HEADERS, OBJECTS_END, RECORDS, Spot, location_of, object_of, record_key, scene_of, unpack_record
+from scenefold.store.layout import (
+    HEADERS,
+    NO_OBJECT,
+    OBJECTS_END,
+    RECORDS,
+    Spot,
+    location_of,
+    object_of,
+    record_key,
+    scene_of,
+    unpack_record,
+)
 from scenefold.store.placing import known_place
 from scenefold.store.walking import describe
 from scenefold.world.ports import ReadTransaction
@@ -53,11 +64,16 @@ def read_range(transaction: ReadTransaction, scene: SceneId, space: SpaceId, arc
     for key in transaction.keys(RECORDS, first, last):
         if len(locations) == limit:
             whole = _whole_places(locations, location_of(key))
-            return RangeAnswer(locations[:whole], Arc(arc.first, locations[whole - 1]), complete=False, objects=objects[:whole])
+            covered = Arc(arc.first, locations[whole - 1])
+            return RangeAnswer(locations[:whole], covered, complete=False, objects=_objects(objects[:whole]))
         locations.append(location_of(key))
-        if object_of(key):
-            objects.append(object_of(key))
-    return RangeAnswer(locations, arc, complete=True, objects=objects)
+        objects.append(object_of(key))
+    return RangeAnswer(locations, arc, complete=True, objects=_objects(objects))
+
+
+def _objects(objects: list[bytes]) -> list[bytes]:
+    """Nothing if there are none. Whoever writes records of both kinds into one space finds zeros for the fixed ones."""
+    return [object_id or NO_OBJECT for object_id in objects] if any(objects) else []
 
 
 def _whole_places(locations: Sequence[Location], following: Location) -> int:

@@ -90,3 +90,11 @@ async def test_an_object_that_was_given_away_is_placed_anew(tmp_path: Path) -> N
         [result] = await store.put([Put(managed(1), managed(1).header.digest)])
         assert result.outcome is Outcome.EXISTS
         assert await placed(store, Put(managed(1), b"")) == first
+
+
+async def test_a_space_of_both_kinds_is_still_listed(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        location = await placed(store, Put(managed(1)))
+        await store.put([put(7)])
+        answer = await store.range(SCENE, SPACE, WHOLE_LINE, 10)
+        assert dict(zip(answer.locations, answer.objects, strict=True)) == {location: object_id(1), Location.from_number(7): bytes(16)}

@@ -1,0 +1,68 @@
+"""Which places of a space hold records: asked owner by owner along the line, in parts that fit an answer.
+
+Each answer says which part of the question it covers, and the next question begins behind that; so bounds may move
+meanwhile. An owner that lists too much for one answer (reason 6) is asked for half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from itertools import repeat
+
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.calls import Calls
+from scenefold.client.delivery import stale_answer
+from scenefold.client.patience import is_passing
+from scenefold.wire import QueryRange, RejectRange, ReturnRange
+
+
+async def entries(
+    calls: Calls, scene: SceneId, space: SpaceId, first: Location, last: Location, *, stale_ok: bool
+) -> AsyncIterator[tuple[Location, bytes]]:
+    """Locations from `first` to `last` with the object at each (b"" in a fixed space), in order; asked for as they are used."""
+    at: Location | None = first
+    end = last
+    while at is not None and at <= last:
+        reply = await _ask_patiently(calls, QueryRange(scene, space, at, min(end, last)), stale_ok)
+        if isinstance(reply, RejectRange):
+            end = _shorter(reply, at, min(end, last))
+            continue
+        for location, object_id in zip(reply.locations, reply.objects or repeat(b""), strict=False):
+            # Zeros stand for no object, beside others that have one.
+            yield location, object_id if any(object_id) else b""
+        at, end = reply.last.next(), last
+
+
+async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool) -> ReturnRange | RejectRange:
+    """The owner's answer for the beginning of the question; a RejectRange only for reasons that last."""
+
+    async def ask() -> ReturnRange | RejectRange:
+        owner, end = calls.table.holder_of(question.first)
+        packet = QueryRange(question.scene, question.space, question.first, min(question.last, end))
+        reply = await calls.ask(owner.address, packet, (ReturnRange, RejectRange))
+        if isinstance(reply, RejectRange):
+            if reply.reason == RejectReason.OUTSIDE_BOUNDS or is_passing(reply.reason):
+                # Our table is old, or the owner cannot speak just now: patiently() asks again, with a newer table.
+                raise Refused(RejectReason.NOT_READY, "the owner of the range cannot answer just now", where=owner.address)
+            return reply
+        assert isinstance(reply, ReturnRange)
+        if not packet.first <= reply.first <= reply.last <= packet.last:
+            raise PeerFault("a range answer lies elsewhere than its question", where=owner.address)
+        if reply.first != packet.first:
+            # What lies before belongs to somebody else by now.
+            raise Refused(RejectReason.NOT_READY, "the owner of the range is changing", where=owner.address)
+        if reply.stale and not stale_ok:
+            raise stale_answer(owner.address)
+        return reply
+
+    return await calls.patiently(ask)
+
+
+def _shorter(reply: RejectRange, first: Location, last: Location) -> Location:
+    """Where a question that was too large ends the next time."""
+    if reply.reason != RejectReason.TOO_LARGE_FOR_PACKET or first == last:
+        raise Refused(reply.reason, "the node refused the range query", where=f"scene {reply.scene:08x}, space {reply.space}")
+    return Location.from_number((first.number + last.number) // 2)
