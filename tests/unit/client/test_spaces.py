@@ -18,7 +18,7 @@ from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import HEADER_DOMAIN, RecordHeader, SigningKey
 from scenefold.scene.layout import GEOMETRY, SPACES
-from scenefold.wire import ProposeSceneLog, ScaleSpace, SceneMode, SetMode
+from scenefold.wire import ProposeSceneLog, RequestSceneLog, ScaleSpace, SceneMode, SetMode, Want
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import FakeNodes
 
@@ -89,6 +89,25 @@ async def test_records_say_under_which_position_they_were_written(autojump_clock
     (opened,) = await hall.read([place])
     assert opened is not None and (opened.payload, opened.content_position) == (b"b", 2)
     np.testing.assert_array_equal((await hall.info()).fast_forward([[1.0, 2.0, 3.0]], opened.content_position), [[2.0, 2.0, 3.0]])
+
+
+async def test_the_log_is_read_whole_only_when_it_changed(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene, other = await scene_of(nodes, tmp_path), await scene_of(nodes, tmp_path)
+    await scene.create_space("hall", BOX)
+
+    def logs_read() -> int:
+        return sum(isinstance(packet, RequestSceneLog) and packet.want is Want.LOG for _, packet in nodes.asked)
+
+    await scene.spaces()
+    before = logs_read()
+    for _ in range(5):
+        assert len(await scene.spaces()) == 11
+    assert logs_read() == before
+    await other.create_space("attic", BOX)
+    before = logs_read()
+    assert [space.name for space in await scene.spaces()][-2:] == ["hall", "attic"]
+    assert logs_read() == before + 1
 
 
 async def test_two_authors_at_once_both_get_in(autojump_clock: MockClock, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ Light to import: numpy and the curves come with the first position that is asked
 
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.book import SceneLog
-from scenefold.scene.log.bytes import open_private, seal_private, sign_record
+from scenefold.scene.log.bytes import OpenedLog, open_private, seal_private, sign_record
 from scenefold.scene.log.first import first_entry, first_log, first_record
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
 
@@ -13,6 +13,7 @@ __all__ = [
     "Affine",
     "CellBox",
     "LoggedSpace",
+    "OpenedLog",
     "SceneLog",
     "SpaceFault",
     "first_entry",

@@ -60,17 +60,20 @@ class SceneLog:
     @classmethod
     def of(cls, records: Iterable[LogRecord]) -> SceneLog:
         """The fold of all records from the first on."""
-        log, requests = cls(), dict[bytes, int]()
-        for record in records:
-            # One dict for all of them: a log may have tens of thousands of records.
-            log = log._followed(record, requests)
-            requests[record.request_id] = record.position
-        return replace(log, requests=MappingProxyType(requests))
+        return cls().extended(records)
 
     def apply(self, record: LogRecord) -> SceneLog:
         """The log with one more record; Refused if it does not follow, or does not fit."""
-        log = self._followed(record, self.requests)
-        return replace(log, requests=_with(self.requests, record.request_id, record.position))
+        return self.extended((record,))
+
+    def extended(self, records: Iterable[LogRecord]) -> SceneLog:
+        """The log with more records; Refused if one does not follow, or does not fit."""
+        # One dict for all of them: a log may have tens of thousands of records.
+        log, requests = self, dict(self.requests)
+        for record in records:
+            log = log._followed(record, requests)
+            requests[record.request_id] = record.position
+        return replace(log, requests=MappingProxyType(requests))
 
     def _followed(self, record: LogRecord, requests: Mapping[bytes, int]) -> SceneLog:
         if record.position != self.position + 1 or record.prev_hash != self.head:

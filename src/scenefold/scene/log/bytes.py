@@ -7,6 +7,7 @@ symmetric key and could seal a log of their own, but not sign a record.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.crypto import LOG_DOMAIN, PublicKey, SigningKey, open_log, seal_log
@@ -27,19 +28,42 @@ def seal_private(records: Sequence[SignedRecord], *, genesis: bytes, symmetric_k
     )
 
 
+_EMPTY = SceneLog()
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedLog:
+    """A log's state, and the records that it is the fold of."""
+
+    state: SceneLog = _EMPTY
+    records: tuple[SignedRecord, ...] = ()
+
+
 def open_private(
-    private: bytes, *, genesis: bytes, position: int, symmetric_key: bytes, header_key: PublicKey
-) -> tuple[SceneLog, tuple[SignedRecord, ...]]:
-    """The log's state at `position`, and its records. DamagedData if anything in it does not verify."""
+    private: bytes,
+    *,
+    genesis: bytes,
+    position: int,
+    symmetric_key: bytes,
+    header_key: PublicKey,
+    known: OpenedLog | None = None,
+) -> OpenedLog:
+    """The log at `position`. DamagedData if anything in it does not verify.
+
+    `known`: an earlier part of it; what it begins with is neither verified nor folded again.
+    """
     where = f"scene {genesis[:4].hex()}, log position {position}"
     opened = open_log(private, genesis=genesis, position=position, symmetric_key=symmetric_key)
     try:
         records = unpack_log(opened)
-        for record in records:
+        if known is None or records[: len(known.records)] != known.records:
+            known = OpenedLog()
+        new = records[len(known.records) :]
+        for record in new:
             header_key.verify(record.signature, LOG_DOMAIN, record.record)
-        log = SceneLog.of(record.decoded() for record in records)
+        state = known.state.extended(record.decoded() for record in new)
     except (MalformedPacket, DamagedData, Refused) as problem:
         raise DamagedData(f"the scene's log does not hold together: {problem.what}", where=where) from problem
-    if log.position != position:
-        raise DamagedData(f"the scene's log ends at position {log.position}", where=where)
-    return log, records
+    if state.position != position:
+        raise DamagedData(f"the scene's log ends at position {state.position}", where=where)
+    return OpenedLog(state, records)

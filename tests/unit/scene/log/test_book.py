@@ -15,7 +15,7 @@ from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey, seal_log
 from scenefold.scene.layout import SPACES
-from scenefold.scene.log import SceneLog, first_log, first_record, open_private, seal_private, sign_record
+from scenefold.scene.log import OpenedLog, SceneLog, first_log, first_record, open_private, seal_private, sign_record
 from scenefold.wire import (
     AddObserver,
     AddParticipant,
@@ -147,9 +147,15 @@ def test_a_sealed_log_is_read_as_it_was(factors: list[float]) -> None:
     records = records_of(space(), *(ScaleSpace(HALL, factor) for factor in factors))
     signed = [sign_record(record, HEADER_KEY) for record in records]
     private = seal_private(signed, genesis=GENESIS, symmetric_key=KEY, key_epoch=0, nonce=bytes(12))
-    log, found = open_private(private, genesis=GENESIS, position=len(records), symmetric_key=KEY, header_key=HEADER_KEY.public)
+    opening: dict[str, Any] = {"genesis": GENESIS, "position": len(records), "symmetric_key": KEY, "header_key": HEADER_KEY.public}
+    opened = open_private(private, **opening)
+    log = opened.state
     assert log == SceneLog.of(records)
-    assert list(found) == signed
+    assert list(opened.records) == signed
+    for known in range(len(records) + 1):
+        assert open_private(private, known=OpenedLog(SceneLog.of(records[:known]), tuple(signed[:known])), **opening) == opened
+    other = tuple(sign_record(record, HEADER_KEY) for record in records_of(space(name="another"), space(space=SpaceId(20))))
+    assert open_private(private, known=OpenedLog(SceneLog.of([one.decoded() for one in other]), other), **opening) == opened
     step_by_step = SceneLog()
     for record in records:
         step_by_step = step_by_step.apply(record)

@@ -18,14 +18,15 @@ def test_the_golden_log_is_what_we_make() -> None:
 def test_the_golden_log_is_read() -> None:
     golden = json.loads((ROOT / "specs" / "vectors" / "scene_log.json").read_text(encoding="utf-8"))
     header_key = SigningKey.from_seed(bytes.fromhex(golden["header_seed"])).public
-    log, records = open_private(
+    opened = open_private(
         bytes.fromhex(golden["sealed"]),
         genesis=bytes.fromhex(golden["genesis"]),
         position=len(golden["records"]),
         symmetric_key=bytes.fromhex(golden["symmetric_key"]),
         header_key=header_key,
     )
-    assert [record.record.hex() for record in records] == [row["record"] for row in golden["records"]]
+    log = opened.state
+    assert [record.record.hex() for record in opened.records] == [row["record"] for row in golden["records"]]
     assert log.head.hex() == golden["records"][-1]["hash"]
     for row in golden["places"]:
         space = log.space(row["space"])
