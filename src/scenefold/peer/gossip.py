@@ -15,12 +15,13 @@ that a small one repeated is no flood of large ones, who asks again and again is
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Sequence
 
 import trio
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, PublicKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
@@ -37,7 +38,9 @@ KNOCK_S_MIN = 0.1
 KNOCK_S_MAX = 2.0
 """A node that is not heard yet is asked again after 0.1 s, then ever more slowly."""
 KNOCKS_MAX = 16
-"""Nodes asked in one round of knocking: at a thousand nodes, the rest have their turn in the next."""
+"""Nodes asked in one round of knocking."""
+KNOCK_FULL_S = 0.5
+"""After a round that left somebody out: at a thousand nodes, tables are fetched meanwhile."""
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
 ANSWER_S_MIN = 0.05
@@ -68,16 +71,16 @@ class Gossip:
         self._cluster_log = cluster_log
         self._facts = facts
         self._me = address_of(own.me)
-        self._seeds = [seed for seed in seeds if seed != self._me]
+        self._seeds = {seed: node_id_of(seed) for seed in seeds if seed != self._me}
         self._datagrams: Datagrams | None = None
-        self._news = trio.Condition()
+        self._news = trio.Event()
         self._members_changed = trio.Event()
         self._quiet = QuietLog(_log)
         self._quiet_claims = QuietLog(_log, logging.INFO)
         self._answered_at: dict[NodeId, float] = {}
         self._met_at: dict[NodeId, float] = {}
         self._claimed_since: dict[NodeId, float] = {}
-        self._knocked = 0
+        self._knocks: dict[str, tuple[float, float]] = {}
         self.dropped = 0
         """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
         roster.tell_position = cluster_log.heard_of
@@ -101,8 +104,8 @@ class Gossip:
     # ------------------------------------------------------------------------------------------------- who waits
 
     async def everybody_heard(self) -> None:
-        """Return once the log names members, and a status of each is known."""
-        await self._until(lambda: self._cluster_log.registry.position > 0 and not self._roster.unheard_count)
+        """Return once the log names members, every founder among them, and a status of each is known."""
+        await self._until(lambda: self._cluster_log.registry.position > 0 and not self._roster.unheard_count + self._roster.vacant_count)
 
     async def somebody_heard(self) -> None:
         """Return once any other node of the cluster has spoken; at once if the log names none."""
@@ -136,7 +139,7 @@ class Gossip:
         def has_answered() -> bool:
             # A founder without an incarnation has no status that could count: that it speaks at all is the answer.
             if self._roster.incarnation(member) is None:
-                return self._met_at.get(member, float("-inf")) >= asked_at
+                return self._met_at.get(member, -math.inf) >= asked_at
             return self._roster.proofs(member) > proofs
 
         for pause_s in PROBE_PAUSES_S:
@@ -153,7 +156,7 @@ class Gossip:
         news = [status for status in statuses if status.lamport and self._roster.rises(status)]
         problems = await self._world.workers.run("crypto", problems_of, [(status, self._key_of(status.node)) for status in news])
         taken = [self._take(status, source, problem) for status, problem in zip(news, problems, strict=True)]
-        await self._tell_waiters()
+        self._tell_waiters()
         return sum(taken)
 
     # --------------------------------------------------------------------------------------------------- speaking
@@ -164,7 +167,7 @@ class Gossip:
             self._roster.set_members(registry, self._world.clock.now())
             changed, self._members_changed = self._members_changed, trio.Event()
             changed.set()
-            await self._tell_waiters()
+            self._tell_waiters()
             registry = await self._cluster_log.changed_after(registry.position)
 
     async def _speak(self) -> None:
@@ -179,30 +182,31 @@ class Gossip:
 
     async def _knock(self) -> None:
         """Ask who has not been heard, seeds included: they know others, even where the log names no member yet."""
-        pause_s = KNOCK_S_MIN
         while True:
             members_changed = self._members_changed
-            for address in self._to_knock():
+            due, pause_s = self._due_knocks(self._world.clock.now())
+            for address in due:
                 await self._ask(address)
             with trio.move_on_after(pause_s):
                 await members_changed.wait()
             if members_changed.is_set():
-                pause_s = KNOCK_S_MIN
                 spread_s = min(KNOCK_S_MAX, self._roster.count * KNOCK_SPREAD_S)
                 await self._world.clock.sleep(self._world.entropy.uniform() * spread_s)
-            else:
-                pause_s = min(pause_s * 1.5, KNOCK_S_MAX)
 
-    def _to_knock(self) -> list[str]:
-        unheard = self._roster.unheard()
-        start = self._knocked % len(unheard) if unheard else 0
-        turn = [*unheard[start:], *unheard[:start]][:KNOCKS_MAX]
-        self._knocked = start + len(turn)
-        return sorted({*map(address_of, turn), *self._silent_seeds()[:KNOCKS_MAX]})
+    def _due_knocks(self, now: float) -> tuple[list[str], float]:
+        """Whom to ask now, the longest waiting first, and how long to pause then."""
+        unheard = dict.fromkeys([*map(address_of, self._roster.unheard()), *self._silent_seeds()])
+        self._knocks = {address: self._knocks.get(address, (now, KNOCK_S_MIN)) for address in unheard}
+        due = sorted((at, address) for address, (at, _) in self._knocks.items() if at <= now)
+        for _, address in due[:KNOCKS_MAX]:
+            pause_s = self._knocks[address][1]
+            self._knocks[address] = (now + pause_s, min(pause_s * 1.5, KNOCK_S_MAX))
+        next_at = min((at for at, _ in self._knocks.values()), default=math.inf)
+        pause_s = KNOCK_FULL_S if len(due) > KNOCKS_MAX else max(KNOCK_S_MIN, next_at - now)
+        return [address for _, address in due[:KNOCKS_MAX]], pause_s
 
     def _silent_seeds(self) -> list[str]:
-        met = {address_of(node) for node in self._met_at}
-        return [seed for seed in self._seeds if seed not in met]
+        return [seed for seed, node in self._seeds.items() if node not in self._met_at]
 
     async def _ask(self, address: str) -> None:
         await self._send(self._sealed(RequestState(request_id=1, mini_status=self._own.mini())), address)
@@ -236,7 +240,7 @@ class Gossip:
                 await self._answer(packet, sender)
             else:
                 self._drop(source.address, "unexpected", f"a {type(packet).__name__} has no business here")
-            await self._tell_waiters()
+            self._tell_waiters()
 
     def _opened(self, data: bytes) -> tuple[NodeId, Packet]:
         datagram = parse_datagram(data)
@@ -287,7 +291,7 @@ class Gossip:
         now = self._world.clock.now()
         if packet.mini_status is not None and packet.mini_status.node == sender:
             self._roster.hear_mini(packet.mini_status, now)
-        if now - self._answered_at.get(sender, now - ANSWER_S_MIN) < ANSWER_S_MIN:
+        if now - self._answered_at.get(sender, -math.inf) < ANSWER_S_MIN:
             return
         self._answered_at[sender] = now
         await self._send(self._page(packet.request_id, sender), address_of(sender))
@@ -298,13 +302,12 @@ class Gossip:
     # ---------------------------------------------------------------------------------------------------- private
 
     async def _until(self, condition: Callable[[], bool]) -> None:
-        async with self._news:
-            while not condition():
-                await self._news.wait()
+        while not condition():
+            await self._news.wait()
 
-    async def _tell_waiters(self) -> None:
-        async with self._news:
-            self._news.notify_all()
+    def _tell_waiters(self) -> None:
+        self._news.set()
+        self._news = trio.Event()
 
     def _drop(self, source: str, kind: str, text: str, quiet: QuietLog | None = None) -> None:
         self.dropped += 1

@@ -80,6 +80,8 @@ class Roster:
         self._by_mark: OrderedDict[NodeId, None] = OrderedDict()
         self._refused: dict[NodeId, None] = {}
         self._unheard: dict[NodeId, None] = {}
+        self.vacant_count = 0
+        """Founders that have not taken their seat yet."""
         self._ring: list[NodeId] = []
         self._cursor = 0
         self._missed_max = 0
@@ -107,7 +109,9 @@ class Roster:
                 self._by_mark[node] = None
                 self._by_mark.move_to_end(node)
                 self._refused.pop(node, None)
-                self._unheard[node] = None
+                self._unheard.pop(node, None)
+                if incarnation is not None:
+                    self._unheard[node] = None
                 self._right_bounds.pop(node, None)
         for node in [node for node in self._peers if node not in peers]:
             del self._by_mark[node]
@@ -115,6 +119,7 @@ class Roster:
             self._unheard.pop(node, None)
             self._right_bounds.pop(node, None)
         self._peers = peers
+        self.vacant_count = sum(peer.incarnation is None for peer in peers.values())
         self._ring = [node for node in self._ring if node in peers and peers[node].status is not None]
         self._order = tuple(members.order)
         self._position = members.position
@@ -235,11 +240,11 @@ class Roster:
         return list(self._refused)
 
     def unheard(self) -> list[NodeId]:
-        """The peers of which no status is known, in the order in which they became members here."""
+        """The registered peers of which no status is known, in the order in which they became members here."""
         return list(self._unheard)
 
     def is_unheard(self, member: NodeId) -> bool:
-        """Whether this is a peer of which no status is known."""
+        """Whether this is a registered peer of which no status is known."""
         return member in self._unheard
 
     @property

@@ -176,6 +176,7 @@ def test_a_founder_that_never_came_is_nobody() -> None:
     roster = Roster(ME)
     roster.set_members(Line({ME: OLD, PEER: None}), 0.0)
     assert roster.count == 2 and roster.incarnation(PEER) is None
+    assert roster.vacant_count == 1 and roster.unheard() == [] and not roster.is_unheard(PEER)
     assert not roster.hear(status_of(PEER, 1), 1.0) and not roster.hear_mini(mini_of(PEER, 2), 1.0)
 
 
@@ -372,7 +373,9 @@ class Life(RuleBasedStateMachine):
         roster = self.roster
         peers = [node for node in self.line if node != ME]
         assert list(roster.peers) == peers and roster.count == len(peers) + 1
-        assert set(roster.unheard()) == set(peers) - {status.node for status in roster.statuses()}
+        vacant = {node for node in peers if self.line[node] is None}
+        assert set(roster.unheard()) == set(peers) - vacant - {status.node for status in roster.statuses()}
+        assert roster.vacant_count == len(vacant)
         assert set(roster.refused()) <= set(peers) and set(roster.right_bounds()) <= set(peers)
         for node in peers:
             is_doubted = node in roster.silent() or node in roster.refused() or roster.heard_at(node) is None
