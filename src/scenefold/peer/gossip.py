@@ -23,6 +23,7 @@ import trio
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
+from scenefold.base.location import Arc
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, PublicKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
@@ -34,6 +35,8 @@ from scenefold.world.facts import ClusterFacts
 
 ROUND_S = 1.0
 """Time between two throws of the dice (thesis B.2.2)."""
+TELL_ARC_S = 0.02
+"""For each member, between two statuses that tell all of a changed arc: 50 small datagrams a second at most."""
 KNOCK_S_MIN = 0.1
 KNOCK_S_MAX = 2.0
 """A node that is not heard yet is asked again after 0.1 s, then ever more slowly."""
@@ -171,14 +174,26 @@ class Gossip:
             registry = await self._cluster_log.changed_after(registry.position)
 
     async def _speak(self) -> None:
+        """Throw the dice, once a second; and say at once, within bounds, that the own arc has changed."""
+        said: Arc | None = None
+        tell_from = -math.inf
         while True:
             await self._world.clock.sleep(ROUND_S)
-            if self._world.entropy.uniform() * self._roster.count >= 1 or not self._cluster_log.registry.is_current(self._own.member):
+            if not self._cluster_log.registry.is_current(self._own.member):
                 continue
-            self._roster.count_broadcast(())
-            page = self._page(0)
+            now = self._world.clock.now()
+            if self._world.entropy.uniform() * self._roster.count < 1:
+                self._roster.count_broadcast(())
+                data = self._page(0)
+            elif self._own.arc != said and now >= tell_from:
+                # Under another request id than 0, since it is no throw of the dice.
+                data = self._sealed(PingBroadcast((self._own.signed(),), request_id=1))
+                tell_from = now + self._roster.count * TELL_ARC_S
+            else:
+                continue
+            said = self._own.arc
             for member in list(self._roster.peers):
-                await self._send(page, address_of(member))
+                await self._send(data, address_of(member))
 
     async def _knock(self) -> None:
         """Ask who has not been heard, seeds included: they know others, even where the log names no member yet."""

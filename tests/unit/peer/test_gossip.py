@@ -85,6 +85,24 @@ async def test_the_own_status_comes_first(autojump_clock: trio.testing.MockClock
                 assert isinstance(packet, RequestState) and packet.mini_status is not None and packet.mini_status.node == node
 
 
+async def test_a_changed_arc_is_told_at_once_but_not_as_a_throw_of_the_dice(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(30) as them:
+        await them.start(0)
+        await them.start(1)
+        await trio.sleep(3.0)
+        before, arc = len(them.ether.sent), them.of(1).own.arc
+        them.of(1).own.arc = None
+        with trio.fail_after(3.0):
+            await until(lambda: them.of(0).roster.right_bounds()[node_at(1)] is None)
+        told = [opened(source, data) for source, target, data in them.ether.sent[before:] if (source, target) == ("127.0.0.3", "127.0.0.2")]
+        assert [packet.request_id for packet in told if isinstance(packet, PingBroadcast)] != []
+        for changed in (arc, None) * 50:
+            them.of(1).own.arc = changed
+            await trio.sleep(0.1)
+        many = [data for source, target, data in them.ether.sent[before:] if (source, target) == ("127.0.0.3", "127.0.0.2")]
+        assert len(many) <= 16, "once a second at most"
+
+
 # ----------------------------------------------------------------------------------------------------------- the log
 
 
