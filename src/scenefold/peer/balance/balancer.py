@@ -109,7 +109,7 @@ class Balancer:
         for side, state in self._sides.items():
             if state.peer != neighbours[side]:
                 self._sides[side] = _SideState(state.under_way, peer=neighbours[side])
-        self._wanted = gives([self._fill(node) for node in nodes], me, self._news.changes(nodes))
+        self._wanted = gives([self._fill(node, now) for node in nodes], me, self._news.changes(nodes))
         if self.paused or self._line.refuses:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]
@@ -130,10 +130,10 @@ class Balancer:
         self._news.measure(load.disk_used_bytes, load.disk_total_bytes, now)
         return nodes
 
-    def _fill(self, node: NodeId) -> NodeFill:
+    def _fill(self, node: NodeId, now: float) -> NodeFill:
         if node == self._own.me:
             return self._news.fill(node, takes=True)
-        shy = any(state.refused and state.peer == node for state in self._sides.values())
+        shy = any(state.refused and now < state.again_at and state.peer == node for state in self._sides.values())
         is_there = self._log.registry.current(node) is not None and self._roster.is_believed_alive(node)
         return self._news.fill(node, takes=is_there and not shy)
 

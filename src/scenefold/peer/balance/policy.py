@@ -71,7 +71,8 @@ def gives(line: Sequence[NodeFill], me: int, changes: Sequence[int] = ()) -> lis
     spare = piece[here].used - BYTES_MIN
     shares = fair_shares(piece)
     found: list[Give] = []
-    wanted = [(flow(piece, here), Side.RIGHT, here), (-flow(piece, here - 1), Side.LEFT, here - 1)]
+    leftwards = flow(piece, here - 1)
+    wanted = [(leftwards + piece[here].used - shares[here], Side.RIGHT, here), (-leftwards, Side.LEFT, here - 1)]
     # The larger need first: what is given to one side is gone for the other.
     for amount, side, bound in sorted(wanted, key=lambda want: -want[0]):
         target = here + (1 if side is Side.RIGHT else -1)

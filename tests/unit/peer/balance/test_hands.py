@@ -1,0 +1,254 @@
+"""If this fails, a newcomer stays without an arc, a loaded node keeps everything, or a leaving one takes records with it."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import SceneId
+from scenefold.base.location import FIRST, LAST, Arc, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.balance import NodeDrained
+from scenefold.peer.balance.draining import DRAINED
+from scenefold.peer.line.holding import Side
+from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
+from unit.peer.balance.street import KIB, House, Street
+from unit.peer.logs_made import member, node
+
+MIB = 1024 * KIB
+ORDER = DrainNode(check_only=False, cancel=False)
+CHECK = DrainNode(check_only=True, cancel=False)
+
+
+@asynccontextmanager
+async def running(street: Street) -> AsyncIterator[trio.Nursery]:
+    async with trio.open_nursery() as nursery:
+        for house in street.houses:
+            nursery.start_soon(run_until_drained, house)
+        yield nursery
+        nursery.cancel_scope.cancel()
+
+
+async def run_until_drained(house: House) -> None:
+    try:
+        await house.run()
+    except* NodeDrained:
+        house.alive = False
+
+
+async def tell(house: House, packet: DrainNode) -> dict[str, object]:
+    reply = await house.handlers.handle(packet, "user:ada")
+    assert isinstance(reply, NodeReport)
+    document = unpack_value(reply.document)
+    assert isinstance(document, dict)
+    return document
+
+
+async def until(street: Street, wanted: object, seconds: float = 200) -> None:
+    assert callable(wanted)
+    with trio.fail_after(seconds):
+        while not wanted():
+            await trio.sleep(0.5)
+            street.check()
+
+
+async def test_a_loaded_end_is_shared_by_all(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 5)
+    street.houses[0].fill_evenly(500, 50 * KIB)
+    everything = street.records()
+    async with running(street):
+        await until(street, lambda: all(abs(house.used - 5000 * KIB) < 250 * KIB for house in street.houses))
+    assert street.records() == everything
+    assert street.handovers < 25
+    assert street.houses[0].balancer.report()["handovers"] >= 1
+
+
+async def test_a_paused_balancer_says_what_it_would_do(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 2)
+    street.houses[0].fill_evenly(40, 50 * KIB)
+    street.houses[0].balancer.paused = True
+    async with running(street):
+        await trio.sleep(20)
+        report = street.houses[0].balancer.report()
+        assert street.handovers == 0
+        assert report["to_give"] == {"right": 1000 * KIB}
+        street.houses[0].balancer.paused = False
+        await until(street, lambda: street.handovers == 1)
+
+
+async def test_who_is_refused_stays_away_for_longer_each_time(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 2)
+    street.houses[0].fill_evenly(40, 50 * KIB)
+    tries = []
+
+    async def refuse(*_: object) -> None:
+        tries.append(trio.current_time())
+        raise Refused(RejectReason.BUSY, "not now")
+
+    street.move = refuse  # type: ignore[method-assign]
+    async with running(street):
+        await trio.sleep(200)
+    assert 4 <= len(tries) <= 8
+    assert tries[-1] - tries[-2] > tries[1] - tries[0]
+
+
+async def test_a_newcomer_joins_beside_the_fullest_and_gets_half(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    street.houses[1].fill_evenly(4, KIB)
+    street.houses[1].measure()
+    newcomer = street.add_newcomer(64 * MIB)
+    async with running(street):
+        await newcomer.joining.join()
+        assert street.registry.order == (node(0), node(3), node(1), node(2))
+        await until(street, lambda: newcomer.arc is not None)
+    assert len(newcomer.sizes) == len(street.houses[1].sizes) == 2
+
+
+@pytest.mark.parametrize("place", ["random", Location.from_number(LAST.number // 3)])
+async def test_a_newcomer_at_a_place(autojump_clock: trio.testing.MockClock, place: Location | str) -> None:
+    street = Street([64 * MIB] * 4)
+    newcomer = street.add_newcomer(64 * MIB)
+    newcomer.place_at(place)
+    async with running(street):
+        await newcomer.joining.join()
+        await until(street, lambda: newcomer.arc is not None)
+    assert newcomer.arc is not None
+    if place != "random":
+        assert newcomer.arc.last == place
+
+
+async def test_two_newcomers_at_one_place_both_get_something(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 2)
+    street.houses[0].fill_evenly(64, KIB)
+    first, second = street.add_newcomer(64 * MIB), street.add_newcomer(64 * MIB)
+    async with running(street):
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(first.joining.join)
+            nursery.start_soon(second.joining.join)
+        await until(street, lambda: first.arc is not None and second.arc is not None)
+    street.check()
+
+
+async def test_a_dead_host_is_gone_round(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    newcomer = street.add_newcomer(64 * MIB)
+    async with running(street):
+        await newcomer.joining.join()
+        right = street.by_id(street.registry.neighbours(newcomer.me)[1] or node(0))
+        right.alive = False
+        await until(street, lambda: newcomer.arc is not None or street.registry.neighbours(newcomer.me)[0] is None, 300)
+    street.check()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("other", RejectReason.NOT_READY),
+        ("life", RejectReason.WRONG_INCARNATION),
+        ("busy", RejectReason.BUSY),
+        ("leaving", RejectReason.BUSY),
+        ("fresh", RejectReason.BUSY),
+        ("tiny", RejectReason.OUTSIDE_BOUNDS),
+        ("empty", RejectReason.OUTSIDE_BOUNDS),
+    ],
+)
+async def test_when_nothing_is_promised(change: str, reason: RejectReason) -> None:
+    street = Street([64 * MIB] * 3)
+    host = street.houses[1]
+    asker = 2 if change != "other" else 1
+    packet = AskRange(member(asker, life=change == "life"), None)
+    if change == "busy":
+        host.moving = set(Side)
+    elif change == "leaving":
+        host.refuses = "leaving"
+    elif change == "fresh":
+        host.fill_evenly(8, KIB)
+        host.received_at = dict.fromkeys(host.sizes, trio.current_time())
+    elif change == "tiny":
+        host.arc = Arc(FIRST, FIRST)
+    elif change == "empty":
+        host.arc = None
+    reply = await host.handlers.handle(packet, f"node:{node(asker)}")
+    assert isinstance(reply, HandoverReply)
+    assert reply.reason == reason
+
+
+async def test_nobody_asks_in_anothers_name() -> None:
+    street = Street([64 * MIB] * 3)
+    reply = await street.houses[1].handlers.handle(AskRange(member(2), None), f"node:{node(0)}")
+    assert isinstance(reply, HandoverReply)
+    assert reply.reason == RejectReason.NOT_AUTHORISED
+
+
+async def test_a_drained_node_leaves_when_everything_lies_elsewhere(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    for house in street.houses:
+        house.fill_evenly(60, 50 * KIB)
+    everything, leaving = street.records(), street.houses[1]
+    async with running(street):
+        before = await tell(leaving, CHECK)
+        assert (before["state"], before["may_switch_off"], before["records"]) == ("serving", False, 60)
+        told = await tell(leaving, ORDER)
+        assert told["state"] == "draining"
+        await until(street, lambda: not leaving.alive)
+    assert leaving.arc is None and not leaving.sizes
+    assert leaving.me not in street.registry.order
+    removal = street.registry.removal(leaving.own.incarnation)
+    assert removal is not None and removal.reason == DRAINED
+    assert street.records() == everything
+    assert leaving.draining.is_leaving and leaving.notes == {"drain": b""}
+    after = await tell(leaving, CHECK)
+    assert (after["state"], after["may_switch_off"], after["obstacles"]) == ("left", True, [])
+
+
+async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_lets_it_stay(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([2 * MIB, 64 * MIB, 2 * MIB])
+    leaving = street.houses[1]
+    leaving.fill_evenly(200, 50 * KIB)
+    everything = street.records()
+    async with running(street):
+        await tell(leaving, ORDER)
+        await trio.sleep(120)
+        report = await tell(leaving, ORDER)
+        assert report["state"] == "draining" and report["text"] and not report["may_switch_off"]
+        assert leaving.arc is not None
+        assert all(house.used <= house.capacity for house in street.houses)
+        cancelled = await tell(leaving, DrainNode(check_only=False, cancel=True))
+        assert cancelled["state"] == "serving" and leaving.refuses == ""
+    assert street.records() == everything
+    street.check()
+
+
+async def test_an_order_outlives_a_restart(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    street.houses[2].notes["drain"] = b"1"
+    async with running(street):
+        await until(street, lambda: not street.houses[2].alive)
+    assert street.registry.order == (node(0), node(1))
+
+
+@pytest.mark.parametrize("number", [0, 1])
+async def test_who_cannot_be_spared_says_so(number: int) -> None:
+    street = Street([64 * MIB] * 2)
+    house = street.houses[number]
+    house.decides = [SceneId(7)] if number else []
+    with pytest.raises(Refused, match="alone keeps the log of scene 00000007" if number else "decides the cluster's log") as caught:
+        await tell(house, ORDER)
+    assert caught.value.reason == RejectReason.NOT_AUTHORISED
+    assert caught.value.remedy
+    report = await tell(house, CHECK)
+    assert len(report["obstacles"]) == 2  # type: ignore[arg-type]
+
+
+async def test_a_node_that_leaves_takes_nothing(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB, 4 * MIB, 64 * MIB])
+    street.houses[0].fill_evenly(60, 50 * KIB)
+    street.houses[1].refuses = ""
+    async with running(street):
+        await tell(street.houses[1], ORDER)
+        await until(street, lambda: not street.houses[1].alive)
+        await until(street, lambda: street.houses[2].used > MIB)
