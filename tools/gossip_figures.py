@@ -154,7 +154,8 @@ def figures(count: int, seconds: int) -> str:
     sent = sum(one.sent_bytes for one in model.watched.values()) / nodes
     suspected = sum(one.suspected for one in model.watched.values()) / nodes * 3600
     unanswered = sum(one.unanswered for one in model.watched.values()) / nodes * 3600
-    victim, died_at, noticed = model.nodes[-1], model.now, {}
+    victim, died_at = model.nodes[-1], model.now
+    noticed: dict[NodeId, float] = {}
     model.dead.add(victim)
     while len(noticed) < len(model.watched) - (victim in model.watched):
         model.second()
