@@ -34,6 +34,7 @@ from scenefold.crypto.record_header import (
     PLACED_BY_NODE,
     IllFormedRecord,
     RecordHeader,
+    claimed_epoch,
     version_key,
 )
 from scenefold.crypto.records import (
@@ -77,6 +78,7 @@ __all__ = [
     "ReplayWindow",
     "SignedDatagram",
     "SigningKey",
+    "claimed_epoch",
     "client_context",
     "datagram_counter",
     "key_id_of",

@@ -40,6 +40,7 @@ TAG_BYTES = 16
 _LAYOUT = struct.Struct(">BBBI32sH20sQQIQQI12sI32s")
 HEADER_BYTES = _LAYOUT.size
 ASSOCIATED_BYTES = HEADER_BYTES - 4 - DIGEST_BYTES
+_EPOCH_AT = 61
 assert (HEADER_BYTES, ASSOCIATED_BYTES) == (149, 113)
 
 _SIZES = (GENESIS_BYTES, LOCATION_BYTES, NONCE_BYTES, DIGEST_BYTES)
@@ -166,6 +167,11 @@ class RecordHeader:
         if sizes != _SIZES:
             return f"genesis, location, nonce and digest of {sizes} bytes, {_SIZES} were expected"
         return ""
+
+
+def claimed_epoch(header: bytes) -> int:
+    """The epoch that the bytes of a header claim, without a look at the rest; 0 if they are none."""
+    return int.from_bytes(header[_EPOCH_AT : _EPOCH_AT + 8], "big") if len(header) == HEADER_BYTES else 0
 
 
 def version_key(header: RecordHeader) -> Version:

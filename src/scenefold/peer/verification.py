@@ -10,12 +10,12 @@ be movable in every mode.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import KeyId, SpaceId
+from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import (
     PLACED_BY_NODE,
@@ -24,6 +24,7 @@ from scenefold.crypto import (
     Record,
     RecordHeader,
     RecordPlace,
+    claimed_epoch,
     object_of,
     signed_place,
     verify_record,
@@ -110,6 +111,18 @@ def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
         raise Refused(RejectReason.ILL_FORMED, "the signed header is that of another scene")
     if header.placement == PLACED_BY_NODE and (header.location != signed_place(object_of(header)) or not any(header.location)):
         raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place, or no object")
+
+
+def epochs_of(items: Iterable[PutItem | HandItem]) -> dict[SceneId, int]:
+    """The scenes of these records, in order, each with the highest log position that one of their authors claims to know.
+
+    Asking for the scene at that position brings the header in which a new space or writer stands, if a push was missed. Who
+    claims too much costs a round of asking a second at most, and is refused all the same.
+    """
+    epochs: dict[SceneId, int] = {}
+    for item in items:
+        epochs[item.scene] = max(epochs.get(item.scene, 0), claimed_epoch(item.header))
+    return dict(sorted(epochs.items()))
 
 
 def verify_all(claims: Sequence[tuple[PutItem, KnownScene]]) -> list[Put | Refused]:

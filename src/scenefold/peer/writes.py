@@ -20,7 +20,7 @@ from scenefold.crypto import PLACED_BY_NODE, wanted_place
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Lease, Owners, other_owner
 from scenefold.peer.scenes import Scenes
-from scenefold.peer.verification import KnownScene, verify_all, wants_place
+from scenefold.peer.verification import KnownScene, epochs_of, verify_all, wants_place
 from scenefold.store import Outcome, Put, PutResult, Store
 from scenefold.wire import AcceptData, Packet, ProposeData, PutItem, PutMany, PutManyReply, PutOutcome, RejectData
 from scenefold.world import World
@@ -120,9 +120,9 @@ class Writes:
 
     async def _scenes_of(self, items: Sequence[PutItem]) -> dict[SceneId, KnownScene | None]:
         scenes: dict[SceneId, KnownScene | None] = {}
-        for scene in sorted({item.scene for item in items}):
+        for scene, epoch in epochs_of(items).items():
             try:
-                scenes[scene] = await self._scenes.known(scene)
+                scenes[scene] = await self._scenes.known(scene, position=epoch)
             except Refused:
                 scenes[scene] = None
         return scenes

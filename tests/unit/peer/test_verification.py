@@ -10,9 +10,9 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.verification import KnownScene, verified_put, verify_all
+from scenefold.peer.verification import KnownScene, epochs_of, verified_put, verify_all
 from scenefold.wire import PutItem, WriterEntry
-from unit.peer.scenes_made import STRANGER, WRITER, first_header, offered, sealed
+from unit.peer.scenes_made import STRANGER, WRITER, first_header, later_header, offered, sealed
 
 SCENE = first_header()
 KNOWN = KnownScene.of(SCENE)
@@ -91,3 +91,11 @@ def test_each_record_has_a_verdict_of_its_own() -> None:
     good, bad = ITEM, replace(ITEM, signature=bytes(64))
     verdicts = verify_all([(item, KNOWN) for item in (good, bad, good)])
     assert [isinstance(verdict, Refused) for verdict in verdicts] == [False, True, False]
+
+
+def test_the_epochs_of_records_say_how_new_a_header_must_be() -> None:
+    later = later_header(SCENE, position=9)
+    other = first_header(write_floor=1)
+    items = [offered(sealed(later)), offered(sealed(SCENE)), offered(sealed(other)), replace(offered(sealed(later)), header=b"short")]
+    assert epochs_of(items) == {SCENE.scene: 9, other.scene: 1}
+    assert epochs_of([replace(items[0], header=b"")]) == {SCENE.scene: 0}

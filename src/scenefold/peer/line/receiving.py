@@ -22,7 +22,7 @@ from scenefold.peer.line.holding import Handover, Holding, Side, Step, describe
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import side_of_giver
-from scenefold.peer.verification import KnownScene, verify_copies
+from scenefold.peer.verification import KnownScene, epochs_of, verify_copies
 from scenefold.store import Outcome, Put, Spot, Store
 from scenefold.store.layout import record_key
 from scenefold.wire import (
@@ -218,11 +218,11 @@ async def keep_durably(store: Store, puts: Sequence[Put]) -> None:
 
 
 async def verified(parts: Parts, items: Sequence[HandItem]) -> list[Put | Refused]:
-    """What other nodes hand over, judged like a put but for the write floor; headers of unknown scenes are pulled first."""
+    """What other nodes hand over, judged like a put but for the write floor; headers that the records' authors knew are pulled first."""
     scenes: dict[SceneId, KnownScene] = {}
-    for scene in sorted({item.scene for item in items}):
+    for scene, epoch in epochs_of(items).items():
         try:
-            scenes[scene] = await parts.scenes.known(scene)
+            scenes[scene] = await parts.scenes.known(scene, position=epoch)
         except Refused as refusal:
             _log.info("records of a scene that is unknown here: %s", refusal)
     unknown = Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "the scene is unknown to the receiver")
