@@ -67,6 +67,17 @@ def test_records_come_back_and_are_listed(profile: str, scene: str, tmp_path: Pa
     assert cut["more"]
 
 
+def test_a_deleted_record_is_gone_and_its_place_is_free(profile: str, scene: str) -> None:
+    at = ["--scene", scene]
+    assert scenectl("data", "put", "meta", "33", "-", *at, profile=profile, stdin=b"first").code == 0
+    assert scenectl("data", "delete", "meta", "33", *at, "--json", profile=profile).json["location"] == "33".ljust(40, "0")
+    for verb in ("get", "delete"):
+        gone = scenectl("data", verb, "meta", "33", *at, profile=profile)
+        assert gone.code == 1 and "no record" in gone.error
+    assert scenectl("data", "put", "meta", "33", "-", *at, "--new", profile=profile, stdin=b"second").code == 0
+    assert scenectl("data", "get", "meta", "33", *at, profile=profile).out == b"second"
+
+
 def test_data_errors(profile: str, scene: str, tmp_path: Path) -> None:
     at = ["--scene", scene]
     missing = scenectl("data", "get", "meta", "77", *at, "--json", profile=profile)
