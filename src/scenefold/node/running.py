@@ -9,18 +9,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import Protocol
 
 import trio
 
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import SigningKey
-from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeSettings, PeerServices
+from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeDrained, NodeSettings, PeerServices
 from scenefold.store import LmdbDisk, open_store
 from scenefold.world import World, background_tasks, open_links, real_world
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.profile import ClusterProfile
 
 _log = logging.getLogger("scenefold.node")
+
+
+class Starting(Protocol):
+    """Who waits for a node to listen; Trio's TaskStatus is one."""
+
+    def started(self, value: NodeContext, /) -> None: ...
 
 
 async def run_node(
@@ -49,6 +56,9 @@ async def run_node(
     while True:
         try:
             await run_assembled(settings, profile.facts(), signing_key, log_key, world, chosen, joined=joined, task_status=first)
+        except NodeDrained:
+            _log.info("node %s has left the cluster: it may be switched off", me.address)
+            return
         except IdentityRenewed:
             _log.info("node %s begins its next life", me.address)
 
@@ -62,7 +72,7 @@ async def run_assembled(
     extensions: Sequence[Extension] = (),
     *,
     joined: trio.Event | None = None,
-    task_status: trio.TaskStatus[NodeContext] = trio.TASK_STATUS_IGNORED,
+    task_status: Starting = trio.TASK_STATUS_IGNORED,
 ) -> None:
     """One life of a node in this world, until cancelled; started, with its context, once it listens on all ports.
 
@@ -107,7 +117,7 @@ class _FirstStart:
         self._status = status
         self._is_told = False
 
-    def started(self, context: NodeContext) -> None:
+    def started(self, value: NodeContext) -> None:
         if not self._is_told:
             self._is_told = True
-            self._status.started(context)
+            self._status.started(value)

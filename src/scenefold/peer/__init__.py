@@ -1,5 +1,6 @@
 """The services of a node: roster, gossip, routing, records, scene headers (specs/11-peers.md)."""
 
+from scenefold.peer.balance import NodeDrained
 from scenefold.peer.context import Extension, NodeContext
 from scenefold.peer.enrolment import IdentityRenewed
 from scenefold.peer.handlers import Handler, Handlers, Senders, node_of
@@ -16,6 +17,7 @@ __all__ = [
     "IdentityRenewed",
     "Load",
     "NodeContext",
+    "NodeDrained",
     "NodeSettings",
     "OwnStatus",
     "PeerServices",

@@ -8,6 +8,7 @@ from typing import Protocol
 import trio
 
 from scenefold.base.ids import NodeId
+from scenefold.peer.balance import Balancer, Draining
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.data import DataService
 from scenefold.peer.enrolment import Enrolment
@@ -53,6 +54,8 @@ class NodeContext:
     scenes: Scenes
     data: DataService
     enrolment: Enrolment
+    balancer: Balancer
+    draining: Draining
     gossip: Gossip
     probing: Probing
     joined: trio.Event = field(default_factory=trio.Event)

@@ -88,6 +88,8 @@ class Enrolment:
         self._quiet = QuietLog(_log, logging.INFO)
         self._request: bytes | None = None
         self.join: Join = self._join_first
+        self.leaving: Callable[[], bool] = lambda: False
+        """Whether the removal of this node is its own doing: then it does not come back, and somebody else ends its life."""
 
     async def registered(self) -> None:
         """Return once this node is a member."""
@@ -103,6 +105,8 @@ class Enrolment:
                 case Step.WAIT:
                     await self._cluster_log.changed_after(registry.position)
                 case Step.BE_MEMBER:
+                    await self._until_concerned(registry)
+                case Step.RENEW if self.leaving():
                     await self._until_concerned(registry)
                 case Step.RENEW:
                     await self._renew(registry)

@@ -114,6 +114,10 @@ class Scenes:
     def everyone(self) -> Sequence[KnownScene]:
         return list(self._known.values())
 
+    def decided_by(self, node: NodeId) -> list[SceneId]:
+        """The scenes whose log that node decides and keeps, by id."""
+        return sorted(scene for scene, known in self._known.items() if known.public.origin == node)
+
     async def adopt(self, public: SceneLogPublic) -> KnownScene:
         """Verify a header and keep it durably; Refused if it must not be. One at a time."""
         async with self._lock:

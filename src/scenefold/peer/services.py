@@ -16,6 +16,7 @@ import trio
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import SigningKey
+from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.context import NodeContext
 from scenefold.peer.data import DataService
@@ -80,14 +81,21 @@ class PeerServices:
         line = Line(world, store, peers, cluster_log, own, lease, scenes, routing, transfer_bytes_per_s=settings.transfer_bytes_per_s)
         data = DataService(world, store, peers, scenes, line, lease, routing, me)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
+        balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
+        sharing = Sharing(store, line, cluster_log, own)
+        joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
+        draining = Draining(world, store, line, roster, cluster_log, own, lambda: scenes.decided_by(me))
+        enrolment.join = joining.join
+        enrolment.leaving = lambda: draining.is_leaving
         seeds = settings.seeds or facts.seeds
         gossip = Gossip(world, own, roster, cluster_log, facts, seeds)
         probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
         cluster_log.veto = probing.veto
         handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
         cluster_log.register(handlers, scenes)
-        for service in (scenes, line, data, probing, Members(own, roster, registry, scenes)):
+        for service in (scenes, line, data, probing, sharing, draining, Members(own, roster, registry, scenes)):
             service.register(handlers)
+        self._background = (balancer.run, sharing.run, joining.run, draining.run)
         self._tables = Tables(world, gossip, roster, peers)
         self._quiet = QuietLog(_log)
         self._is_seed = settings.address in seeds
@@ -110,6 +118,8 @@ class PeerServices:
             scenes=scenes,
             data=data,
             enrolment=enrolment,
+            balancer=balancer,
+            draining=draining,
             gossip=gossip,
             probing=probing,
             joined=joined,
@@ -122,13 +132,14 @@ class PeerServices:
         await context.cluster_log.load()
         await context.scenes.load()
         await context.line.load()
+        await context.draining.load()
         async with trio.open_nursery() as nursery:
             await nursery.start(context.gossip.run)
             for priority in Priority:
                 await nursery.start(context.world.network.listen, context.address, priority, self._serve)
             await nursery.start(context.cluster_log.run)
             await nursery.start(context.line.run)
-            for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run):
+            for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run, *self._background):
                 nursery.start_soon(service)
             nursery.start_soon(self._watch_load)
             nursery.start_soon(self._watch_seeds)

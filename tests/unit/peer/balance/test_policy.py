@@ -140,7 +140,8 @@ def test_old_news_delay_but_do_not_send_records_to_and_fro(nodes: int, seed: int
     before = crowd.moved
     for _ in range(200):
         crowd.step()
-        assert crowd.imbalance() < 0.08
+        assert crowd.imbalance() < 0.12
+    assert crowd.imbalance() < 0.05
     assert crowd.moved - before <= 0.1 * sum(used)
 
 
