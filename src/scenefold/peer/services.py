@@ -28,6 +28,7 @@ from scenefold.peer.line import Line
 from scenefold.peer.members import Members
 from scenefold.peer.peers import Peers
 from scenefold.peer.probing import Probing
+from scenefold.peer.range_datagrams import RangeDatagrams
 from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
@@ -97,6 +98,7 @@ class PeerServices:
             service.register(handlers)
         self._background = (balancer.run, sharing.run, joining.run, draining.run)
         self._tables = Tables(world, gossip, roster, peers)
+        self._range_datagrams = RangeDatagrams(world, own, registry, data.ranges)
         self._quiet = QuietLog(_log)
         self._is_seed = settings.address in seeds
         self.context = NodeContext(
@@ -135,6 +137,7 @@ class PeerServices:
         await context.draining.load()
         async with trio.open_nursery() as nursery:
             await nursery.start(context.gossip.run)
+            await nursery.start(self._range_datagrams.run)
             for priority in Priority:
                 await nursery.start(context.world.network.listen, context.address, priority, self._serve)
             await nursery.start(context.cluster_log.run)
