@@ -16,7 +16,7 @@ from scenefold.world.sim.time import nanoseconds
 from scenefold.world.sim.weather import Weather
 
 if TYPE_CHECKING:
-    from scenefold.world.sim.streams import Pipe
+    from scenefold.world.sim.pipes import Pipe
 
 CLOG_BYTES_PER_S = 50.0
 BURIAL_S = 1.0
@@ -148,12 +148,12 @@ class Faults:
             self.after(BURIAL_S, process.bury)
         machine.processes.clear()
         machine.traps.clear()
+        machine.paused_until = min(machine.paused_until, self.now)
         machine.is_up = not silent
         machine.disk.crash(torn=torn)
 
     def _come_up(self, machine: Machine) -> None:
         machine.is_up = True
-        machine.paused_until = min(machine.paused_until, self.now)
         self._hurry([pipe for pipe in self.all_pipes() if pipe.path[1] == machine.name])
 
     def trap(self, name: str, point: Point, count: int, spring: Callable[[], None]) -> None:

@@ -21,7 +21,7 @@ from scenefold.world.sim.faults import Faults
 from scenefold.world.sim.machines import Machine, Process
 from scenefold.world.sim.network import ProcessDisk, SimNetwork
 from scenefold.world.sim.paths import Path, Paths
-from scenefold.world.sim.streams import Content, Pipe
+from scenefold.world.sim.pipes import Content, Pipe
 from scenefold.world.sim.time import VirtualTime, current_time_of_simulation
 from scenefold.world.sim.trace import Trace
 from scenefold.world.sim.weather import CALM, Delay, Weather, fate_of_datagram
