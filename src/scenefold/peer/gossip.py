@@ -83,6 +83,7 @@ class Gossip:
         self._answered_at: dict[NodeId, float] = {}
         self._met_at: dict[NodeId, float] = {}
         self._claimed_since: dict[NodeId, float] = {}
+        self._sizes: dict[NodeId, tuple[int, int]] = {}
         self._knocks: dict[str, tuple[float, float]] = {}
         self.dropped = 0
         """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
@@ -232,8 +233,16 @@ class Gossip:
 
     def _page(self, request_id: int, target: NodeId = EVERYBODY) -> bytes:
         own = self._own.signed()
-        others = self._roster.page(_PAGE_BYTES - _size_of(own), _size_of)
+        others = self._roster.page(_PAGE_BYTES - _size_of(own), self._known_size_of)
         return self._sealed(PingBroadcast((own, *others), request_id=request_id), target)
+
+    def _known_size_of(self, status: Status) -> int:
+        """Statuses are passed on many times, and measured once."""
+        lamport, size = self._sizes.get(status.node, (-1, 0))
+        if lamport != status.lamport:
+            size = _size_of(status)
+            self._sizes[status.node] = (status.lamport, size)
+        return size
 
     def _sealed(self, packet: Packet, target: NodeId = EVERYBODY) -> bytes:
         return sign_datagram(self._own.key, self._own.me, self._own.next(), encode_packet(packet), target=target)
