@@ -105,10 +105,13 @@ def _verified(record: Record, item: PutItem | HandItem, scene: KnownScene) -> Re
 
 
 def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
-    if header.space not in scene.spaces:
-        raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"the scene has no space {header.space}")
     if header.genesis != scene.public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the signed header is that of another scene")
+    if header.space not in scene.spaces:
+        if header.epoch > scene.public.position:
+            # The author may know of a space that this node will hear of: nothing definite can be said.
+            raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
+        raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"the scene has no space {header.space}")
     if header.placement == PLACED_BY_NODE and (header.location != signed_place(object_of(header)) or not any(header.location)):
         raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place, or no object")
 

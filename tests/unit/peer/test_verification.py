@@ -46,6 +46,7 @@ def test_a_writers_record_is_taken_as_it_is() -> None:
         (replace(ITEM, space=SpaceId(11)), RejectReason.ILL_FORMED),
         (offered(sealed(SCENE, genesis=SCENE.genesis[:4] + bytes(28))), RejectReason.ILL_FORMED),
         (offered(sealed(SCENE, space=SpaceId(11))), RejectReason.UNKNOWN_SCENE_OR_SPACE),
+        (offered(sealed(SCENE, space=SpaceId(11), epoch=2)), RejectReason.NOT_READY),
         (offered(sealed(SCENE, STRANGER)), RejectReason.NOT_AUTHORISED),
     ],
     ids=[
@@ -60,6 +61,7 @@ def test_a_writers_record_is_taken_as_it_is() -> None:
         "moved to another space",
         "another genesis",
         "unknown space",
+        "space of a later header",
         "no writer",
     ],
 )
