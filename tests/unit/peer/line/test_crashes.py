@@ -40,7 +40,7 @@ def end_of(arc: Arc, side: Side, share: float) -> Arc:
 async def give(house: House, side: Side, share: float = 0.5) -> None:
     """Give that share of the arc once it has settled; whatever comes of it."""
     await trio.sleep(11.0)
-    while house.line is None or house.line.arc is None:
+    while house.line is None or house.line.arc is None:  # noqa: ASYNC110 - it is a matter of a restart, or of a founding
         await trio.sleep(0.1)
     arc = house.line.arc
     piece = arc if share == 1 else end_of(arc, side, share)
