@@ -16,9 +16,20 @@ import trio
 from integration.clusters import PATIENCE_S, addresses, free_ports, links_of_user
 from integration.test_cluster_data import SCENE, proposal_of
 from scenefold.base.errors import LocalFault
+from scenefold.base.ids import node_id_of
 from scenefold.base.location import Location
 from scenefold.node.local import LocalCluster, local_cluster
-from scenefold.wire import AcceptSceneProposal, GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordKey
+from scenefold.wire import (
+    AcceptSceneProposal,
+    DrainNode,
+    GetMany,
+    GetManyReply,
+    PutItem,
+    PutMany,
+    PutManyReply,
+    RecordKey,
+    RequestTable,
+)
 from scenefold.world import Links, Priority
 from scenefold.world.profile import ClusterProfile
 from unit.peer.scenes_made import SPACE, offered, sealed
@@ -98,6 +109,25 @@ async def test_what_was_acknowledged_survives_a_kill_and_a_new_start(tmp_path: P
         await all_readable(cluster, links)
     logs = "".join(cluster.log(address).read_text() for address in cluster.addresses)
     assert "Traceback" not in logs and "boot 4" in logs
+
+
+async def test_a_spare_joins_and_leaves_in_order(tmp_path: Path) -> None:
+    """Its process ends by itself once it has given everything back, and nobody takes that for an accident."""
+    async with local_cluster(2, tmp_path, spares=1, ports=free_ports()) as cluster, links_of_user(cluster.known) as links:
+        await put_everywhere(cluster, links)
+        (spare,) = cluster.spares
+        cluster.start(spare)
+        await cluster.wait([spare])
+        table = await ask(links, cluster.addresses[1], RequestTable())
+        assert [status.node for status in table.statuses].count(node_id_of(spare)) == 1
+        await all_readable(cluster, links)
+        await ask(links, spare, DrainNode(check_only=False, cancel=False))
+        with trio.fail_after(60):
+            await cluster.ended(spare)
+        await all_readable(cluster, links)
+        table = await ask(links, cluster.addresses[1], RequestTable())
+        assert [status.node for status in table.statuses] == list(map(node_id_of, cluster.addresses))
+    assert "Traceback" not in cluster.log(spare).read_text()
 
 
 async def test_a_node_that_dies_ends_the_block_with_its_error(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """`python -m scenefold.node`: one node as a process, for a supervisor (node/local.py, systemd).
 
-On stdout it writes events, a JSON object a line: "ready" once all ports are open, "joined" once every member has
-answered, "failed" with what, where and remedy if it must end. Logs go to stderr. SIGTERM and SIGINT end it in order; with
---stop-with-parent the end of stdin does, too: a supervisor that dies, however it dies, closes the pipe.
+On stdout it writes events, a JSON object a line: "ready" once all ports are open, "joined" once it is a member and has heard
+the others, "left" when it has left the cluster in order and ends, "failed" with what, where and remedy if it must end. Logs go
+to stderr. SIGTERM and SIGINT end it in order; with --stop-with-parent the end of stdin does, too: a supervisor that dies,
+however it dies, closes the pipe.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scenefold.base.errors import Refused, ScenefoldError, Unreachable, UsageFau
 from scenefold.base.kernel_cache import use_kernel_cache
 from scenefold.node.logs import set_up_logs
 from scenefold.node.running import run_node
-from scenefold.peer import NodeSettings
+from scenefold.peer import NodeContext, NodeSettings
 from scenefold.peer.settings import SEED_WAIT_S, TRANSFER_BYTES_PER_S, default_data_folder, place_of, processors
 from scenefold.peer.timing import REMOVE_AFTER_S
 from scenefold.world import background_tasks
@@ -59,11 +60,18 @@ async def _run(settings: NodeSettings, stop_with_parent: bool) -> None:
         await nursery.start(_stop_at_signal, nursery.cancel_scope)
         if stop_with_parent:
             nursery.start_soon(_stop_at_end_of_stdin, nursery.cancel_scope)
-        context = await nursery.start(run_node, settings)
+        context = await nursery.start(_node, settings, nursery.cancel_scope)
         _tell("ready", address=context.address, node=context.me, pid=os.getpid())
         await context.joined.wait()
         _tell("joined", members=context.roster.count)
         await trio.sleep_forever()
+
+
+async def _node(settings: NodeSettings, scope: trio.CancelScope, *, task_status: trio.TaskStatus[NodeContext]) -> None:
+    """The node; when it has left the cluster in order, there is nothing more to do here."""
+    await run_node(settings, task_status=task_status)
+    _tell("left")
+    scope.cancel()
 
 
 async def _stop_at_signal(scope: trio.CancelScope, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:

@@ -88,6 +88,10 @@ class LocalCluster:
             remedy="their logs say more",
         )
 
+    async def ended(self, address: str) -> None:
+        """Return once a node's process has ended, as that of one does that has left the cluster."""
+        await self._nodes[address].ended.wait()
+
     async def stop(self, address: str) -> None:
         """End one node in order."""
         await self._nodes[address].stop()

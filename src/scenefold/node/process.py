@@ -90,6 +90,8 @@ class NodeProcess:
                     self.ready.set()
                 case "joined":
                     self.joined.set()
+                case "left":
+                    self._expected_end = True
                 case "failed":
                     self._failure = event
 

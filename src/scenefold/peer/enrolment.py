@@ -130,7 +130,8 @@ class Enrolment:
                 await event()
                 nursery.cancel_scope.cancel()
 
-            nursery.start_soon(wait_for, self._lease.rolled_back.wait)
+            if not self._lease.rolled_back.is_set():
+                nursery.start_soon(wait_for, self._lease.rolled_back.wait)
             nursery.start_soon(wait_for, lambda: self._cluster_log.changed_after(registry.position))
 
     async def _renew(self, registry: Registry) -> None:
