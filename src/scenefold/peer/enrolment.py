@@ -107,7 +107,7 @@ class Enrolment:
                 case Step.BE_MEMBER:
                     await self._until_concerned(registry)
                 case Step.RENEW if self.leaving():
-                    await self._until_concerned(registry)
+                    await self._cluster_log.changed_after(registry.position)
                 case Step.RENEW:
                     await self._renew(registry)
                 case Step.TAKE_SEAT:

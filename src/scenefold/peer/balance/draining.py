@@ -197,9 +197,7 @@ class Draining:
             await self._ordered.wait()
             self._begun = self._world.clock.now(), (await self._store.statistics()).bytes
             while self._ordered.is_set():
-                if self.is_leaving:
-                    await self._end()
-                await self._step()
+                await (self._end() if self.is_leaving else self._step())
 
     async def _step(self) -> None:
         if not self._log.registry.is_current(self._own.member):
@@ -282,6 +280,12 @@ class Draining:
         return True
 
     async def _end(self) -> None:
-        await self._store.put_note(_NOTE, _NOT_ORDERED)
+        try:
+            await self._store.put_note(_NOTE, _NOT_ORDERED)
+        except Refused as problem:
+            # A full disk. With the note still there the next start would end at once, so it is tried again.
+            self._wait_for(str(problem))
+            await self._world.clock.sleep(LOOK_S)
+            return
         _log.info("drained: everything is handed over, and this node is no member any more")
         raise NodeDrained

@@ -223,6 +223,24 @@ async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_let
     street.check()
 
 
+async def test_a_full_disk_delays_the_end_only(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 2)
+    leaving = street.houses[1]
+    kept = leaving.put_note
+
+    async def full(_name: str, _value: bytes) -> None:
+        raise Refused(RejectReason.STORAGE_FULL, "the disk is full")
+
+    async with running(street):
+        await tell(leaving, ORDER)
+        leaving.put_note = full  # type: ignore[method-assign]
+        await until(street, lambda: leaving.draining.is_leaving)
+        await trio.sleep(5)
+        assert leaving.alive
+        leaving.put_note = kept  # type: ignore[method-assign]
+        await until(street, lambda: not leaving.alive)
+
+
 async def test_an_order_outlives_a_restart(autojump_clock: trio.testing.MockClock) -> None:
     street = Street([64 * MIB] * 3)
     street.houses[2].notes["drain"] = b"1"
