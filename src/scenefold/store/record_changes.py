@@ -25,6 +25,7 @@ from scenefold.store.layout import (
     record_key,
     spot_of,
     stored_header,
+    unpack_record,
 )
 from scenefold.store.placing import free_place, known_place
 from scenefold.store.statistics import Tally
@@ -103,10 +104,35 @@ class RemoveRecords:
         present = None if value is None else _present(value)
         if value is None or present is None or present.digest != digest:
             return False
-        tally.add((spot.place.scene, spot.place.space), -1, -len(value))
-        transaction.delete(RECORDS, key)
-        if spot.object:
-            _forget_object(transaction, spot)
+        _delete(transaction, tally, spot, len(value))
+        return True
+
+    def when_full(self) -> int:
+        raise storage_full()
+
+
+@dataclass(frozen=True, slots=True)
+class DiscardDamaged:
+    """Delete what has changed on the disk, and only that. Gives the number deleted."""
+
+    spots: Sequence[Spot]
+
+    @property
+    def size_bytes(self) -> int:
+        return len(self.spots) * _FRAMING_BYTES
+
+    @property
+    def uses_reserve(self) -> bool:
+        return True
+
+    def apply(self, transaction: WriteTransaction, tally: Tally, /) -> int:
+        return sum(self._discard(transaction, tally, spot) for spot in self.spots)
+
+    def _discard(self, transaction: WriteTransaction, tally: Tally, spot: Spot) -> bool:
+        value = transaction.get(RECORDS, record_key(*spot))
+        if value is None or _is_sound(value):
+            return False
+        _delete(transaction, tally, spot, len(value))
         return True
 
     def when_full(self) -> int:
@@ -198,6 +224,21 @@ def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, recor
         if spot.object:
             transaction.put(OBJECTS, object_key(new.scene, new.space, spot.object), spot.place.location)
     return result
+
+
+def _delete(transaction: WriteTransaction, tally: Tally, spot: Spot, stored_bytes: int) -> None:
+    tally.add((spot.place.scene, spot.place.space), -1, -stored_bytes)
+    transaction.delete(RECORDS, record_key(*spot))
+    if spot.object:
+        _forget_object(transaction, spot)
+
+
+def _is_sound(value: memoryview) -> bool:
+    try:
+        unpack_record(value)
+    except DamagedData:
+        return False
+    return True
 
 
 def _forget_object(transaction: WriteTransaction, spot: Spot) -> None:

@@ -28,7 +28,7 @@ from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.reading import RangeAnswer
-from scenefold.store.record_changes import MergeRecords, PutRecords, RemoveRecords, SlideObjects
+from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts
 from scenefold.store.walking import Manifest, Weighed
 from scenefold.store.writer import GroupWriter
@@ -77,6 +77,10 @@ class Store:
     async def remove(self, versions: Sequence[tuple[Spot, bytes]]) -> int:
         """Delete exactly the versions with these digests, and say how many were there. Durable on return."""
         return await self._writer.submit(RemoveRecords(list(versions)))
+
+    async def discard(self, spots: Sequence[Spot]) -> int:
+        """Delete the records there that have changed on the disk; sound ones stay. For what nobody can be given."""
+        return await self._writer.submit(DiscardDamaged(list(spots)))
 
     async def slide(self, piece: Arc, into: Arc, limit: int = SLIDE_BATCH) -> int:
         """Put up to `limit` node-managed records of `piece` at places of `into`; 0 once none are left there."""

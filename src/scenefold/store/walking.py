@@ -52,6 +52,8 @@ class Manifest(NamedTuple):
 
     entries: list[Entry]
     cursor: bytes | None
+    damaged: tuple[Spot, ...] = ()
+    """Where records lie whose header has changed on the disk: they are in no list of entries."""
 
 
 class Weighed(NamedTuple):
@@ -81,6 +83,7 @@ def outside(pieces: Iterable[Arc]) -> list[Arc]:
 def manifest(transaction: ReadTransaction, pieces: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
     """The first `limit` >= 1 entries in the pieces (ascending, apart from each other) behind the cursor."""
     entries: list[Entry] = []
+    damaged: list[Spot] = []
     looked_at, seen = None, 0
     for key in islice(entry_keys(transaction, pieces, after=after), limit):
         looked_at, seen = key, seen + 1
@@ -92,7 +95,8 @@ def manifest(transaction: ReadTransaction, pieces: Sequence[Arc], after: bytes |
         except DamagedData as error:
             # Nobody could take it from us. It stays where it is until a sound version replaces it.
             _log.error("a damaged record is left out of a list: %s (%s)", error, describe(spot))
-    return Manifest(entries, looked_at if seen == limit else None)
+            damaged.append(spot)
+    return Manifest(entries, looked_at if seen == limit else None, tuple(damaged))
 
 
 def entry_keys(

@@ -130,7 +130,7 @@ class Trial:
         piece, limit = self._piece(), self.dice.randint(1, 9)
         entries, cursor = [], None
         while True:
-            page, cursor = await store.manifest(piece, cursor, limit)
+            page, cursor, _ = await store.manifest(piece, cursor, limit)
             entries += page
             if cursor is None:
                 break

@@ -5,12 +5,16 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenefold.base.errors import DamagedData
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
-from scenefold.store import Counts, Manifest, Outcome, Put, Spot, Store
+from scenefold.store import Counts, LmdbDisk, Manifest, Outcome, Put, Spot, Store
+from scenefold.store.layout import RECORDS, TABLES, record_key
 from scenefold.store.walking import outside
+from scenefold.world.ports import WriteTransaction
 from unit.store.samples import SCENE, SPACE, arc, managed, place, put, record, whole_store, world
 
 STORED_BYTES = 64 + 8 + 149 + 64
@@ -74,7 +78,7 @@ async def test_strays_are_what_lies_outside(tmp_path: Path) -> None:
         async def strays(own: Arc | None, *excluded: Arc) -> list[int]:
             numbers, cursor = [], None
             while True:
-                entries, cursor = await store.strays(own, excluded, cursor, 3)
+                entries, cursor, _ = await store.strays(own, excluded, cursor, 3)
                 numbers += [entry.place.location.number for entry in entries if entry.place.space == 2]
                 if cursor is None:
                     return numbers
@@ -150,3 +154,26 @@ def test_every_place_is_inside_or_outside_and_never_both(pieces: list[Arc], numb
 def test_nothing_is_outside_of_the_whole_line() -> None:
     assert outside([]) == [WHOLE_LINE]
     assert outside([WHOLE_LINE, arc(1, 2)]) == []
+
+
+@pytest.mark.expect_log("changed on the disk")
+async def test_only_damaged_records_are_discarded(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(number) for number in (1, 2, 3)])
+    environment = LmdbDisk().open(tmp_path, TABLES)
+
+    def spoil(transaction: WriteTransaction) -> None:
+        for number, changed in ((1, 20), (2, -1)):
+            value = bytearray(transaction.get(RECORDS, record_key(place(number))) or b"")
+            value[changed] ^= 1
+            transaction.put(RECORDS, record_key(place(number)), bytes(value))
+
+    environment.update(spoil)
+    environment.close()
+    async with whole_store(world(), tmp_path) as store:
+        page = await store.manifest(WHOLE_LINE, None, 9)
+        assert page.damaged == (Spot(place(1)),), "its header"
+        assert [isinstance(found, DamagedData) for found in await store.read([entry.spot for entry in page.entries])] == [True, False]
+        assert await store.discard([Spot(place(number)) for number in (1, 2, 3, 4)]) == 2
+        assert await store.get_many([place(number) for number in (1, 2, 3)]) == [None, None, record(3)]
+        assert (await store.statistics()).spaces == {(SCENE, SPACE): Counts(1, STORED_BYTES)}

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
@@ -21,7 +21,7 @@ from scenefold.peer.line.copying import hand_item
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import spot_of_item, verified
-from scenefold.store import Entry, Outcome, Put
+from scenefold.store import Entry, Outcome, Put, Spot
 from scenefold.wire import HandItem, HandRecords, Packet, PutManyReply, PutOutcome, SceneMode
 from scenefold.world import Priority
 
@@ -66,6 +66,7 @@ class Strays:
             holding = self._parts.keeper.holding
             manifest = await self._parts.store.strays(holding.arc, _excluded(holding), cursor, BATCH_RECORDS)
             seen += len(manifest.entries)
+            await self._discard(manifest.damaged)
             for owner, entries in self._by_owner(manifest.entries):
                 try:
                     moved += await self._bring_home(owner, entries)
@@ -91,6 +92,7 @@ class Strays:
     async def _bring_home(self, owner: NodeId, entries: Sequence[Entry]) -> int:
         parts = self._parts
         found = await parts.store.read([entry.spot for entry in entries])
+        await self._discard([entry.spot for entry, record in zip(entries, found, strict=True) if isinstance(record, DamagedData)])
         whole = [(entry, record) for entry, record in zip(entries, found, strict=True) if isinstance(record, Record)]
         whole = [(entry, record) for entry, record in whole if record.header.digest == entry.digest]
         if not whole:
@@ -106,6 +108,15 @@ class Strays:
                 await parts.store.remove(gone)
         parts.events["brought home"] += len(gone)
         return len(gone)
+
+    async def _discard(self, spots: Sequence[Spot]) -> None:
+        """Delete damaged records that are not ours: nobody would take them, and they would be looked at for ever."""
+        if not spots:
+            return
+        async with self._parts.keeper.unchanging() as holding:
+            kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
+            gone = await self._parts.store.discard([spot for spot in spots if not any(spot.place.location in piece for piece in kept)])
+        self._parts.events["damaged strays discarded"] += gone
 
     # -------------------------------------------------------------------------------------------------- handler
 
