@@ -30,7 +30,8 @@ class NodeState:
     """One member. `status` is what it says of itself; None if it does not answer."""
 
     address: str
-    right_bound: bytes
+    right_bound: bytes | None
+    """None: it owns nothing."""
     share: float
     """Part of the line that it owns."""
     status: Status | None
@@ -52,7 +53,7 @@ class NodeState:
         return {
             "address": self.address,
             "alive": self.alive,
-            "right_bound": self.right_bound.hex(),
+            "right_bound": None if self.right_bound is None else self.right_bound.hex(),
             "share": self.share,
             "disk_bytes_used": self.disk_bytes_used if self.alive else None,
             "disk_fraction": round(self.disk_fraction, 4) if self.alive else None,
@@ -96,10 +97,11 @@ class Cluster:
         return list(self.calls.table.owners)
 
     async def status(self) -> ClusterStatus:
-        """Ask every member itself, at once. Unreachable if none answers."""
+        """Ask every node on the line itself, at once. Unreachable if none answers."""
         answers: dict[str, Status] = {}
         silent: list[ScenefoldError] = []
-        members = self.profile.members
+        await self.calls.refresh()
+        owners = self.calls.table.owners
 
         async def ask(address: str, node_id: int) -> None:
             try:
@@ -111,13 +113,15 @@ class Cluster:
             if own is not None:
                 answers[address] = own
 
-        await together(partial(ask, member.address, member.node_id) for member in members)
+        await together(partial(ask, owner.address, owner.node_id) for owner in owners)
         if not answers:
-            raise no_answer([member.address for member in members], silent[-1] if silent else None)
+            raise no_answer([owner.address for owner in owners], silent[-1] if silent else None)
+        arcs = {owner.node_id: arc for owner, arc in self.calls.table.arcs()}
         nodes = []
-        for owner, arc in self.calls.table.arcs():
-            share = arc.length / LINE_LENGTH
-            nodes.append(NodeState(owner.address, arc.last, share, answers.get(owner.address)))
+        for owner in owners:
+            arc = arcs.get(owner.node_id)
+            share, bound = (0.0, None) if arc is None else (arc.length / LINE_LENGTH, arc.last)
+            nodes.append(NodeState(owner.address, bound, share, answers.get(owner.address)))
         return ClusterStatus(self.name, tuple(nodes))
 
     async def in_worker(self, lane: str, function: Callable[..., Result], *arguments: object) -> Result:
