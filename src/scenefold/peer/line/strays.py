@@ -42,6 +42,7 @@ class Strays:
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
         self.left = 0
+        self._damaged = 0
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(HandRecords, self._on_hand, senders=Senders.NODES)
@@ -61,6 +62,7 @@ class Strays:
     async def _look(self) -> int:
         """One walk over all strays; how many were brought home."""
         moved = seen = 0
+        self._damaged = 0
         cursor: bytes | None = None
         while True:
             holding = self._parts.keeper.holding
@@ -74,7 +76,8 @@ class Strays:
                     _log.debug("strays stay here for now, %s does not take them: %s", address_of(owner), problem)
             cursor = manifest.cursor
             if cursor is None:
-                self.left = seen - moved
+                # What has rotten here nobody can take; it stays for people to look at, and holds nobody up.
+                self.left = seen - moved - self._damaged
                 return moved
 
     def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
