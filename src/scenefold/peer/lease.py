@@ -45,6 +45,11 @@ class OwnerLease:
         """Whether this node may speak for its arc at this moment."""
         return self._world.clock.now() < self._until and self._cluster_log.registry.is_current(self._own.member)
 
+    @property
+    def seconds_left(self) -> float:
+        """For reports: how long the lease would hold without being renewed."""
+        return max(0.0, self._until - self._world.clock.now()) if self.holds() else 0.0
+
     async def held(self) -> None:
         """Return once the lease is held."""
         while not self.holds():

@@ -10,6 +10,7 @@ it at this moment; the roster who seems alive. Everything else asks these four.
 from __future__ import annotations
 
 import logging
+from collections.abc import Awaitable, Callable
 
 import trio
 
@@ -30,6 +31,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.probing import Probing
 from scenefold.peer.range_datagrams import RangeDatagrams
 from scenefold.peer.registry import Registry
+from scenefold.peer.reporting import Reporting
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
 from scenefold.peer.scenes import Scenes
@@ -96,7 +98,7 @@ class PeerServices:
         cluster_log.register(handlers, scenes)
         for service in (scenes, line, data, probing, sharing, draining, Members(own, roster, registry, scenes)):
             service.register(handlers)
-        self._background = (balancer.run, sharing.run, joining.run, draining.run)
+        self._background: tuple[Callable[[], Awaitable[None]], ...] = (balancer.run, sharing.run, joining.run, draining.run)
         self._tables = Tables(world, gossip, roster, peers)
         self._range_datagrams = RangeDatagrams(world, own, registry, data.ranges)
         self._quiet = QuietLog(_log)
@@ -126,6 +128,9 @@ class PeerServices:
             probing=probing,
             joined=joined,
         )
+        reporting = Reporting(self.context)
+        reporting.register(handlers)
+        self._background = (*self._background, reporting.run)
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Serve until cancelled; started once all ports are open. LocalFault if one cannot be had."""
