@@ -44,9 +44,20 @@ class News:
         self._me = me
         self._relay_s = relay_s
         self._known: dict[NodeId, _Known] = {}
+        self._passed = 0
+        """Bytes that came to this node less those that went, booked since its last measurement."""
 
     def measure(self, used: int, capacity: int, now: float) -> None:
         """This node's own fill at this moment."""
+        known = self._known.get(self._me)
+        if known is not None and self._passed:
+            for index, (until, before) in enumerate(known.before):
+                known.before[index] = (until, max(0, before + self._passed))
+            # What passed is in the last measurement already, or comes with this one: whichever leaves less unexplained.
+            change = used - known.used
+            if abs(change - self._passed) <= abs(change):
+                known.used += self._passed
+        self._passed = 0
         self._take(self._me, -1, used, capacity, now)
 
     def hear(self, node: NodeId, lamport: int, used: int, capacity: int, now: float) -> None:
@@ -67,16 +78,16 @@ class News:
     def book(self, source: NodeId, target: NodeId, size: int) -> None:
         """So many bytes passed between this node and a neighbour: what was believed of both before is as if it had then.
 
-        This node's own fill is measured, so only its past is changed here.
+        This node's own fill is measured, so only its past is changed, when it is measured next.
         """
         for node, change in ((source, -size), (target, size)):
             known = self._known.get(node)
-            if known is None:
-                continue
-            if node != self._me:
+            if node == self._me:
+                self._passed += change
+            elif known is not None:
                 known.used = max(0, known.used + change)
-            for index, (until, used) in enumerate(known.before):
-                known.before[index] = (until, max(0, used + change))
+                for index, (until, used) in enumerate(known.before):
+                    known.before[index] = (until, max(0, used + change))
 
     def keep_only(self, nodes: Sequence[NodeId]) -> None:
         """Forget all others."""
