@@ -8,123 +8,31 @@ invariants of specs/12-line.md; `calm` ends all faults and asks for a tiled line
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
-from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location, arcs_between, even_right_bounds
+from scenefold.base.location import FIRST, LAST, arcs_between
 from scenefold.peer.line.holding import Handover, Holding, Side, Step, handover_id
-from scenefold.peer.line.holding_note import decode_holding, encode_holding
+from scenefold.peer.line.holding_note import encode_holding
 from scenefold.peer.line.rules import Bound, bound_for, neighbour_on, side_of_giver
-from scenefold.peer.line.survey import Survey, Unsettled, surveys
+from scenefold.peer.line.survey import Unsettled, surveys
 from scenefold.wire import Member
+from unit.peer.line.line_nodes import (
+    CELLS,
+    Message,
+    Node,
+    Search,
+    View,
+    arc_of_cells,
+    cells_of,
+    even_right_bounds_of_cells,
+    place_of,
+)
 
-CELLS = 16
-_CELL = (1 << 160) // CELLS
 MESSAGES_MAX = 48
-
-
-def arc_of_cells(first: int, last: int) -> Arc:
-    return Arc(Location.from_number(first * _CELL), Location.from_number((last + 1) * _CELL - 1))
-
-
-def cells_of(arc: Arc | None) -> range:
-    return range(0) if arc is None else range(arc.first.number // _CELL, arc.last.number // _CELL + 1)
-
-
-def place_of(cell: int) -> Location:
-    return Location.from_number(cell * _CELL + _CELL // 2)
-
-
-_decoded = lru_cache(maxsize=4096)(decode_holding)
-
-
-@dataclass(frozen=True)
-class Known:
-    member: Member
-
-
-@dataclass(frozen=True)
-class View:
-    """The registry at one position; `removals`: the members removed up to here."""
-
-    position: int
-    order: tuple[NodeId, ...]
-    members: dict[NodeId, Member]
-    removals: tuple[Member, ...] = ()
-
-    def is_current(self, member: Member) -> bool:
-        return self.members.get(member.node) == member
-
-    def stands(self, node: NodeId) -> bool:
-        return node in self.order
-
-    def rank(self, node: NodeId) -> int:
-        return self.order.index(node)
-
-    def neighbours(self, node: NodeId) -> tuple[NodeId | None, NodeId | None]:
-        rank = self.order.index(node)
-        return (self.order[rank - 1] if rank else None), (self.order[rank + 1] if rank + 1 < len(self.order) else None)
-
-    def founding_arc(self, node: NodeId) -> Arc | None:
-        return None
-
-    def current(self, node: NodeId) -> Known | None:
-        return Known(self.members[node]) if node in self.members else None
-
-
-@dataclass
-class Search:
-    """A survey under way (volatile): at which position and revision it began, whom it has asked, what it found."""
-
-    survey: Survey
-    position: int
-    revision: int
-    asked: NodeId | None = None
-    serial: int = 0
-    gap: Arc | None = None
-    done: bool = False
-
-
-@dataclass
-class Node:
-    member: Member
-    position: int
-    note: bytes
-    """The durable holding, as bytes: every step goes through them."""
-    records: dict[int, int] = field(default_factory=dict)
-    leased: bool = False
-    frozen: set[bytes] = field(default_factory=set)
-    answered: dict[bytes, set[tuple[int, int]]] = field(default_factory=dict)
-    search: Search | None = None
-
-    @property
-    def holding(self) -> Holding:
-        return _decoded(self.note)
-
-    def keep(self, holding: Holding) -> None:
-        self.note = encode_holding(holding)
-
-    def crash(self) -> None:
-        self.frozen, self.answered, self.search, self.leased = set(), {}, None, False
-
-    def strays(self) -> list[int]:
-        holding = self.holding
-        kept = [handover.piece for _, handover in holding.handovers]
-        return [
-            cell for cell in sorted(self.records) if not holding.owns(place_of(cell)) and not any(place_of(cell) in piece for piece in kept)
-        ]
-
-
-@dataclass(frozen=True)
-class Message:
-    target: Member
-    source: Member
-    kind: str
-    body: Any
 
 
 class Model:
@@ -558,10 +466,3 @@ class Model:
         nodes = self.registered()
         tiled = sum(len(cells_of(node.holding.arc)) for node in nodes) == CELLS
         return tiled and not any(node.holding.handovers for node in nodes)
-
-
-def even_right_bounds_of_cells(count: int) -> list[Location]:
-    return [Location.from_number(CELLS * (index + 1) // count * _CELL - 1) for index in range(count)]
-
-
-__all__ = ["WHOLE_LINE", "Message", "Model", "Node", "arc_of_cells", "cells_of", "even_right_bounds", "place_of"]

@@ -11,7 +11,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from scenefold.base.ids import NodeId
 from scenefold.peer.line.holding import Side
-from unit.peer.line.line_model import CELLS, Model, Node
+from unit.peer.line.line_model import Model
+from unit.peer.line.line_nodes import CELLS, Node
 
 NEWCOMERS = [NodeId(15), NodeId(25), NodeId(26), NodeId(20), NodeId(30)]
 indexes = st.integers(0, 255)
