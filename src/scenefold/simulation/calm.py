@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside
+from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside, place_of
 from scenefold.simulation.lineage import tiling_problems
+from scenefold.store.layout import location_of
 
 
 class Unrest(NamedTuple):
@@ -42,7 +43,7 @@ def unrest(cluster: Cluster) -> list[Unrest]:
     if wrong:
         return wrong
     for slot, node in cluster.nodes.items():
-        wrong += _leftovers(node, is_member=slot in members)
+        wrong += _leftovers(cluster, node, is_member=slot in members)
     return wrong or _tables(cluster)
 
 
@@ -63,16 +64,18 @@ def _member(cluster: Cluster, node: Node) -> list[Unrest]:
     return []
 
 
-def _leftovers(node: Node, *, is_member: bool) -> list[Unrest]:
+def _leftovers(cluster: Cluster, node: Node, *, is_member: bool) -> list[Unrest]:
     if not node.born.is_set():
         return []
     wrong = []
     arc = arc_of(node.disk) if is_member else None
     if has_open_handover(node.disk):
         wrong.append(Unrest(laws.CONVERGED, f"a handover of n{node.slot} is open", (node.slot,)))
-    strays = keys_outside(node.disk, arc)
+    # A rotten record cannot be offered to anybody; it lies where it rotted.
+    strays = [key for key in keys_outside(node.disk, arc) if place_of(key) not in cluster.watch.recorder.damaged]
     if strays:
-        wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}", (node.slot,)))
+        where = location_of(strays[0]).hex()[:8]
+        wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}, the first at {where}…", (node.slot,)))
     return wrong
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import trio
 
-from scenefold.base.errors import Unreachable
+from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.location import Location
 from scenefold.crypto import SigningKey
@@ -217,7 +217,8 @@ class Cluster:
         """Why a life ended that nobody ended; what must not be is a violation."""
         words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
         drained = any(isinstance(end, NodeDrained) for end in ends)
-        if not ends or not all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends):
+        is_full = node.disk.free_bytes == 0 and all(isinstance(end, LocalFault) for end in ends)
+        if not ends or not (is_full or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)):
             self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
         if any(isinstance(end, IdentityRenewed) for end in ends):
             self.watch.counts["new incarnations"] += 1

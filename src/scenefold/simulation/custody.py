@@ -29,15 +29,17 @@ def newest(disks: Iterable[Disk], place: Place) -> Version | None:
     return max(found, default=None, key=lambda version: version.order)
 
 
-def lost_by_change(before: Mapping[int, Disk], after: Mapping[int, Disk], changed: int) -> list[Lost]:
-    """What a change of one disk by force (wiped, rolled back, damaged) took away: newest versions that no disk has now."""
+def lost_by_change(before: Disk, counted: Mapping[int, Disk], after: Mapping[int, Disk]) -> list[Lost]:
+    """What a disk that was wiped or rolled back took with it.
+
+    `before`: that disk as it was. All disks as they are now: `counted`, with the records that will stay (not those that
+    were given away and are about to be deleted), and `after`, with everything, since all of it may come back.
+    """
     found = []
-    for place, version in sorted(before[changed].items()):
-        best = newest(after.values(), place)
+    for place, version in sorted(before.items()):
+        best = newest(counted.values(), place)
         if best is None or best.order < version.order:
-            was_newest = newest(before.values(), place) == version
-            if was_newest:
-                found.append(Lost(place, versions_of(after, place)))
+            found.append(Lost(place, versions_of(after, place)))
     return found
 
 

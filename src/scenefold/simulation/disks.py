@@ -10,6 +10,7 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.crypto.record_header import version_key
+from scenefold.peer.line.holding import Step
 from scenefold.peer.line.holding_note import decode_holding
 from scenefold.simulation.history import Place, Version
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of, object_of, record_key, space_of, stored_header
@@ -46,6 +47,18 @@ def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
     if not note:
         return []
     return [(handover.piece, handover.peer) for _, handover in decode_holding(note).handovers if handover.gives]
+
+
+def counted(disk: Disk) -> dict[Place, Version]:
+    """The records on a disk that count: not those that its node has given away for good and is about to delete."""
+    note = disk.peek(HOLDING).get(_NOTE)
+    handovers = decode_holding(note).handovers if note else []
+    given = [handover.piece for _, handover in handovers if handover.step is Step.GIVEN]
+    found = records_of(disk)
+    for piece in given:
+        for place in records_of(disk, piece):
+            del found[place]
+    return found
 
 
 def has_open_handover(disk: Disk) -> bool:

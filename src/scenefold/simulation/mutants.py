@@ -60,10 +60,10 @@ def _hasty_submit(original: Any) -> Any:
     return submit
 
 
-async def _quietly(submit: Any, writer: Any, change: Any) -> None:
-    # The mutant's own commit may fail as it likes.
+async def _quietly(function: Any, *arguments: Any) -> None:
+    # What the mutant does behind everybody's back may fail as it likes.
     with contextlib.suppress(Exception):
-        await submit(writer, change)
+        await function(*arguments)
 
 
 def _deaf_helpers(_original: Any) -> Any:
@@ -88,12 +88,25 @@ def _no_last_copy(original: Any) -> Any:
     return copy
 
 
+def _hasty_keeping(original: Any) -> Any:
+    """A receiver says that it has records durably while it still writes them."""
+    import trio
+
+    async def keep_durably(*arguments: Any) -> None:
+        trio.lowlevel.spawn_system_task(_quietly, original, *arguments)
+        await trio.lowlevel.checkpoint()
+
+    return keep_durably
+
+
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": (Patch("scenefold.store.record_changes", "judge", _blind_judge),),
     "durable before ack": (Patch("scenefold.store.writer", "GroupWriter.submit", _hasty_submit),),
     "owner lease": (Patch("scenefold.peer.lease", "OwnerLease.holds", _always(True)),),
     "indirect probe": (Patch("scenefold.peer.probing", "heard_by_others", _deaf_helpers),),
-    "durable before release": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
+    "durable before release": (Patch("scenefold.peer.line.receiving", "keep_durably", _hasty_keeping),),
+    "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
+    "adoption wait": (Patch("scenefold.peer.line.adoption", "T_WAIT_S", _is(0.0)),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }

@@ -16,7 +16,7 @@ from typing import ClassVar
 import trio
 
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import incarnation_of, place_of
+from scenefold.simulation.disks import incarnation_of, place_of, records_of
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.store.layout import RECORDS
@@ -24,7 +24,7 @@ from scenefold.world.sim import CALM, Point, Weather, dice
 
 RESERVE_LEFT_BYTES = 128 << 20
 """Half of a store's reserve: new records are refused, what may use the reserve goes on."""
-RECORDED_S = 8.0
+RECORDED_S = 5.0
 """A node that was restarted has asked for a lease by then, so that the voter knows of its start."""
 
 _POINTS = {
@@ -229,7 +229,7 @@ class Storm:
         if not self._cluster.crash(node.slot):
             return
         self._begins(fault)
-        before, incarnation = self._watch.records(), incarnation_of(node.disk)
+        before, incarnation = records_of(node.disk), incarnation_of(node.disk)
         node.disk.wipe()
         self._watch.disk_replaced(node.slot, before, incarnation, "loses its disk")
         await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
@@ -250,7 +250,7 @@ class Storm:
             return
         self._cluster.crash(node.slot)
         self._begins(fault)
-        before = self._watch.records()
+        before = records_of(node.disk)
         node.disk.restore(backup)
         self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
         await self._cluster.restart(node.slot, 0.5)

@@ -13,7 +13,7 @@ from typing import Protocol
 from scenefold.base.location import Arc, Location
 from scenefold.simulation import laws
 from scenefold.simulation.custody import Lost, lost_by_change, lost_to_claimer
-from scenefold.simulation.disks import Disk, arc_of, holding_of, incarnation_of, receivers_of, records_of, version_at
+from scenefold.simulation.disks import Disk, arc_of, counted, holding_of, incarnation_of, receivers_of, records_of, version_at
 from scenefold.simulation.history import Loss, Place, Version
 from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
 from scenefold.simulation.moves import Moves
@@ -68,16 +68,17 @@ class Watch:
 
     # ------------------------------------------------------------------------------------------------------- disks
 
-    def records(self, arc: Arc | None = None) -> dict[int, dict[Place, Version]]:
+    def _records(self, arc: Arc | None = None) -> dict[int, dict[Place, Version]]:
         """What all disks hold (in an arc)."""
         return {slot: records_of(disk, arc) for slot, disk in self._disks.items()}
 
-    def disk_replaced(self, slot: int, before: Mapping[int, Mapping[Place, Version]], incarnation: bytes | None, why: str) -> None:
+    def disk_replaced(self, slot: int, before: Mapping[Place, Version], incarnation: bytes | None, why: str) -> None:
         """A disk was wiped or rolled back: what only it held is lost, and its incarnation will never own anything again."""
         if incarnation is not None:
             self.lineage.gone(Holder(slot, incarnation))
         self._holdings.pop(slot, None)
-        self._lost(lost_by_change(before, self.records(), slot), f"n{slot} {why}")
+        counting = {other: counted(disk) for other, disk in self._disks.items()}
+        self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
 
     def damaged(self, slot: int, place: Place) -> None:
         """A stored record has rotted: this disk's copy cannot be read any more."""
@@ -160,7 +161,7 @@ class Watch:
         slot = gain.holder.slot
         self.counts[gain.way.value] += 1
         if gain.way is Way.ADOPTION:
-            disks = self.records(gain.arc)
+            disks = self._records(gain.arc)
             places = {place for disk in disks.values() for place in disk}
             self._lost(lost_to_claimer(disks, slot, places), f"n{slot} adopts its place")
         if gain.way is Way.HANDOVER:

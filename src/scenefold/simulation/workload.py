@@ -22,12 +22,12 @@ from scenefold.scene.layout import META, RENDERS
 from scenefold.simulation.outcome import Workload
 
 CLIENTS = 4
-ACT_S_MAX = 12.0
+ACT_S_MAX = 8.0
 """A user gives up; what was sent may still happen."""
 WIDE_PLACES = 200
 HOT_PLACES = 12
 """Beside those at the founders' bounds."""
-PAUSE_S = {"data": 0.6, "all": 0.8, "members": 1.4}
+PAUSE_S = {"data": 0.6, "all": 0.7, "members": 1.4}
 """Seconds between the acts of one client, on average."""
 _ACTS = {
     "put": 20,
@@ -35,8 +35,8 @@ _ACTS = {
     "put over": 16,
     "delete": 4,
     "get": 24,
-    "get many": 12,
-    "put many": 6,
+    "get many": 14,
+    "put many": 7,
     "range": 6,
     "get wide": 2,
     "put wide": 3,

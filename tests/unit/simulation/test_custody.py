@@ -16,24 +16,32 @@ ONE, TWO, THREE = version(1), version(2), version(3)
 
 
 def test_the_only_copy_goes_with_its_disk() -> None:
-    assert lost_by_change({0: {HERE: ONE}, 1: {}}, {0: {}, 1: {}}, 0) == [Lost(HERE, ())]
+    now = {0: {}, 1: {}}
+    assert lost_by_change({HERE: ONE}, now, now) == [Lost(HERE, ())]
 
 
 def test_a_copy_elsewhere_of_the_same_version_is_no_loss() -> None:
-    assert lost_by_change({0: {HERE: TWO}, 1: {HERE: TWO}}, {0: {}, 1: {HERE: TWO}}, 0) == []
+    now = {0: {}, 1: {HERE: TWO}}
+    assert lost_by_change({HERE: TWO}, now, now) == []
+
+
+def test_a_copy_that_is_about_to_be_deleted_is_one_yet_may_come_back() -> None:
+    assert lost_by_change({HERE: TWO}, {0: {}, 1: {}}, {0: {}, 1: {HERE: TWO}}) == [Lost(HERE, (TWO,))]
 
 
 def test_an_older_copy_elsewhere_is_what_is_left() -> None:
-    assert lost_by_change({0: {HERE: TWO}, 1: {HERE: ONE}}, {0: {}, 1: {HERE: ONE}}, 0) == [Lost(HERE, (ONE,))]
+    now = {0: {}, 1: {HERE: ONE}}
+    assert lost_by_change({HERE: TWO}, now, now) == [Lost(HERE, (ONE,))]
 
 
 def test_an_old_copy_that_goes_is_no_loss() -> None:
-    assert lost_by_change({0: {HERE: ONE}, 1: {HERE: TWO}}, {0: {}, 1: {HERE: TWO}}, 0) == []
+    now = {0: {}, 1: {HERE: TWO}}
+    assert lost_by_change({HERE: ONE}, now, now) == []
 
 
 def test_a_backup_brings_back_what_it_has() -> None:
-    before = {0: {HERE: THREE, THERE: ONE}}
-    assert lost_by_change(before, {0: {HERE: ONE, THERE: ONE}}, 0) == [Lost(HERE, (ONE,))]
+    now = {0: {HERE: ONE, THERE: ONE}}
+    assert lost_by_change({HERE: THREE, THERE: ONE}, now, now) == [Lost(HERE, (ONE,))]
 
 
 def test_a_claimer_that_has_the_newest_excuses_nothing() -> None:

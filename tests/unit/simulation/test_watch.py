@@ -11,7 +11,7 @@ from scenefold.crypto.record_header import version_key
 from scenefold.peer.line.holding import Holding, Side, handover_id
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.simulation import laws
-from scenefold.simulation.disks import place_of
+from scenefold.simulation.disks import place_of, records_of
 from scenefold.simulation.history import Loss, Place, Version
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.watch import Watch
@@ -185,7 +185,7 @@ def test_a_record_that_moves_on_at_once_is_seen() -> None:
 def test_a_wiped_disk_takes_its_only_copies_with_it() -> None:
     stage = Stage()
     stage.machines[1].store(record(1))
-    before = stage.watch.records()
+    before = records_of(stage.machines[1])
     stage.machines[1].tables = {RECORDS: {}, HOLDING: {}, IDENTITY: {}}
     stage.watch.disk_replaced(1, before, member(1).incarnation, "is wiped")
     (event,) = stage.watch.recorder.histories.of(PLACE)
