@@ -17,8 +17,8 @@ from scenectl.output import emit_error
 from scenefold.base.kernel_cache import use_kernel_cache
 
 GROUPS = {
-    "cluster": "Make a cluster and look at it.",
-    "node": "Run nodes.",
+    "cluster": "Make a cluster, join it, and look at it.",
+    "node": "Run nodes, and let them leave.",
     "scene": "Make scenes and fill them.",
     "space": "Make, move and query the spaces of a scene.",
     "data": "Read and write single records of a scene.",

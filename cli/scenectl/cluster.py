@@ -1,20 +1,22 @@
-"""`scenectl cluster`: make a cluster, and look at it."""
+"""`scenectl cluster`: make a cluster, join it, and look at it."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
+from cyclopts.validators import Number
 
-from scenectl.errors import DEGRADED, DONE
-from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
-from scenectl.values import AddressesOption, PortsOption, cluster_ports
+from scenectl.errors import DEGRADED, DONE, Interrupted
+from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
+from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
 
 if TYPE_CHECKING:
     from scenefold.client import ClusterStatus
 
-app = App(name="cluster", help="Make a cluster and look at it.", help_format="plaintext")
+app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
 
 
 @app.command
@@ -61,34 +63,123 @@ def init(
 
 
 @app.command
+def join(
+    seed: AddressOption,
+    /,
+    *,
+    address: Annotated[AddressOption, Parameter(env_var="SCENEFOLD_ADDRESS")],
+    data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
+    place: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
+    capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
+    seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
+    threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
+    log_level: Literal["debug", "info", "warning", "error"] = "warning",
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Run a node that joins the cluster through SEED, and say how it gets its part; it runs until it is told to stop.
+
+    Its keys are those that `cluster init --spares` made. Later starts may as well use `node run`, which knows more options.
+
+    Example: scenectl cluster join 192.168.1.11 --address 192.168.1.14 --profile studio
+
+    Parameters
+    ----------
+    seed
+        IPv4 address of a node of the cluster that runs.
+    address
+        The joining node's own IPv4 address.
+    data
+        Folder for what the node stores; by default one in the user's data folder.
+    place
+        Where it stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in
+        hexadecimal, 80 for the middle.
+    capacity
+        Bytes that the node may store; 0: what its disk holds.
+    seed_wait
+        Seconds until it is an error that the seed does not answer.
+    threads
+        Threads that may render; by default as many as there are processors.
+    log_level
+        Least important lines that are logged.
+    """
+    from dataclasses import replace
+
+    from scenectl.joining import Telling
+    from scenectl.node import run_until_stopped
+    from scenefold.base.errors import UsageFault
+    from scenefold.client import profile_folder
+    from scenefold.node import NodeSettings, default_extensions
+    from scenefold.node.logs import set_up_logs
+    from scenefold.peer.settings import place_of
+
+    if seed.text == address.text:
+        raise UsageFault("a node cannot join through itself", where=seed.text, remedy="name a node that is a member already")
+    set_up_logs("json" if output.json else "console", log_level)
+    settings = replace(
+        NodeSettings.for_member(profile_folder(output.profile), address.text, data=data, threads=threads),
+        seeds=(seed.text,),
+        seed_wait_s=seed_wait,
+        capacity_bytes=capacity,
+        join_place=place_of(place),
+    )
+    run_until_stopped(settings, output, extensions=[*default_extensions(), Telling(output)])
+
+
+@app.command
 def status(*, output: ProfileOutput = DEFAULT_PROFILE) -> int:
-    """Show who is there, what they own and hold. Exit code 5 if a node is missing.
+    """Show who is there, what they own and hold, and warn of anything off. Exit code 5 if something cannot be served.
 
     Example: scenectl cluster status --profile studio
     """
+    from scenectl.cluster_text import status_text
+
+    found = _look(output.profile)
+    emit(output, found.document(), status_text(found))
+    return DEGRADED if found.degraded else DONE
+
+
+@app.command
+def nodes(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """List the nodes along the line: role, arc, fill, records, last heard, incarnation.
+
+    Example: scenectl cluster nodes --profile studio
+    """
+    from scenectl.cluster_text import nodes_text
+
+    found = _look(output.profile)
+    emit(output, {"name": found.name, "asked": found.asked, "nodes": [node.document() for node in found.nodes]}, nodes_text(found))
+
+
+@app.command
+def top(*, once: Annotated[bool, Parameter(negative="")] = False, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """Show every second what the nodes hold, gain and trace, and what is on its way between them, until Ctrl-C.
+
+    Example: scenectl cluster top --profile studio
+
+    Parameters
+    ----------
+    once
+        Compare two looks a second apart, and end.
+    """
+    from scenectl.running import run
+    from scenectl.top import watch
+    from scenefold.client import connect
+
+    async def work() -> None:
+        async with connect(output.profile) as cluster:
+            await watch(cluster, output, once=once)
+
+    # Ctrl-C is how this is meant to end.
+    with suppress(Interrupted):
+        run(work)
+
+
+def _look(profile: str | None) -> ClusterStatus:
     from scenectl.running import run
     from scenefold.client import connect
 
     async def ask() -> ClusterStatus:
-        async with connect(output.profile) as cluster:
+        async with connect(profile) as cluster:
             return await cluster.status()
 
-    found = run(ask)
-    emit(output, found.document(), _status_text(found))
-    return DEGRADED if found.degraded else DONE
-
-
-def _status_text(found: ClusterStatus) -> str:
-    rows = [
-        (
-            node.address,
-            "alive" if node.alive else "missing",
-            f"{node.share:.1%}",
-            size_text(node.disk_bytes_used) if node.alive else "?",
-            f"{node.disk_fraction:.1%}" if node.alive else "?",
-        )
-        for node in found.nodes
-    ]
-    missing = sum(not node.alive for node in found.nodes)
-    summary = f"{found.name}: {len(found.nodes) - missing} of {len(found.nodes)} nodes alive"
-    return f"{summary}\n\n" + table(("node", "state", "line", "disk used", "of disk"), rows)
+    return run(ask)

@@ -1,19 +1,25 @@
-"""`scenectl node`: run one node of a cluster, or several on this machine for trying things."""
+"""`scenectl node`: run one node of a cluster, or several on this machine for trying things; let one leave."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
-from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit_event
+from scenectl.errors import DEGRADED, DONE
+from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, emit_event
 from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
 
-app = App(name="node", help="Run nodes.", help_format="plaintext")
+if TYPE_CHECKING:
+    from scenefold.client import DrainReport
+    from scenefold.node import Extension, NodeSettings
+
+app = App(name="node", help="Run nodes, and let them leave.", help_format="plaintext")
 
 Count = Annotated[int, whole(1, 127)]
 
@@ -70,11 +76,8 @@ def run_(
     log_level
         Least important lines that are logged.
     """
-    import trio
-
-    from scenectl.running import serve
     from scenefold.client import profile_folder
-    from scenefold.node import NodeSettings, run_node
+    from scenefold.node import NodeSettings
     from scenefold.node.logs import set_up_logs
     from scenefold.peer.settings import place_of
 
@@ -91,14 +94,76 @@ def run_(
         join_place=place_of(join_at),
         balance=balance,
     )
+    run_until_stopped(settings, output)
+
+
+def run_until_stopped(settings: NodeSettings, output: Output, *, extensions: Sequence[Extension] | None = None) -> None:
+    """Run a node, say when it is ready and, should it leave the cluster in order, that it has."""
+    import trio
+
+    from scenectl.running import serve
+    from scenefold.node import run_node
 
     async def work() -> None:
         async with trio.open_nursery() as nursery:
-            await nursery.start(partial(run_node, settings))
-            document = {"event": "ready", "address": address.text, "data": str(settings.data_folder)}
-            emit_event(output, document, f"Node {address} is ready; its data is in {settings.data_folder}.")
+            await nursery.start(partial(run_node, settings, extensions=extensions))
+            document = {"event": "ready", "address": settings.address, "data": str(settings.data_folder)}
+            emit_event(output, document, f"Node {settings.address} is ready; its data is in {settings.data_folder}.")
+        emit_event(output, {"event": "left", "address": settings.address}, f"Node {settings.address} has left the cluster.")
 
     serve(work)
+
+
+@app.command
+def drain(
+    address: AddressOption,
+    /,
+    *,
+    check: Annotated[bool, Parameter(negative="")] = False,
+    cancel: Annotated[bool, Parameter(negative="")] = False,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> int:
+    """Have a node hand everything over and leave the cluster; ends when it has left, and its process with it.
+
+    Ctrl-C ends only the watching: the node goes on until it has left, or --cancel. Exit code 4 if the node cannot leave.
+
+    Example: scenectl node drain 192.168.1.14 --profile studio
+
+    Parameters
+    ----------
+    address
+        IPv4 address of the node.
+    check
+        Only say whether the node may be switched off now without losing anything; exit code 5 if not.
+    cancel
+        Let a node stay that is on its way out.
+    """
+    from scenectl.draining import check_known, leave
+    from scenectl.progress import Progress
+    from scenectl.running import run
+    from scenefold.base.errors import UsageFault
+    from scenefold.client import connect
+
+    if check and cancel:
+        raise UsageFault("--check and --cancel exclude each other", where="scenectl node drain", remedy="give one of them")
+
+    async def ask() -> DrainReport:
+        async with connect(output.profile) as cluster:
+            await check_known(cluster, address.text)
+            if check or cancel:
+                return await cluster.drain(address.text, check_only=check, cancel=cancel)
+            with Progress(quiet=output.json) as progress:
+                return await leave(cluster, address.text, progress)
+
+    report = run(ask)
+    document = {"address": address.text, **report.document()}
+    if check:
+        words = "may be switched off" if report.may_switch_off else "must stay: " + "; ".join(report.obstacles)
+        emit(output, document, f"Node {address} {words}.")
+        return DONE if report.may_switch_off else DEGRADED
+    words = "stays" if cancel else "has left the cluster: it may be switched off"
+    emit(output, document, f"Node {address} {words}.")
+    return DONE
 
 
 @app.command

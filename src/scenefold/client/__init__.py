@@ -9,26 +9,32 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenefold.client.cluster import Cluster, ClusterStatus, NodeState
+    from scenefold.client.cluster import Cluster
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
+    from scenefold.client.health import ClusterStatus, Concern, NodeState
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
+    from scenefold.client.movements import Movement, Rate, movements, rates
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
+    from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
     from scenefold.world.keyring import Keyring, SceneKeys
 
 _HOMES = {
-    "scenefold.client.cluster": "Cluster ClusterStatus NodeState",
+    "scenefold.client.cluster": "Cluster",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
+    "scenefold.client.health": "ClusterStatus Concern NodeState",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
+    "scenefold.client.movements": "Movement Rate movements rates",
     "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.reading": "open_scene_with_keys",
+    "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
@@ -49,14 +55,20 @@ __all__ = [
     "ABSENT",
     "Cluster",
     "ClusterStatus",
+    "Concern",
+    "DrainReport",
     "Found",
     "FreshItem",
+    "HandoverReport",
     "ImportReport",
     "Keyring",
+    "Movement",
+    "NodeReport",
     "NodeState",
     "PreparedImport",
     "ProgressCallback",
     "ProgressState",
+    "Rate",
     "Scene",
     "SceneInfo",
     "SceneKeys",
@@ -66,9 +78,11 @@ __all__ = [
     "Stored",
     "connect",
     "create_cluster",
+    "movements",
     "open_scene_with_keys",
     "prepare_import",
     "profile_folder",
     "put_fresh",
+    "rates",
     "scene_name_of",
 ]

@@ -120,9 +120,11 @@ class Calls:
         except Unreachable as error:
             raise no_answer(self._addresses_from(self.table.owners[0].node_id), error) from error
 
-    async def refresh(self) -> None:
-        """Take the routing table of any node."""
-        self._take(await self.ask_any(RequestTable(), RespondTable))
+    async def refresh(self, first: NodeId | None = None) -> RespondTable:
+        """Take the routing table of any node, `first` if it answers."""
+        reply = await self.ask_any(RequestTable(), RespondTable, first=first)
+        self._take(reply)
+        return reply
 
     async def learn(self) -> None:
         """Before the first call: take the table of a node. If none answers, the call itself will say so."""

@@ -2,81 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from scenefold.base.errors import Refused, ScenefoldError, Unreachable
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import CLIENT_STATUS_S
-from scenefold.base.location import LINE_LENGTH
+from scenefold.base.location import FIRST, Arc
 from scenefold.client.calls import Calls, no_answer
+from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
+from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
 from scenefold.crypto import SigningKey
-from scenefold.wire import RequestTable, RespondTable, Status
+from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
+from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
 from scenefold.world.profile import ClusterProfile
 
 Result = TypeVar("Result")
 
-_FRACTION_ONE = 2**32
-_BLOCK_BYTES = 4096
-
-
-@dataclass(frozen=True, slots=True)
-class NodeState:
-    """One member. `status` is what it says of itself; None if it does not answer."""
-
-    address: str
-    right_bound: bytes | None
-    """None: it owns nothing."""
-    share: float
-    """Part of the line that it owns."""
-    status: Status | None
-
-    @property
-    def alive(self) -> bool:
-        return self.status is not None
-
-    @property
-    def disk_fraction(self) -> float:
-        return 0.0 if self.status is None else self.status.offline_fraction / _FRACTION_ONE
-
-    @property
-    def disk_bytes_used(self) -> int:
-        return 0 if self.status is None else round(self.disk_fraction * self.status.offline_blocks * _BLOCK_BYTES)
-
-    def document(self) -> dict[str, Any]:
-        """The JSON form (docs/reference/scenectl.md)."""
-        return {
-            "address": self.address,
-            "alive": self.alive,
-            "right_bound": None if self.right_bound is None else self.right_bound.hex(),
-            "share": self.share,
-            "disk_bytes_used": self.disk_bytes_used if self.alive else None,
-            "disk_fraction": round(self.disk_fraction, 4) if self.alive else None,
-            "memory_fraction": None if self.status is None else round(self.status.online_fraction / _FRACTION_ONE, 4),
-            "boot": None if self.status is None else self.status.boot,
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class ClusterStatus:
-    """All members in the order of the line."""
-
-    name: str
-    nodes: tuple[NodeState, ...]
-
-    @property
-    def degraded(self) -> bool:
-        """True if a member does not answer."""
-        return not all(node.alive for node in self.nodes)
-
-    def document(self) -> dict[str, Any]:
-        """The JSON form (docs/reference/scenectl.md)."""
-        return {"name": self.name, "degraded": self.degraded, "nodes": [node.document() for node in self.nodes]}
+LOOKS_MAX = 3
+"""Looks at a cluster in which something seems off, before that is believed."""
+LOOK_AGAIN_S = 0.7
+"""Between them: a released piece is claimed by then, a new entry of the log has come round."""
+ASKED_MAX = 64
+"""Nodes that are asked for their report at a time."""
 
 
 class Cluster:
@@ -97,33 +52,90 @@ class Cluster:
         return list(self.calls.table.owners)
 
     async def status(self) -> ClusterStatus:
-        """Ask every node on the line itself, at once. Unreachable if none answers."""
-        answers: dict[str, Status] = {}
-        silent: list[ScenefoldError] = []
-        await self.calls.refresh()
-        owners = self.calls.table.owners
+        """Ask every node on the line itself, all at once, and lay what they say side by side. Unreachable if none answers.
 
-        async def ask(address: str, node_id: int) -> None:
-            try:
-                reply = await self.calls.ask(address, RequestTable(), RespondTable, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S)
-            except (Unreachable, Refused) as error:
-                silent.append(error)
-                return
-            own = next((status for status in reply.statuses if status.node == node_id), None)
-            if own is not None:
-                answers[address] = own
+        What may look off only because bounds move while nodes are asked is looked at again, up to LOOKS_MAX times.
+        """
+        first: NodeId | None = None
+        for look in range(LOOKS_MAX):
+            if look:
+                await self.calls.world.clock.sleep(LOOK_AGAIN_S)
+            found = await self.look(first)
+            if not found.is_unsteady:
+                break
+            first = found.best_informed
+        return found
 
-        await together(partial(ask, owner.address, owner.node_id) for owner in owners)
-        if not answers:
-            raise no_answer([owner.address for owner in owners], silent[-1] if silent else None)
-        arcs = {owner.node_id: arc for owner, arc in self.calls.table.arcs()}
+    async def reports(self, addresses: Sequence[str] | None = None) -> dict[str, NodeReport | ScenefoldError]:
+        """What these nodes (all on the line, by the table of one of them) say of themselves; the error of one that does not answer."""
+        if addresses is None:
+            addresses = [owner.address for owner in await self.nodes()]
+        found: dict[str, NodeReport | ScenefoldError] = {}
+        slots = trio.CapacityLimiter(ASKED_MAX)
+
+        async def ask(address: str) -> None:
+            async with slots:
+                try:
+                    reply = await self.calls.ask(address, RequestReport(), Reported, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S)
+                    found[address] = read_report(reply.document, address)
+                except (Unreachable, Refused, PeerFault) as error:
+                    found[address] = error
+
+        await together(partial(ask, address) for address in addresses)
+        return found
+
+    async def drain(self, address: str, *, check_only: bool = False, cancel: bool = False) -> DrainReport:
+        """Tell a node to give everything away and leave, or ask how far it is; asking again does no harm.
+
+        `check_only`: only say whether it may be switched off. `cancel`: stay after all. Refused (12) of a node that cannot leave.
+        """
+        packet = DrainNode(check_only=check_only, cancel=cancel)
+        reply = await self.calls.ask(address, packet, Reported, priority=Priority.HIGH)
+        return read_drain_report(reply.document, address)
+
+    async def look(self, first: NodeId | None = None) -> ClusterStatus:
+        """One look at the cluster by the table of `first` (any node); what seems off may be so only because bounds move."""
+        table = await self.calls.refresh(first)
+        # A node that has just begun has an empty table: then the founders are who there may be.
+        statuses = {status.node: status for status in table.statuses}
+        line = [(node, self.calls.address_of(node)) for node in statuses or self.profile.founders]
+        reports = await self.reports([address for _, address in line])
+        answered = [report for report in reports.values() if isinstance(report, NodeReport)]
+        if not answered:
+            silent = next((error for error in reports.values() if isinstance(error, ScenefoldError)), None)
+            raise no_answer([address for _, address in line], silent)
+        asked = _address_of_sender(table) or answered[0].address
+        views = reports.get(asked)
+        peers = views.peers if isinstance(views, NodeReport) else {}
         nodes = []
-        for owner in owners:
-            arc = arcs.get(owner.node_id)
-            share, bound = (0.0, None) if arc is None else (arc.length / LINE_LENGTH, arc.last)
-            nodes.append(NodeState(owner.address, bound, share, answers.get(owner.address)))
-        return ClusterStatus(self.name, tuple(nodes))
+        for node, address in line:
+            status, report = statuses.get(node), reports[address]
+            heard_s = 0.0 if address == asked else peers[address].heard_s if address in peers else None
+            nodes.append(
+                NodeState(
+                    address=address,
+                    incarnation=NEVER_CAME if status is None else status.incarnation,
+                    is_voter=node in self.profile.voters,
+                    known_arc=None if status is None else _arc_of(status),
+                    heard_s=heard_s,
+                    report=report if isinstance(report, NodeReport) else None,
+                    problem=report.what if isinstance(report, ScenefoldError) else "",
+                )
+            )
+        return judged(self.name, asked, nodes)
 
     async def in_worker(self, lane: str, function: Callable[..., Result], *arguments: object) -> Result:
         """Run what computes or blocks in a thread of this client's lane."""
         return await self.calls.world.workers.run(lane, function, *arguments)
+
+
+def _address_of_sender(table: RespondTable) -> str | None:
+    return None if table.mini_status is None else address_of(table.mini_status.node)
+
+
+def _arc_of(status: Status) -> Arc | None:
+    """What a status claims to own."""
+    if status.right_bound is None:
+        return None
+    first = FIRST if status.left_fence is None else status.left_fence.next()
+    return None if first is None else Arc(first, status.right_bound)

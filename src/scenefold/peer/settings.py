@@ -99,8 +99,10 @@ class NodeSettings:
 
 def place_of(text: str) -> Place:
     """A place as it is written: "loaded", "random", or a location in hexadecimal, cut short or in full."""
-    if text == "loaded" or text == "random":
-        return text
+    if text == "loaded":
+        return "loaded"
+    if text == "random":
+        return "random"
     try:
         return Location(bytes.fromhex(text).ljust(LOCATION_BYTES, b"\0"))
     except ValueError:

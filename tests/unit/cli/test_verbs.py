@@ -13,8 +13,12 @@ from scenectl.__main__ import GROUPS, main
 VERBS = [
     "cluster init",
     "cluster status",
+    "cluster join",
+    "cluster nodes",
+    "cluster top",
     "node run",
     "node local",
+    "node drain",
     "scene create",
     "scene list",
     "scene info",

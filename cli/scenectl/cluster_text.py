@@ -1,0 +1,108 @@
+"""A cluster for people: the tables of `cluster status`, `nodes` and `top`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from scenectl.output import size_text, table
+
+if TYPE_CHECKING:
+    from scenefold.base.location import Arc
+    from scenefold.client import ClusterStatus, Movement, NodeState, Rate
+
+UNKNOWN = "?"
+ARC_DIGITS = 8
+INCARNATION_DIGITS = 8
+
+
+def status_text(found: ClusterStatus) -> str:
+    """Who is there, what they own and hold, and what is off."""
+    rows = [
+        (
+            node.address,
+            "alive" if node.alive else "missing",
+            node.role,
+            arc_text(node.arc),
+            f"{node.share:.1%}",
+            UNKNOWN if node.report is None else size_text(node.report.used_bytes),
+            UNKNOWN if node.report is None else f"{node.report.fill:.1%}",
+            seconds_text(node.heard_s),
+        )
+        for node in found.nodes
+    ]
+    missing = sum(not node.alive for node in found.nodes)
+    summary = f"{found.name}: {len(found.nodes) - missing} of {len(found.nodes)} nodes alive, as {found.asked} knows it"
+    titles = ("node", "state", "role", "arc", "line", "disk used", "of disk", "last heard")
+    concerns = [f"warning: {warning.text}" for warning in found.warnings]
+    return "\n".join((summary, "", table(titles, rows), *(["", *concerns] if concerns else [])))
+
+
+def nodes_text(found: ClusterStatus) -> str:
+    """The members in line order, with what is known of each."""
+    titles = ("node", "id", "role", "arc", "line", "used", "capacity", "records", "last heard", "incarnation", "boot")
+    return table(titles, map(_node_row, found.nodes))
+
+
+def _node_row(node: NodeState) -> Sequence[object]:
+    document, report = node.document(), node.report
+    return (
+        node.address,
+        document["id"],
+        node.role,
+        arc_text(node.arc),
+        f"{node.share:.1%}",
+        UNKNOWN if report is None else size_text(report.used_bytes),
+        UNKNOWN if report is None else size_text(report.capacity_bytes),
+        UNKNOWN if report is None else report.records,
+        seconds_text(node.heard_s),
+        document["incarnation"][:INCARNATION_DIGITS],
+        UNKNOWN if report is None else report.boot,
+    )
+
+
+RATE_TITLES = ("node", "role", "line", "full", "records", "records/s", "bytes/s", "rays/s")
+
+
+def rate_rows(found: Sequence[Rate]) -> Sequence[Sequence[str]]:
+    """A row of `cluster top` for each node."""
+    rows = []
+    for rate in found:
+        report = rate.node.report
+        rows.append(
+            (
+                rate.node.address,
+                rate.node.role if rate.node.alive else "missing",
+                f"{rate.node.share:.1%}",
+                UNKNOWN if report is None else f"{report.fill:.1%}",
+                UNKNOWN if report is None else f"{report.records:,}",
+                UNKNOWN if rate.records_per_second is None else f"{rate.records_per_second:+,.0f}",
+                UNKNOWN if rate.bytes_per_second is None else f"{_signed_size(rate.bytes_per_second)}",
+                UNKNOWN if report is None else f"{report.rays_per_second:,}",
+            )
+        )
+    return rows
+
+
+def movement_text(movement: Movement) -> str:
+    """A handover on one line."""
+    arrived = UNKNOWN if movement.records_arrived is None else f"{movement.records_arrived:,}"
+    total = UNKNOWN if movement.records is None else f"{movement.records:,}"
+    counted = f"{movement.progress:.0%}, {arrived} of {total} records" if movement.step in ("offered", "noted") else movement.step
+    return f"{movement.giver} -> {movement.receiver}  {arc_text(movement.piece)}  {counted}, for {movement.seconds:.0f} s"
+
+
+def arc_text(arc: Arc | None) -> str:
+    """The leading digits of both ends."""
+    return "nothing" if arc is None else f"{arc.first.hex()[:ARC_DIGITS]}..{arc.last.hex()[:ARC_DIGITS]}"
+
+
+def seconds_text(seconds: float | None) -> str:
+    """How long ago, for people."""
+    if seconds is None:
+        return "never"
+    return f"{seconds:.1f} s" if seconds < 60 else f"{seconds / 60:.0f} min"
+
+
+def _signed_size(count: float) -> str:
+    return f"{'+' if count >= 0 else '-'}{size_text(abs(count))}"

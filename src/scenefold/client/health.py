@@ -1,0 +1,244 @@
+"""A cluster looked at as a whole: what all nodes say of themselves, laid side by side, and what is off about it. Pure.
+
+Reports are made one after another, and bounds move in between. So a gap or an overlap that a handover explains is none, and whoever looks
+asks once more before it believes another one (`is_unsteady`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
+from scenefold.client.reports import HandoverReport, NodeReport
+
+HANDOVER_LONG_S = 60.0
+"""A piece has 64 MiB, and goes in seconds; a newcomer's first one may be larger, and is worth a line all the same."""
+NEARLY_FULL = 0.9
+"""Balancing fills nobody further."""
+STALL_RECENT_S = 600.0
+NEVER_CAME = bytes(16)
+"""The incarnation of a founder that never registered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Concern:
+    """Something that is off. `degrades`: until it is mended some data cannot be had, or cannot be changed."""
+
+    kind: str
+    text: str
+    degrades: bool
+    address: str = ""
+
+    def document(self) -> dict[str, Any]:
+        return {"kind": self.kind, "address": self.address or None, "text": self.text, "degrades": self.degrades}
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """One node on the line. `report` is what it says of itself; None if it does not answer: then `problem` says why."""
+
+    address: str
+    incarnation: bytes
+    is_voter: bool
+    known_arc: Arc | None
+    """Its arc as the asked node knows it."""
+    heard_s: float | None
+    """Seconds since the asked node has heard of it; None: never."""
+    report: NodeReport | None
+    problem: str = ""
+
+    @property
+    def alive(self) -> bool:
+        return self.report is not None
+
+    @property
+    def arc(self) -> Arc | None:
+        """What it owns: by its own word, else by what was heard last."""
+        return self.known_arc if self.report is None else self.report.arc
+
+    @property
+    def share(self) -> float:
+        """Part of the line that it owns."""
+        return 0.0 if self.arc is None else self.arc.length / LINE_LENGTH
+
+    @property
+    def role(self) -> str:
+        """voter, member, joining, draining; awaited: a founder that never came."""
+        if self.report is not None:
+            return self.report.role
+        return "voter" if self.is_voter else "awaited" if self.incarnation == NEVER_CAME else "member"
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        report = self.report
+        return {
+            "address": self.address,
+            "id": int(node_id_of(self.address)),
+            "alive": self.alive,
+            "role": self.role,
+            "arc": None if self.arc is None else {"first": self.arc.first.hex(), "last": self.arc.last.hex()},
+            "right_bound": None if self.arc is None else self.arc.last.hex(),
+            "share": self.share,
+            "records": None if report is None else report.records,
+            "bytes": None if report is None else report.bytes,
+            "disk_bytes_used": None if report is None else report.used_bytes,
+            "capacity_bytes": None if report is None else report.capacity_bytes,
+            "disk_fraction": None if report is None else round(report.fill, 4),
+            "heard_s": self.heard_s,
+            "lease_s": None if report is None else report.lease_s,
+            "log_position": None if report is None else report.log_position,
+            "handovers": None if report is None else [handover_document(handover) for handover in report.handovers],
+            "strays": None if report is None else report.strays,
+            "rays_per_second": None if report is None else report.rays_per_second,
+            "incarnation": self.incarnation.hex() if report is None else report.incarnation,
+            "boot": None if report is None else report.boot,
+        }
+
+
+def handover_document(handover: HandoverReport) -> dict[str, Any]:
+    """The JSON form of a handover (docs/reference/scenectl.md)."""
+    return {
+        "id": handover.id,
+        "step": handover.step,
+        "gives": handover.gives,
+        "peer": handover.peer,
+        "first": handover.piece.first.hex(),
+        "last": handover.piece.last.hex(),
+        "seconds": handover.seconds,
+        "records": handover.records,
+        "bytes": handover.bytes,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterStatus:
+    """All nodes in the order of the line, as seen by `asked` and by themselves."""
+
+    name: str
+    asked: str
+    nodes: tuple[NodeState, ...]
+    warnings: tuple[Concern, ...]
+
+    @property
+    def degraded(self) -> bool:
+        """True if a node does not answer, or a part of the line cannot be served."""
+        return any(warning.degrades for warning in self.warnings)
+
+    @property
+    def is_unsteady(self) -> bool:
+        """Whether something may look off only because nodes were asked one after another."""
+        return any(warning.kind in ("gap", "overlap", "behind", "deaf") for warning in self.warnings)
+
+    @property
+    def best_informed(self) -> NodeId:
+        """The node that knows the cluster's log furthest."""
+        return NodeId(max((node.report.log_position, node.report.node) for node in self.nodes if node.report is not None)[1])
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {
+            "name": self.name,
+            "asked": self.asked,
+            "degraded": self.degraded,
+            "nodes": [node.document() for node in self.nodes],
+            "warnings": [warning.document() for warning in self.warnings],
+        }
+
+
+def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
+    """The cluster with everything that is off about it."""
+    newest = max((node.report.log_position for node in nodes if node.report is not None), default=0)
+    warnings = [*_absences(nodes), *line_warnings(nodes)]
+    for node in nodes:
+        if node.report is not None:
+            warnings += _own_warnings(node.address, node.report, newest)
+    warnings += _deafness(nodes)
+    return ClusterStatus(name, asked, tuple(nodes), tuple(warnings))
+
+
+def _absences(nodes: Iterable[NodeState]) -> Iterable[Concern]:
+    for node in nodes:
+        if node.report is None:
+            kind, what = ("awaited", "has never come") if node.role == "awaited" else ("missing", "does not answer")
+            consequence = "; nobody can join or be removed meanwhile" if node.is_voter else ""
+            yield Concern(kind, f"{node.address} {what}{consequence}: {node.problem}", True, node.address)
+
+
+def _own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Concern]:
+    if report.lease_s <= 0 and report.role != "joining":
+        yield Concern("no lease", f"{address} has no lease: it takes no writes until the voter answers it", True, address)
+    if report.role == "joining":
+        yield Concern("joining", f"{address} owns nothing yet", False, address)
+    if report.log_position < newest:
+        behind = newest - report.log_position
+        yield Concern("behind", f"{address} lacks the last {behind} entries of the cluster's log", False, address)
+    for handover in report.handovers:
+        if handover.gives and handover.seconds >= HANDOVER_LONG_S:
+            text = f"{address} has been giving a piece to {handover.peer} for {handover.seconds:.0f} s: it is {handover.step}"
+            yield Concern("handover", text, handover.step == "released", address)
+    if report.strays:
+        yield Concern(
+            "strays", f"{address} holds {report.strays} records that belong elsewhere and could not be brought home", False, address
+        )
+    if report.damaged:
+        yield Concern("damaged", f"{address} has met damaged records {report.damaged} times: check its disk", True, address)
+    if report.fill >= NEARLY_FULL:
+        yield Concern("nearly full", f"{address} is {report.fill:.0%} full", True, address)
+    if report.stall_ago_s is not None and report.stall_ago_s < STALL_RECENT_S:
+        text = f"{address} did not run for {report.stall_last_s:.0f} s, {report.stall_ago_s:.0f} s ago: it slept, its clock jumped, or it was starved"
+        yield Concern("stalled", text, False, address)
+
+
+def _deafness(nodes: Sequence[NodeState]) -> Iterable[Concern]:
+    """Nodes that answer us and that another one does not hear: a cut in one direction, often."""
+    alive = {node.address for node in nodes if node.alive}
+    for node in nodes:
+        peers = {} if node.report is None else node.report.peers
+        deaf_to = [address for address, peer in peers.items() if address in alive and not peer.alive]
+        if deaf_to:
+            yield Concern("deaf", f"{node.address} does not hear {_some(deaf_to)}, and we do", False, node.address)
+
+
+def line_warnings(nodes: Sequence[NodeState]) -> list[Concern]:
+    """Where the line is not owned exactly once. Nodes in the order of the log."""
+    handed = [handover.piece for node in nodes if node.report is not None for handover in node.report.handovers]
+    # What a silent node owns by now nobody can say.
+    owning = [(node, node.arc) for node in nodes if node.arc is not None]
+    found: list[Concern] = []
+    free: Location | None = FIRST
+    before: NodeState | None = None
+    for node, arc in owning:
+        assert arc is not None
+        if free is None or arc.first < free:
+            twice = Arc(arc.first, min(arc.last, _before(free)))
+            is_certain = node.alive and before is not None and before.alive
+            if is_certain and not _is_within(twice, handed):
+                assert before is not None
+                found.append(Concern("overlap", f"{before.address} and {node.address} both own {_piece(twice)}", True, node.address))
+        elif arc.first > free and not _is_within(gap := Arc(free, _before(arc.first)), handed):
+            found.append(Concern("gap", f"nobody owns {_piece(gap)}, left of {node.address}", True, node.address))
+        if free is not None and arc.last >= free:
+            free, before = arc.last.next(), node
+    if free is not None and not _is_within(rest := Arc(free, LAST), handed):
+        found.append(Concern("gap", f"nobody owns {_piece(rest)}, at the end of the line", True))
+    return found
+
+
+def _is_within(piece: Arc, handed: Sequence[Arc]) -> bool:
+    return any(other.first <= piece.first and piece.last <= other.last for other in handed)
+
+
+def _before(place: Location | None) -> Location:
+    """The location before a place; the last one before the end of the line."""
+    return LAST if place is None else Location.from_number(place.number - 1)
+
+
+def _piece(arc: Arc) -> str:
+    return f"{arc.first.hex()[:8]}..{arc.last.hex()[:8]} ({arc.length / LINE_LENGTH:.2%} of the line)"
+
+
+def _some(addresses: Sequence[str]) -> str:
+    return ", ".join(addresses[:4]) + (f" and {len(addresses) - 4} others" if len(addresses) > 4 else "")

@@ -1,0 +1,184 @@
+"""What nodes say of themselves (packets 75 and 76; specs/11-peers.md, Report), read into values. Pure.
+
+A report is a document of another machine: whatever does not fit is a PeerFault, and fields that are not known here are passed over,
+so that nodes of a later version can say more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.location import Arc, Location
+from scenefold.wire import unpack_value
+
+
+@dataclass(frozen=True, slots=True)
+class HandoverReport:
+    """A handover as one of its two nodes sees it."""
+
+    id: str
+    step: str
+    gives: bool
+    peer: str
+    """Address of the other node."""
+    piece: Arc
+    open: bool
+    """The bound between the two is on its way."""
+    seconds: float
+    """For how long this node has seen it."""
+    records: int
+    """At the giver what lies in the piece, at the receiver what has arrived."""
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class PeerReport:
+    """What one node has heard of another."""
+
+    heard_s: float | None
+    """Seconds since its last sign of life; None: never."""
+    alive: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NodeReport:
+    """A node at the moment of answering."""
+
+    address: str
+    node: int
+    incarnation: str
+    boot: int
+    seconds_up: float
+    role: str
+    """voter, member, joining or draining."""
+    lease_s: float
+    """For how long it may still speak for its arc; 0: it may not."""
+    log_position: int
+    arc: Arc | None
+    gap: Arc | None
+    """Places beside its arc that nobody owns, as far as it has found out."""
+    handovers: tuple[HandoverReport, ...]
+    strays: int
+    damaged: int
+    records: int
+    bytes: int
+    used_bytes: int
+    capacity_bytes: int
+    rays_per_second: int
+    stalls: int
+    stall_last_s: float
+    stall_ago_s: float | None
+    peers: Mapping[str, PeerReport]
+    document: Mapping[str, Any]
+    """All that it said."""
+
+    @property
+    def fill(self) -> float:
+        """Part of what it may store that is used."""
+        return self.used_bytes / self.capacity_bytes if self.capacity_bytes else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DrainReport:
+    """How far a node that leaves is (specs/13-balance.md, Leaving)."""
+
+    state: str
+    """serving, draining or left."""
+    records: int
+    bytes: int
+    seconds_left: float | None
+    may_switch_off: bool
+    obstacles: tuple[str, ...]
+    text: str
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {
+            "state": self.state,
+            "records": self.records,
+            "bytes": self.bytes,
+            "seconds_left": self.seconds_left,
+            "may_switch_off": self.may_switch_off,
+            "obstacles": list(self.obstacles),
+            "text": self.text,
+        }
+
+
+def read_report(packed: bytes, address: str) -> NodeReport:
+    """The report of the node at this address; PeerFault if it is none."""
+    try:
+        found = unpack_value(packed)
+        stalls = found["stalls"]
+        return NodeReport(
+            address=address,
+            node=int(found["node"]),
+            incarnation=str(found["incarnation"]),
+            boot=int(found["boot"]),
+            seconds_up=float(found["seconds_up"]),
+            role=str(found["role"]),
+            lease_s=float(found["lease_s"]),
+            log_position=int(found["log_position"]),
+            arc=_arc(found["arc"]),
+            gap=_arc(found["gap"]),
+            handovers=tuple(map(_handover, found["handovers"])),
+            strays=int(found["strays"]),
+            damaged=int(found["damaged"]),
+            records=int(found["records"]),
+            bytes=int(found["bytes"]),
+            used_bytes=int(found["used_bytes"]),
+            capacity_bytes=int(found["capacity_bytes"]),
+            rays_per_second=int(found["rays_per_second"]),
+            stalls=int(stalls["count"]),
+            stall_last_s=float(stalls["last_s"]),
+            stall_ago_s=_seconds(stalls["ago_s"]),
+            peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
+            document=found,
+        )
+    except (KeyError, TypeError, ValueError, PeerFault) as problem:
+        raise PeerFault(f"the node's report cannot be read: {type(problem).__name__} {problem}", where=address) from problem
+
+
+def read_drain_report(packed: bytes, address: str) -> DrainReport:
+    """How far the node at this address is with leaving; PeerFault if it does not say."""
+    try:
+        found = unpack_value(packed)
+        return DrainReport(
+            state=str(found["state"]),
+            records=int(found["records"]),
+            bytes=int(found["bytes"]),
+            seconds_left=_seconds(found["seconds_left"]),
+            may_switch_off=bool(found["may_switch_off"]),
+            obstacles=tuple(map(str, found["obstacles"])),
+            text=str(found["text"]),
+        )
+    except (KeyError, TypeError, ValueError, PeerFault) as problem:
+        raise PeerFault(f"the node's report cannot be read: {type(problem).__name__} {problem}", where=address) from problem
+
+
+def _handover(found: Mapping[str, Any]) -> HandoverReport:
+    return HandoverReport(
+        id=str(found["id"]),
+        step=str(found["step"]),
+        gives=bool(found["gives"]),
+        peer=str(found["peer"]),
+        piece=Arc(_location(found["first"]), _location(found["last"])),
+        open=bool(found["open"]),
+        seconds=float(found["seconds"]),
+        records=int(found["records"]),
+        bytes=int(found["bytes"]),
+    )
+
+
+def _arc(found: Mapping[str, Any] | None) -> Arc | None:
+    return None if found is None else Arc(_location(found["first"]), _location(found["last"]))
+
+
+def _location(text: str) -> Location:
+    return Location(bytes.fromhex(text))
+
+
+def _seconds(value: float | None) -> float | None:
+    return None if value is None else float(value)
