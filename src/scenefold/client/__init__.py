@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.health import ClusterStatus, Concern, NodeState
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
-    from scenefold.client.movements import Movement, Rate, movements, rates
+    from scenefold.client.moving import Movement, Rate, movements, rates
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
@@ -30,7 +30,7 @@ _HOMES = {
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.health": "ClusterStatus Concern NodeState",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
-    "scenefold.client.movements": "Movement Rate movements rates",
+    "scenefold.client.moving": "Movement Rate movements rates",
     "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.reading": "open_scene_with_keys",
