@@ -68,11 +68,15 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
     """Fail a test that logged what it did not expect, or did not log what it expected."""
     structlog.configure(processors=[_through_logging], cache_logger_on_first_use=False)
     complaints = Complaints()
+    ours = logging.getLogger("scenefold")
+    level = ours.level
     logging.getLogger().addHandler(complaints)
     try:
         yield
     finally:
         logging.getLogger().removeHandler(complaints)
+        # Simulations silence our logs for their whole process; the next test may expect a line.
+        ours.setLevel(level)
     expected = [str(marker.args[0]) for marker in item.iter_markers("expect_log")]
     surprises = [line for line in complaints.lines if not any(re.search(pattern, line) for pattern in expected)]
     missing = [pattern for pattern in expected if not any(re.search(pattern, line) for line in complaints.lines)]

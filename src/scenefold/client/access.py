@@ -27,7 +27,7 @@ from scenefold.client.tombstones import tombstone
 from scenefold.client.versions import Sequencer
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey, signed_place, wanted_place
 from scenefold.scene.log import SceneLog
-from scenefold.wire import EXPECT_ABSENT, LogEntry, PutItem
+from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem
 
 Result = TypeVar("Result")
 
@@ -177,12 +177,18 @@ class SceneAccess:
         return outputs is not None and any(wish.space not in outputs for wish in wishes)
 
     async def get(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[Opened | None]:
-        """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify.
+        """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify, Refused (16) if one
+        has rotted on its owner's disk.
 
         A deleted record is there, and says so (`Opened.deleted`). `stale_ok`: take the answer of a node that may
         have been replaced without knowing; else it is asked again for a while, then Refused.
         """
         records = await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
+        for key, record in zip(keys, records, strict=True):
+            if record == DAMAGED_RECORD:
+                where = f"scene {self.identity.scene:08x}, space {key[0]}, {key[1].hex()}"
+                remedy = "write it anew, or restore it from a copy"
+                raise Refused(RejectReason.NOT_READY, "the record is damaged at its owner", where=where, remedy=remedy)
         sizes = [0 if record is None else len(record.ciphertext) for record in records]
         opened: list[Opened | None] = []
         for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):

@@ -82,6 +82,8 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
 async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool) -> list[RecordBytes | None]:
     """The records at the keys, unverified, in order; None where the owner says that nothing is there.
 
+    DAMAGED_RECORD where it has one that has rotted.
+
     `stale_ok`: take an answer of a node that may have been replaced without knowing, too.
     """
     missing = object()

@@ -2,7 +2,8 @@
 
 A read at the wrong node is forwarded to the owner, once: what one node asks another is never forwarded again, so
 tables that disagree cannot send a request in circles. A node without a lease may have been replaced without knowing: what
-it has it gives, marked stale, and what it lacks it does not call absent.
+it has it gives, marked stale, and what it lacks it does not call absent. A record that has rotted on the disk is said to
+be damaged, in its place, and keeps nobody from the others.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scenefold.peer.holdings import Holdings, Lease, Owners, no_lease, other_own
 from scenefold.peer.peers import Peers
 from scenefold.peer.scenes import Scenes
 from scenefold.store import Spot, Store
-from scenefold.wire import EmptyData, GetData, GetMany, GetManyReply, Packet, RecordBytes, RecordKey, ReturnData
+from scenefold.wire import DAMAGED_RECORD, EmptyData, GetData, GetMany, GetManyReply, Packet, RecordBytes, RecordKey, ReturnData
 from scenefold.world import Priority
 
 READ_BATCH = 128
@@ -34,7 +35,7 @@ _RECORD_FRAMING_BYTES = 16
 
 
 class Found(NamedTuple):
-    """Records in the order of their keys, None where nothing is. `stale`: newer versions may be elsewhere."""
+    """Records in the order of their keys, None where nothing is, DAMAGED_RECORD where one has rotted. `stale`: newer versions may be elsewhere."""
 
     records: list[RecordBytes | None]
     stale: bool
@@ -103,8 +104,6 @@ class Reads:
             raise Refused(RejectReason.NOT_READY, "the place is changing hands")
         leased = self._lease.holds()
         for key, record in zip(keys, records, strict=True):
-            if isinstance(record, DamagedData):
-                raise Refused(RejectReason.NOT_READY, f"the record is damaged: {record.what}", where=record.where, remedy=record.remedy)
             if record is None and not leased:
                 raise no_lease()
             found[key] = _as_bytes(record)
@@ -133,6 +132,8 @@ class Reads:
         key = RecordKey(packet.space, packet.location, packet.object)
         found = await self.get(packet.scene, [key], packet.position, forward=node_of(peer) is None)
         record = found.records[0]
+        if record == DAMAGED_RECORD:
+            raise Refused(RejectReason.NOT_READY, "the record is damaged", remedy="write it anew, or restore it from a copy")
         if record is None:
             return EmptyData(
                 scene=packet.scene,
@@ -171,7 +172,9 @@ async def _all_at_once(fetches: Sequence[Callable[[], Awaitable[None]]]) -> None
         raise errors[0]
 
 
-def _as_bytes(record: Record | None) -> RecordBytes | None:
+def _as_bytes(record: Record | DamagedData | None) -> RecordBytes | None:
+    if isinstance(record, DamagedData):
+        return DAMAGED_RECORD
     return None if record is None else RecordBytes(record.signature, record.header_bytes, record.ciphertext)
 
 

@@ -14,7 +14,18 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
 from scenefold.simulation.history import NEVER_ENDED, Histories, Listing, Outcome, Place, Read, Version, Write
-from scenefold.wire import GetMany, GetManyReply, Packet, PutItem, PutMany, PutManyReply, QueryRange, RecordBytes, ReturnRange
+from scenefold.wire import (
+    DAMAGED_RECORD,
+    GetMany,
+    GetManyReply,
+    Packet,
+    PutItem,
+    PutMany,
+    PutManyReply,
+    QueryRange,
+    RecordBytes,
+    ReturnRange,
+)
 from scenefold.world import Links, Priority
 
 _WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL})
@@ -76,6 +87,9 @@ class Recorder:
         end = self.histories.moment()
         for key, record in zip(packet.keys, records, strict=False):
             place = Place(packet.scene, key.space, key.object or key.location)
+            if record == DAMAGED_RECORD:
+                self._tell(who, place, "get: damaged")
+                continue
             digest = None if record is None else RecordHeader.decode(record.header).digest
             if digest is not None and digest not in self._offered.get(place, ()):
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))

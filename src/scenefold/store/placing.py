@@ -28,6 +28,12 @@ def known_place(transaction: ReadTransaction, scene: SceneId, space: SpaceId, ob
     return None if present is None else location
 
 
+def place_in_arc(transaction: ReadTransaction, arc: Arc | None, scene: SceneId, space: SpaceId, object_id: bytes) -> Location | None:
+    """Where this node has an object in its arc; None if it has not, or if there is no object (b"")."""
+    known = known_place(transaction, scene, space, object_id) if object_id and arc is not None else None
+    return known if known is not None and arc is not None and known in arc else None
+
+
 def free_place(transaction: ReadTransaction, scene: SceneId, space: SpaceId, object_id: bytes, arc: Arc) -> Location:
     """A place in the arc where nothing of this space lies; found in one look but for rare chances."""
     wanted = wanted_place(object_id)

@@ -9,6 +9,7 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record, RecordPlace
+from scenefold.store.holding import read_arc
 from scenefold.store.layout import (
     HEADERS,
     NO_OBJECT,
@@ -19,9 +20,10 @@ from scenefold.store.layout import (
     object_of,
     record_key,
     scene_of,
+    stored_header,
     unpack_record,
 )
-from scenefold.store.placing import known_place
+from scenefold.store.placing import known_place, place_in_arc
 from scenefold.store.walking import describe
 from scenefold.world.ports import ReadTransaction
 
@@ -54,6 +56,26 @@ def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedDa
         return unpack_record(value)
     except DamagedData as error:
         return DamagedData(error.what, where=describe(spot), remedy="write it anew, or restore it from a copy")
+
+
+def read_digests(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[bytes | None]:
+    """Which version lies at each spot, or of its object elsewhere in the arc; None for nothing, or nothing sound."""
+    arc = read_arc(transaction)
+    return [_read_digest(transaction, arc, spot) for spot in spots]
+
+
+def _read_digest(transaction: ReadTransaction, arc: Arc | None, spot: Spot) -> bytes | None:
+    place, object_id = spot
+    known = place_in_arc(transaction, arc, place.scene, place.space, object_id)
+    key = record_key(place if known is None else RecordPlace(place.scene, place.space, known), object_id)
+    value = transaction.get(RECORDS, key)
+    if value is None:
+        return None
+    try:
+        return stored_header(value).digest
+    except DamagedData:
+        # What comes instead heals it, and says so.
+        return None
 
 
 def read_range(transaction: ReadTransaction, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> RangeAnswer:

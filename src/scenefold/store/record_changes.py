@@ -27,7 +27,7 @@ from scenefold.store.layout import (
     stored_header,
     unpack_record,
 )
-from scenefold.store.placing import free_place, known_place
+from scenefold.store.placing import free_place, place_in_arc
 from scenefold.store.statistics import Tally
 from scenefold.store.walking import entry_keys
 from scenefold.world.ports import WriteTransaction
@@ -62,7 +62,10 @@ class PutRecords:
 
 @dataclass(frozen=True, slots=True)
 class MergeRecords:
-    """Copies from other nodes: the highest version stays, wherever it lies. They may use the reserve."""
+    """Copies from other nodes: the highest version stays, wherever it lies. They may use the reserve.
+
+    A node-managed object that is in this node's arc already stays at its one place, whatever place the copy comes from.
+    """
 
     puts: Sequence[tuple[RecordHeader, Put]]
 
@@ -75,7 +78,12 @@ class MergeRecords:
         return True
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
-        return [_write(transaction, tally, header, put.record, None, _spot(header, put.at)) for header, put in self.puts]
+        arc = read_arc(transaction)
+        results = []
+        for header, put in self.puts:
+            known = place_in_arc(transaction, arc, header.scene, header.space, object_of(header))
+            results.append(_write(transaction, tally, header, put.record, None, _spot(header, put.at if known is None else known)))
+        return results
 
     def when_full(self) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -205,8 +213,8 @@ def _managed_place(transaction: WriteTransaction, arc: Arc, new: RecordHeader, a
     object_id = object_of(new)
     if at is not None and transaction.get(RECORDS, record_key(*_spot(new, at))) is not None:
         return at
-    known = known_place(transaction, new.scene, new.space, object_id)
-    if known is not None and known in arc:
+    known = place_in_arc(transaction, arc, new.scene, new.space, object_id)
+    if known is not None:
         return known
     return free_place(transaction, new.scene, new.space, object_id, arc) if at is None else at
 

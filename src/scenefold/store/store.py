@@ -106,6 +106,16 @@ class Store:
                 _log.error("%s", found)
         return records
 
+    async def digests(self, spots: Sequence[Spot]) -> list[bytes | None]:
+        """Which versions lie here, without their bytes; None for nothing, or nothing sound.
+
+        An object that has another place in this node's arc counts wherever it is asked for, as `merge` would put it there.
+        """
+        found: list[bytes | None] = []
+        for start in range(0, len(spots), STORE_READ_BATCH_MAX):
+            found += await self._view(reading.read_digests, spots[start : start + STORE_READ_BATCH_MAX])
+        return found
+
     async def range(self, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> RangeAnswer:
         """At most `limit` >= 1 locations of records in the arc, from its first on."""
         assert limit >= 1

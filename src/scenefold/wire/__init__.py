@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from scenefold.wire.codec import PROTOCOL_VERSION, decode_packet, encode_frame, encode_packet
     from scenefold.wire.common import Carrier, MiniStatus, Packet
     from scenefold.wire.data_packets import (
+        DAMAGED_RECORD,
         EXPECT_ABSENT,
         AcceptData,
         EmptyData,
@@ -148,7 +149,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet",
     "common": "Carrier MiniStatus Packet",
-    "data_packets": "AcceptData EXPECT_ABSENT EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
+    "data_packets": "AcceptData DAMAGED_RECORD EXPECT_ABSENT EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
     "documents": "Value pack_value unpack_value",
     "errors": "MalformedPacket UnsupportedPacket",
     "frames": "FrameReader frame",
@@ -175,6 +176,7 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = [
+    "DAMAGED_RECORD",
     "EXPECT_ABSENT",
     "NO_GENESIS",
     "NO_RECORD",

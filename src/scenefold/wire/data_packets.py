@@ -83,6 +83,10 @@ class RecordBytes:
     ciphertext: bytes
 
 
+DAMAGED_RECORD = RecordBytes(bytes(64), b"", b"")
+"""In a GetManyReply: a record is there and has changed on its owner's disk. No record has an empty header."""
+
+
 PUT_ITEM = Struct(
     PutItem,
     ("scene", SCENE),
@@ -239,7 +243,7 @@ class GetMany(Packet):
 class GetManyReply(Packet):
     """Records of the first keys asked for, in order, as many as fit a frame (at least one); None: nothing there.
 
-    The asker asks again for the rest. `stale`: of some record a newer version may exist.
+    DAMAGED_RECORD: something is there that nobody can have. The asker asks again for the rest. `stale`: of some record a newer version may exist.
     """
 
     TYPE: ClassVar[int] = 35

@@ -13,6 +13,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import wanted_place
 from scenefold.store import Put
 from scenefold.wire import (
+    DAMAGED_RECORD,
     AcceptData,
     EmptyData,
     Fault,
@@ -202,12 +203,35 @@ def test_a_damaged_record_is_no_answer() -> None:
         dice = random.Random(1)
         for _turn in range(20):
             one.disk.corrupt("records", dice)
-        assert reason_of(await get(one, 5, 6)) is RejectReason.NOT_READY
+        assert one.store.damaged == 0
+        reply = await get(one, 5, 6)
+        assert isinstance(reply, GetManyReply)
+        assert DAMAGED_RECORD in reply.records
         assert one.store.damaged
+        for number, record in zip((5, 6), reply.records, strict=True):
+            single = await one.ask(GetData(SCENE.scene, SPACE, Location.from_number(number), 1))
+            assert reason_of(single) is (RejectReason.NOT_READY if record == DAMAGED_RECORD else None)
         assert await put(one, item(5, seq=2), item(6, seq=2)) == [0, 0], "a new version heals it"
         assert found(await get(one, 5, 6)) == [True, True]
 
     with_nodes(test, arc(0, 99))
+
+
+@pytest.mark.expect_log("changed on the disk")
+def test_a_damaged_record_keeps_nobody_from_the_others() -> None:
+    async def test(_: Neighbours, one: Node, other: Node) -> None:
+        assert await put(one, item(5)) == [0]
+        dice = random.Random(1)
+        for _turn in range(20):
+            one.disk.corrupt("records", dice)
+        assert await put(one, item(6)) == [0]
+        for node in (one, other):
+            reply = await get(node, 5, 6, 7)
+            assert isinstance(reply, GetManyReply)
+            assert reply.records[0] == DAMAGED_RECORD
+            assert found(reply)[1:] == [True, False]
+
+    with_nodes(test, LEFT, RIGHT)
 
 
 def test_a_bound_that_moves_under_readers_and_writers_loses_nothing() -> None:

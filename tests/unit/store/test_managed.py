@@ -98,3 +98,22 @@ async def test_a_space_of_both_kinds_is_still_listed(tmp_path: Path) -> None:
         await store.put([put(7)])
         answer = await store.range(SCENE, SPACE, WHOLE_LINE, 10)
         assert dict(zip(answer.locations, answer.objects, strict=True)) == {location: object_id(1), Location.from_number(7): bytes(16)}
+
+
+async def test_a_copy_of_an_object_that_has_slid_makes_no_second_one(tmp_path: Path) -> None:
+    newer = managed(1, seq=2, text=b"newer")
+    async with whole_store(world(), tmp_path) as store:
+        await store.put_holding(arc(0, 999), b"")
+        here = await placed(store, Put(managed(1)))
+        elsewhere = Location.from_number(5000)
+        assert await store.digests([spot(1, elsewhere), spot(2, elsewhere)]) == [managed(1).header.digest, None]
+        [result] = await store.merge([Put(newer, at=elsewhere)])
+        assert result.outcome is Outcome.STORED
+        assert (await store.range(SCENE, SPACE, WHOLE_LINE, 9)).locations == [here]
+        assert await store.digests([spot(1, elsewhere)]) == [newer.header.digest]
+        # What lies outside of the arc is nothing to go by: it may be about to be deleted.
+        await store.put_holding(arc(4000, 6000), b"")
+        assert await store.digests([spot(1, elsewhere)]) == [None]
+        [result] = await store.merge([Put(newer, at=elsewhere)])
+        assert result.outcome is Outcome.STORED
+        assert sorted((await store.range(SCENE, SPACE, WHOLE_LINE, 9)).locations) == sorted([here, elsewhere])

@@ -13,7 +13,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, address_of
-from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX, STORE_RESERVE_BYTES
+from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
@@ -24,7 +24,6 @@ from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import side_of_giver
 from scenefold.peer.verification import KnownScene, epochs_of, verify_copies
 from scenefold.store import Outcome, Put, Spot, Store
-from scenefold.store.layout import record_key
 from scenefold.wire import (
     ClaimRange,
     CopyRecords,
@@ -129,24 +128,10 @@ class Receiving:
         handover = self._noted(packet.handover, peer)
         spots = [Spot(RecordPlace(entry.scene, entry.space, entry.location), entry.object) for entry in packet.entries]
         _check_inside(spots, handover.piece)
-        present = await self._versions(spots, handover.piece)
+        present = await self._parts.store.digests(spots)
         self._touch(packet.handover)
-        lacking = tuple(index for index, entry in enumerate(packet.entries) if present.get(spots[index]) != entry.digest)
+        lacking = tuple(index for index, entry in enumerate(packet.entries) if present[index] != entry.digest)
         return RecordsWanted(packet.handover, lacking)
-
-    async def _versions(self, spots: Sequence[Spot], piece: Arc) -> dict[Spot, bytes]:
-        """Digests of what lies here at these spots: one walk, since a list comes in the store's own order."""
-        found: dict[Spot, bytes] = {}
-        if not spots:
-            return found
-        keys = [record_key(*spot) for spot in spots]
-        cursor: bytes | None = min(keys)[:-1]
-        last = max(keys)
-        while cursor is not None and cursor < last:
-            manifest = await self._parts.store.manifest(piece, cursor, HANDOVER_BATCH_RECORDS_MAX)
-            found.update((entry.spot, entry.digest) for entry in manifest.entries)
-            cursor = manifest.cursor
-        return found
 
     async def _on_copy(self, packet: CopyRecords, peer: str) -> Packet:
         return await _replied(packet.handover, self._copy(packet, peer))
