@@ -49,7 +49,7 @@ class Whom(Enum):
     GROUP = "group"
     """Some slots, fewer than half, against all others."""
     PAIR = "pair"
-    """Two slots, in this order."""
+    """Two slots, in this order; every other time the voter is one of them."""
     ONE = "one"
     NO_VOTER = "no voter"
     """One slot, but never the voter: with one voter for now, its disk is the cluster's log."""
@@ -71,9 +71,9 @@ class Shape:
 
 
 KINDS: dict[Kind, Shape] = {
-    Kind.PARTITION: Shape(0.66, Whom.GROUP, (2, 20)),
-    Kind.ONE_WAY: Shape(0.66, Whom.PAIR, (2, 20)),
-    Kind.CLOG: Shape(0.66, Whom.PAIR, (2, 15)),
+    Kind.PARTITION: Shape(0.66, Whom.GROUP, (2, 70)),
+    Kind.ONE_WAY: Shape(0.66, Whom.PAIR, (2, 60)),
+    Kind.CLOG: Shape(0.66, Whom.PAIR, (2, 40)),
     Kind.LOSS: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams lost"),
     Kind.DUPLICATION: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams doubled"),
     Kind.REORDERING: Shape(0.66, Whom.ALL, (3, 20), (0.05, 1.5), "seconds that a datagram may be late"),

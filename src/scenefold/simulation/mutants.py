@@ -27,10 +27,6 @@ def _always(value: object) -> Callable[[Any], Any]:
     return lambda _original: lambda *_args, **_named: value
 
 
-def _is(value: object) -> Callable[[Any], Any]:
-    return lambda _original: value
-
-
 def _blind_judge(original: Any) -> Any:
     """Any version may replace any other."""
     from scenefold.store.judging import Outcome, PutResult
@@ -106,7 +102,6 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "indirect probe": (Patch("scenefold.peer.probing", "heard_by_others", _deaf_helpers),),
     "durable before release": (Patch("scenefold.peer.line.receiving", "keep_durably", _hasty_keeping),),
     "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
-    "adoption wait": (Patch("scenefold.peer.line.adoption", "T_WAIT_S", _is(0.0)),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }

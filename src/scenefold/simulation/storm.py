@@ -284,6 +284,8 @@ class Storm:
 
     def _handover_moves(self, slot: int) -> None:
         """Called in the middle of a commit that changes an open handover."""
+        if self._is_over:
+            return
         for waiting in self._wait_for_handover:
             waiting[0] -= 1
             if waiting[0] <= 0 and self._cluster.crash(slot):

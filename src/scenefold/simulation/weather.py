@@ -75,5 +75,7 @@ def _slots(whom: Whom, nodes: int, dice: random.Random, spares: Iterator[int]) -
         size = dice.randint(1, max(1, (nodes - 1) // 2))
         return tuple(sorted(dice.sample(range(nodes), size)))
     if whom is Whom.PAIR:
-        return tuple(dice.sample(range(nodes), 2))
+        pair = [0, dice.randrange(1, nodes)] if dice.random() < 0.5 else dice.sample(range(nodes), 2)
+        dice.shuffle(pair)
+        return tuple(pair)
     return (dice.randrange(1 if whom is Whom.NO_VOTER else 0, nodes),)
