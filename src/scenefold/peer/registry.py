@@ -73,6 +73,7 @@ class Registry:
         "_revoked",
         "_trusted",
         "head",
+        "left_at",
         "order",
         "position",
         "voters",
@@ -85,12 +86,15 @@ class Registry:
     order: tuple[NodeId, ...]
     """All nodes on the line from left to right, founders that have not registered yet included."""
     voters: tuple[NodeId, ...]
+    left_at: int
+    """Position of the newest record that took somebody off the line, a founder that never registered included; 0 if none did."""
 
     def __init__(self) -> None:
         self.position = 0
         self.head = NO_RECORD
         self.order = ()
         self.voters = ()
+        self.left_at = 0
         self._founders: dict[NodeId, Seat] = {}
         self._registered: dict[NodeId, Registered] = {}
         self._removals: dict[bytes, Removal] = {}
@@ -191,6 +195,7 @@ class Registry:
     def _copy(self) -> Registry:
         copy = Registry()
         copy.position, copy.head, copy.order, copy.voters = self.position, self.head, self.order, self.voters
+        copy.left_at = self.left_at
         copy._founders, copy._founding_arcs = self._founders, self._founding_arcs
         copy._revoked, copy._trusted = self._revoked, self._trusted
         copy._registered = dict(self._registered)
@@ -284,6 +289,7 @@ class Registry:
         if incarnation != (NO_INCARNATION if known is None else known.incarnation):
             raise Refused(RejectReason.WRONG_INCARNATION, f"this is not the incarnation of {address_of(node)} that is a member")
         self.order = tuple(other for other in self.order if other != node)
+        self.left_at = position
         if known is not None:
             del self._registered[node]
             self._removals[incarnation] = Removal(entry.member, entry.reason, position)

@@ -47,7 +47,7 @@ class Adoption:
             if not registry.is_current(parts.own.member):
                 await parts.cluster_log.changed_after(registry.position)
                 continue
-            about = (newest_removal(registry), holding.arc)
+            about = (registry.left_at, holding.arc)
             if about == self._surveyed:
                 await self._something_new(registry.position, holding.revision)
                 continue
@@ -74,10 +74,9 @@ class Adoption:
 
     def _wait_s(self, registry: Registry) -> float:
         """Until the leases of all who were removed are over."""
-        newest = newest_removal(registry)
-        if not newest:
+        if not registry.left_at:
             return 0.0
-        return max(0.0, self._parts.cluster_log.learnt_at(newest) + T_WAIT_S - self._parts.world.clock.now())
+        return max(0.0, self._parts.cluster_log.learnt_at(registry.left_at) + T_WAIT_S - self._parts.world.clock.now())
 
     async def _look(self) -> None:
         parts = self._parts
@@ -146,8 +145,3 @@ class Adoption:
             _log.debug("no bound is confirmed to %s: %s", peer, refusal)
             return BoundConfirmed(int(refusal.reason), None, False, parts.cluster_log.registry.position, 0)
         return BoundConfirmed(0, bound.right_bound, bound.is_open, packet.log_position, bound.revision)
-
-
-def newest_removal(registry: Registry) -> int:
-    """The position of the newest removal; 0 if nobody was ever removed."""
-    return max((removal.position for removal in registry.removed.values()), default=0)
