@@ -60,6 +60,8 @@ class Nodes:
             "profile_folder": self.profile.folder,
             "address": address,
             "data_folder": self.folder / "data" / address,
+            # Tests that ask nodes with bare packets and no second try need bounds that stand still.
+            "balance": False,
         }
         return NodeSettings(**{**known, **changes})
 
