@@ -167,7 +167,7 @@ class PeerServices:
         context.joined.set()
 
     async def _watch_seeds(self) -> None:
-        """Say once that no seed answers; give up in the end, unless this node is a seed that others look for."""
+        """Say once that no seed answers; give up in the end, unless others have found us, or this node is a seed that they look for."""
         wait_s = self.context.settings.seed_wait_s
         warning_s = min(SEED_WARNING_S_MAX, wait_s / 2)
         gossip = self.context.gossip
@@ -179,7 +179,7 @@ class PeerServices:
         with trio.move_on_after(wait_s - warning_s):
             await gossip.a_seed_heard()
             return
-        if not self._is_seed:
+        if not self._is_seed and not gossip.met():
             raise Unreachable(
                 f"no seed answered within {wait_s:g} s",
                 where=silent,

@@ -123,6 +123,10 @@ class Receiving:
         statistics = await self._parts.store.statistics()
         if statistics.disk_total_bytes - statistics.disk_used_bytes < size_bytes + self._reserve_bytes:
             raise Refused(RejectReason.STORAGE_FULL, "the receiver's disk has no room for the piece")
+        # What the node says that it may store: less than the disk has, if somebody has set it a bound.
+        capacity = self._parts.own.load.disk_total_bytes
+        if capacity and capacity - statistics.disk_used_bytes < size_bytes:
+            raise Refused(RejectReason.STORAGE_FULL, "the receiver may not store as much as the piece holds")
 
     async def _on_list(self, packet: OfferRecords, peer: str) -> Packet:
         handover = self._noted(packet.handover, peer)

@@ -1,0 +1,148 @@
+"""If this fails, nodes cannot join or leave by the command line, or it does not say how the cluster does while they do."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from integration.scenectl_process import LIMIT_S, free_ports, running, scenectl
+
+FOUNDERS = ("127.0.0.2", "127.0.0.3")
+SPARES = ("127.0.0.4", "127.0.0.5")
+PLACES = [f"{digit:x}1" for digit in range(16)]
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Two nodes with some records."""
+    folder = tmp_path_factory.mktemp("trial")
+    ports = free_ports(*FOUNDERS, *SPARES)
+    with running("node", "local", "2", "--spares", "2", "--folder", folder, "--ports", ports, "--json") as (_, ready):
+        found = ready["profile"]
+        assert ready["spares"] == list(SPARES)
+        assert scenectl("scene", "create", "kitchen", profile=found).code == 0
+        for place in PLACES:
+            done = scenectl("data", "put", "files", place, "-", "--scene", "kitchen", profile=found, stdin=place.encode() * 100)
+            assert done.code == 0, done.err
+        yield found
+
+
+def check_readable(profile: str) -> None:
+    listed = scenectl("data", "ls", "files", "--scene", "kitchen", "--json", profile=profile).json
+    assert [location[:2] for location in listed["locations"]] == PLACES
+    for place in PLACES[::5]:
+        assert scenectl("data", "get", "files", place, "--scene", "kitchen", profile=profile).out == place.encode() * 100
+
+
+@contextmanager
+def joining(profile: str, address: str, data: Path, *options: str) -> Iterator[subprocess.Popen[bytes]]:
+    arguments = ["cluster", "join", FOUNDERS[0], "--address", address, "--data", str(data), "--json", *options]
+    with running(*arguments, profile=profile) as (process, ready):
+        assert ready == {"event": "ready", "address": address, "data": str(data)}
+        yield process
+
+
+def event(process: subprocess.Popen[bytes], name: str) -> Any:
+    """The next event of this name."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        found = json.loads(line)
+        if found["event"] == name:
+            return found
+    raise AssertionError(f"it ended before it said {name!r}")
+
+
+def test_a_spare_joins_is_listed_and_leaves(profile: str, tmp_path: Path) -> None:
+    spare = SPARES[0]
+    with joining(profile, spare, tmp_path / "data", "--place", "c0") as process:
+        member = event(process, "member")
+        assert member["members"] == 3 and {member["left"], member["right"]} == set(FOUNDERS)
+        arrived = event(process, "arrived")
+        assert arrived["records"] > 0 and arrived["share"] > 0.2
+        listed = scenectl("cluster", "nodes", "--json", profile=profile).json["nodes"]
+        assert [node["address"] for node in listed] == [FOUNDERS[0], spare, FOUNDERS[1]]
+        assert [node["role"] for node in listed] == ["voter", "member", "member"]
+        assert sum(node["share"] for node in listed) == pytest.approx(1)
+        assert sum(node["records"] for node in listed) >= len(PLACES)
+        assert all(node["heard_s"] < 60 and node["lease_s"] > 0 and len(node["incarnation"]) == 32 for node in listed)
+        status = scenectl("cluster", "status", profile=profile)
+        assert status.code == 0, status.out
+        assert f"{len(listed)} of 3 nodes alive" in status.out.decode()
+        check_readable(profile)
+        busy = scenectl("node", "drain", spare, "--check", "--json", profile=profile)
+        assert busy.code == 5 and not busy.json["may_switch_off"]
+        assert "owns a part of the line" in busy.json["obstacles"][0]
+        left = scenectl("node", "drain", spare, "--json", profile=profile)
+        assert left.code == 0, left.err
+        assert left.json["state"] == "left" and left.json["may_switch_off"]
+        assert event(process, "left")["address"] == spare
+        assert process.wait(LIMIT_S) == 0
+    check_readable(profile)
+    assert [node["address"] for node in scenectl("cluster", "nodes", "--json", profile=profile).json["nodes"]] == list(FOUNDERS)
+
+
+def test_a_newcomer_without_room_gets_nothing_and_is_seen_to_wait(profile: str, tmp_path: Path) -> None:
+    spare = SPARES[1]
+    with joining(profile, spare, tmp_path / "data", "--capacity", "4096") as process:
+        event(process, "member")
+        status = scenectl("cluster", "status", "--json", profile=profile)
+        waiting = next(node for node in status.json["nodes"] if node["address"] == spare)
+        assert waiting["role"] == "joining" and waiting["arc"] is None and waiting["share"] == 0
+        assert "joining" in [warning["kind"] for warning in status.json["warnings"] if warning["address"] == spare]
+        check_readable(profile)
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0
+    away = scenectl("cluster", "status", profile=profile)
+    assert away.code == 5
+    assert f"warning: {spare} does not answer" in away.out.decode()
+    silent = scenectl("node", "drain", spare, profile=profile)
+    assert silent.code == 3 and spare in silent.error
+
+
+def test_the_node_that_decides_cannot_be_drained(profile: str) -> None:
+    refused = scenectl("node", "drain", FOUNDERS[0], profile=profile)
+    assert refused.code == 4 and "cannot do without it" in refused.error and FOUNDERS[0] in refused.error
+    check = scenectl("node", "drain", FOUNDERS[0], "--check", "--json", profile=profile)
+    assert check.code == 5 and check.json["state"] == "serving"
+
+
+def test_top_compares_two_looks(profile: str) -> None:
+    once = scenectl("cluster", "top", "--once", "--json", profile=profile)
+    assert once.code == 0, once.err
+    nodes = [node for node in once.json["nodes"] if node["alive"]]
+    assert [node["address"] for node in nodes] == list(FOUNDERS)
+    assert all(isinstance(node["records_per_second"], float) and node["rays_per_second"] == 0 for node in nodes)
+    assert 0.9 < once.json["seconds"] < 30 and once.json["handovers"] == []
+    with running("cluster", "top", "--json", profile=profile) as (process, first):
+        assert first["name"] == once.json["name"]
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0 and err == b""
+
+
+@pytest.mark.parametrize(
+    "arguments, code, words",
+    [
+        (["cluster", "join", FOUNDERS[0], "--address", FOUNDERS[0]], 2, "through itself"),
+        (["cluster", "join", "kitchen", "--address", SPARES[0]], 2, "no IPv4 address"),
+        (["cluster", "join", FOUNDERS[0], "--address", "127.0.0.99"], 1, "no node of this cluster"),
+        (["cluster", "join", FOUNDERS[0], "--address", SPARES[0], "--place", "middle"], 2, "no place on the line"),
+        (["node", "drain", "127.0.0.99"], 1, "no node of this address is a member"),
+        (["node", "drain", FOUNDERS[1], "--check", "--cancel"], 2, "exclude each other"),
+    ],
+)
+def test_what_cannot_be_is_said_in_a_line(profile: str, arguments: list[str], code: int, words: str, tmp_path: Path) -> None:
+    more = ["--data", str(tmp_path)] if arguments[0] == "cluster" else []
+    done = scenectl(*arguments, *more, profile=profile)
+    assert done.code == code, done.err
+    assert words in done.error
