@@ -220,6 +220,7 @@ class ClusterLog:
         if not answer.flags & GRANT:
             await self._puller.take(answer, self._facts.voter)
             return False
+        self._puller.confirmed()
         return True
 
     async def _commit(self, record: SignedRecord, registry: Registry) -> None:

@@ -41,9 +41,12 @@ KNOCK_S_MIN = 0.1
 KNOCK_S_MAX = 2.0
 """A node that is not heard yet is asked again after 0.1 s, then ever more slowly."""
 KNOCKS_MAX = 16
-"""Nodes asked in one round of knocking."""
-KNOCK_FULL_S = 0.5
-"""After a round that left somebody out: at a thousand nodes, tables are fetched meanwhile."""
+"""Members that may be lacking for all of them to be asked."""
+KNOCK_FEW = 8
+"""Where more are lacking, only so many are asked, by chance: tables bring the rest (tables.py), and gossip. A thousand
+nodes that start at once would ask each other a million times otherwise."""
+KNOCK_OTHERS_S = 10.0
+"""And after that time so many others, should the first be dead."""
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
 ANSWER_S_MIN = 0.05
@@ -76,7 +79,7 @@ class Gossip:
         self._me = address_of(own.me)
         self._seeds = {seed: node_id_of(seed) for seed in seeds if seed != self._me}
         self._datagrams: Datagrams | None = None
-        self._news = trio.Event()
+        self._waiters: dict[trio.Event, Callable[[], bool]] = {}
         self._members_changed = trio.Event()
         self._quiet = QuietLog(_log)
         self._quiet_claims = QuietLog(_log, logging.INFO)
@@ -85,6 +88,8 @@ class Gossip:
         self._claimed_since: dict[NodeId, float] = {}
         self._sizes: dict[NodeId, tuple[int, int]] = {}
         self._knocks: dict[str, tuple[float, float]] = {}
+        self._few: list[NodeId] = []
+        self._others_at = -math.inf
         self.dropped = 0
         """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
         roster.tell_position = cluster_log.heard_of
@@ -177,12 +182,15 @@ class Gossip:
     async def _speak(self) -> None:
         """Throw the dice, once a second; and say at once, within bounds, that the own arc has changed."""
         said: Arc | None = None
-        tell_from = -math.inf
+        tell_from: float | None = None
         while True:
             await self._world.clock.sleep(ROUND_S)
             if not self._cluster_log.registry.is_current(self._own.member):
                 continue
             now = self._world.clock.now()
+            if tell_from is None:
+                # All nodes of a cluster may have started at once: in a large one, the first telling comes at a moment of chance.
+                tell_from = now - ROUND_S + self._world.entropy.uniform() * self._roster.count * TELL_ARC_S
             if self._world.entropy.uniform() * self._roster.count < 1:
                 self._roster.count_broadcast(())
                 data = self._page(0)
@@ -204,22 +212,35 @@ class Gossip:
             for address in due:
                 await self._ask(address)
             with trio.move_on_after(pause_s):
-                await members_changed.wait()
+                await self._until(lambda: members_changed.is_set() or bool(self._few) and self._roster.unheard_count <= KNOCKS_MAX)
             if members_changed.is_set():
                 spread_s = min(KNOCK_S_MAX, self._roster.count * KNOCK_SPREAD_S)
                 await self._world.clock.sleep(self._world.entropy.uniform() * spread_s)
 
     def _due_knocks(self, now: float) -> tuple[list[str], float]:
-        """Whom to ask now, the longest waiting first, and how long to pause then."""
-        unheard = dict.fromkeys([*map(address_of, self._roster.unheard()), *self._silent_seeds()])
-        self._knocks = {address: self._knocks.get(address, (now, KNOCK_S_MIN)) for address in unheard}
-        due = sorted((at, address) for address, (at, _) in self._knocks.items() if at <= now)
-        for _, address in due[:KNOCKS_MAX]:
+        """Whom to ask now, and how long to pause then."""
+        wanted = dict.fromkeys([*map(address_of, self._whom_to_ask(now)), *self._silent_seeds()])
+        self._knocks = {address: self._knocks.get(address, (now, KNOCK_S_MIN)) for address in wanted}
+        due = [address for address, (at, _) in self._knocks.items() if at <= now]
+        for address in due:
             pause_s = self._knocks[address][1]
             self._knocks[address] = (now + pause_s, min(pause_s * 1.5, KNOCK_S_MAX))
         next_at = min((at for at, _ in self._knocks.values()), default=math.inf)
-        pause_s = KNOCK_FULL_S if len(due) > KNOCKS_MAX else max(KNOCK_S_MIN, next_at - now)
-        return [address for _, address in due[:KNOCKS_MAX]], pause_s
+        if self._few:
+            next_at = min(next_at, self._others_at)
+        return due, max(KNOCK_S_MIN, next_at - now)
+
+    def _whom_to_ask(self, now: float) -> list[NodeId]:
+        """All members that were not heard, if they are not many; else the voter and a few of them for a while."""
+        if self._roster.unheard_count <= KNOCKS_MAX:
+            self._few = []
+            return self._roster.unheard()
+        if not self._few or now >= self._others_at:
+            unheard = self._roster.unheard()
+            chosen = {int(self._world.entropy.uniform() * len(unheard)): None for _ in range(KNOCK_FEW)}
+            self._few = list(dict.fromkeys([self._facts.voter, *(unheard[index] for index in chosen)]))
+            self._others_at = now + KNOCK_OTHERS_S
+        return [node for node in self._few if self._roster.is_unheard(node)]
 
     def _silent_seeds(self) -> list[str]:
         return [seed for seed, node in self._seeds.items() if node not in self._met_at]
@@ -327,11 +348,19 @@ class Gossip:
 
     async def _until(self, condition: Callable[[], bool]) -> None:
         while not condition():
-            await self._news.wait()
+            news = trio.Event()
+            self._waiters[news] = condition
+            try:
+                await news.wait()
+            finally:
+                self._waiters.pop(news, None)
 
     def _tell_waiters(self) -> None:
-        self._news.set()
-        self._news = trio.Event()
+        """Wake those whose condition holds: news come with every datagram, and hardly ever are what somebody waits for."""
+        for news, condition in list(self._waiters.items()):
+            if condition():
+                news.set()
+                del self._waiters[news]
 
     def _drop(self, source: str, kind: str, text: str, quiet: QuietLog | None = None) -> None:
         self.dropped += 1

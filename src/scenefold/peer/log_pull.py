@@ -1,12 +1,14 @@
 """A node gets what it lacks of the cluster's log from whoever has it (specs/15-cluster-log.md, Learning).
 
-It asks when somebody claims a higher position than its own, and every SYNC_S anyhow; first who claims it, then the
+It asks when somebody claims a higher position than its own, and once SYNC_S have passed since it last heard that there is
+no higher one (a lease is granted with this word); first who claims it, then the
 voter, then others, since a voter that is away or unreachable from here may well have told them.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterable
 
 import trio
@@ -23,6 +25,8 @@ from scenefold.world.facts import ClusterFacts
 from scenefold.world.quiet import QuietLog
 
 CLAIMANTS_MAX = 2
+SYNC_S_MIN = 0.1
+"""Between two looks whether it is time: the two clocks that are involved may run at different rates."""
 SOURCES_MAX = 8
 """Nodes that one pull asks, one after the other."""
 
@@ -41,6 +45,7 @@ class LogPuller:
         self._pulling = trio.Lock()
         self._claims: dict[NodeId, int] = {}
         self._claimed = trio.Event()
+        self._confirmed_at = -math.inf
         self._quiet = QuietLog(_log)
 
     def heard_of(self, node: NodeId, position: int) -> None:
@@ -49,15 +54,26 @@ class LogPuller:
             self._claims[node] = position
             self._claimed.set()
 
+    def confirmed(self) -> None:
+        """The voter has just said that this node has the newest record: there is nothing to ask for."""
+        self._confirmed_at = self._world.clock.now()
+
     async def run(self, *, is_asked_for_news_only: bool) -> None:
         """Pull until cancelled; with `is_asked_for_news_only`, on the voter, only if somebody claims to know more."""
         while True:
             if self._copy.position:
-                with trio.move_on_after(SYNC_S):
-                    await self._claimed.wait()
+                await self._due()
             if self._claims or not is_asked_for_news_only:
                 await self.pull()
             await self._world.clock.sleep(PULL_PAUSE_S)
+
+    async def _due(self) -> None:
+        """Return once somebody claims to know more, or SYNC_S after the last certainty that nobody does."""
+        begin = self._world.clock.now()
+        while (rest_s := max(begin, self._confirmed_at) + SYNC_S - self._world.clock.now()) > 0:
+            with trio.move_on_after(max(rest_s, SYNC_S_MIN)):
+                await self._claimed.wait()
+                return
 
     async def pull(self, at_least: int = 0) -> None:
         """Ask others for what this node lacks, until it has this position (0: until one has answered)."""

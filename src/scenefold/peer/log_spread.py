@@ -15,7 +15,7 @@ import trio
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.peer.peers import Peers
-from scenefold.peer.timing import PUSH_PAUSE_S, PUSH_S_MAX
+from scenefold.peer.timing import PUSH_PAUSE_EACH_S, PUSH_PAUSE_S, PUSH_S_MAX
 from scenefold.wire import RespondSceneLog
 from scenefold.world import Clock, Priority
 
@@ -62,6 +62,6 @@ class LogPusher:
                     _log.debug("the log is not told to %s: %s", address_of(node), problem)
                     return
                 self.note(node, position)
-                await self._clock.sleep(PUSH_PAUSE_S)
+                await self._clock.sleep(max(PUSH_PAUSE_S, PUSH_PAUSE_EACH_S * len(self._sent)))
         finally:
             self._busy.discard(node)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.location import FIRST, Location
 from scenefold.crypto import PublicKey
-from scenefold.peer.handlers import Handlers
+from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.registry import NO_INCARNATION, Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.scenes import Scenes
@@ -56,8 +56,10 @@ class Members:
             right_bound=None if founding is None else founding.last,
         )
 
-    async def _on_table(self, _packet: RequestTable, _peer: str) -> Packet:
-        return RespondTable(statuses=tuple(self.table()))
+    async def _on_table(self, _packet: RequestTable, peer: str) -> Packet:
+        # Nodes have the log themselves: what was never heard tells them nothing, and while a cluster starts that is most.
+        is_node = node_of(peer) is not None
+        return RespondTable(statuses=tuple(status for status in self.table() if status.lamport or not is_node))
 
     async def _on_key(self, packet: RequestPublicKey, _peer: str) -> Packet:
         key = self._key_of_members(packet.key) or self._key_of_scenes(packet.key)

@@ -42,9 +42,11 @@ class Tables:
         pause_s = AGAIN_S_MIN
         while True:
             await self._gossip.many_unheard(FEW)
-            lacking = self._roster.unheard_count
+            lacking, count = self._roster.unheard_count, self._roster.count
             await self._fetch()
-            has_helped = self._roster.unheard_count <= lacking // 2
+            # While a whole cluster starts, tables are small, and grow by a half and more with each that is taken.
+            brought = lacking - self._roster.unheard_count
+            has_helped = 2 * brought >= min(lacking, count - lacking)
             pause_s = AGAIN_S_MIN if has_helped else min(pause_s * 2, AGAIN_S_MAX)
             await self._world.clock.sleep(pause_s)
 

@@ -28,6 +28,8 @@ PUSH_S_MAX = 2.0
 """For a pushed entry to leave; who is away pulls it later."""
 PUSH_PAUSE_S = 0.05
 """Between two pushes to one node: entries that are made meanwhile, as when a cluster starts, travel together."""
+PUSH_PAUSE_EACH_S = 0.001
+"""The same for each node that is told: a thousand that register at once would make the voter send a million packets."""
 PROPOSE_S_MAX = 30.0
 """The deadline of a proposal (consensus §5, request deadline)."""
 PROPOSE_ASK_S_MAX = 15.0

@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import LAST, WHOLE_LINE, Location
 from scenefold.crypto import STATUS_DOMAIN, SigningKey, parse_datagram, sign_datagram, verify_datagram
-from scenefold.peer.gossip import CLAIM_PATIENCE_S, KNOCK_FULL_S, KNOCKS_MAX
+from scenefold.peer.gossip import CLAIM_PATIENCE_S, KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
 from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status, decode_packet, encode_packet
 from unit.peer.village import FIRST, Village, incarnation_of, key_of, node_at, until, village
 
@@ -292,8 +292,34 @@ async def test_knocking_at_many_doors_is_no_flood(autojump_clock: trio.testing.M
         await them.start(0)
         await trio.sleep(60)
         knocks = sum(isinstance(opened(source, data), RequestState) for source, _target, data in them.ether.sent)
-        assert knocks <= KNOCKS_MAX * (1 + 60 / KNOCK_FULL_S), "a bounded number in each round"
-        assert len({target for _source, target, _data in them.ether.sent}) == 199, "everybody has a turn"
+        rounds = KNOCK_OTHERS_S / KNOCK_S_MAX + 8
+        assert knocks <= (1 + KNOCK_FEW) * rounds * (1 + 60 / KNOCK_OTHERS_S), "a few at a time, others every ten seconds"
+        asked = {target for _source, target, data in them.ether.sent if isinstance(opened(_source, data), RequestState)}
+        assert len(asked) > 2 * KNOCK_FEW, "and not always the same ones, should they be dead"
+
+
+async def test_a_whole_cluster_that_starts_asks_each_other_only_so_often(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(60, seeds=(address_of(node_at(0)), address_of(node_at(1)))) as them:
+        for index in range(60):
+            await them.start(index)
+        await trio.sleep(4)
+        packets = [opened(source, data) for source, _target, data in them.ether.sent]
+        asked = sum(isinstance(packet, RequestState) for packet in packets)
+        # Nobody had a table: each node asks seeds, voter and a few others, and may be asked back by each.
+        assert asked <= 60 * 4 * (KNOCK_FEW + 3), "nobody asks everybody"
+        assert all(node.roster.unheard_count == 0 for node in them.nodes.values()), "each has told all of itself once"
+
+
+async def test_the_few_that_are_lacking_in_the_end_are_asked_at_once(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(60) as them:
+        await them.start(0)
+        await trio.sleep(1)
+        statuses = [them.of(index).own.signed() for index in range(1, 55)]
+        for index in range(55, 60):
+            await them.start(index)
+        await them.of(0).gossip.take_table(statuses, node_at(1))
+        await trio.sleep(0.2)
+        assert them.of(0).roster.unheard_count == 0
 
 
 async def test_a_table_is_taken_whole_and_nothing_false_in_it(autojump_clock: trio.testing.MockClock) -> None:

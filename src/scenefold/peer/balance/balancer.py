@@ -27,6 +27,8 @@ from scenefold.world import QuietLog, World
 
 LOOK_S = 1.0
 """Between two looks: a handover takes about as long."""
+NODES_A_LOOK = 64
+"""Among more, looks are rarer by as much: each goes through all of them, and their news come more slowly, too."""
 RELAY_S = 10.0
 """A status that others pass on is usually not older: the table goes round in about that time in a cluster of fifty."""
 PIECE_BYTES_MAX = 64 * 1024 * 1024
@@ -82,7 +84,7 @@ class Balancer:
         self._arc = self._line.arc
         async with trio.open_nursery() as nursery:
             while True:
-                await self._world.clock.sleep(LOOK_S)
+                await self._world.clock.sleep(LOOK_S * max(1.0, len(self._log.registry.order) / NODES_A_LOOK))
                 for give in await self.look():
                     nursery.start_soon(self._give, give)
 
