@@ -20,7 +20,6 @@ from scenefold.store.layout import (
     object_of,
     record_key,
     scene_of,
-    stored_header,
     unpack_record,
 )
 from scenefold.store.placing import known_place, place_in_arc
@@ -59,7 +58,10 @@ def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedDa
 
 
 def read_digests(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[bytes | None]:
-    """Which version lies at each spot, or of its object elsewhere in the arc; None for nothing, or nothing sound."""
+    """Which version lies at each spot, or of its object elsewhere in the arc; None for nothing, or nothing sound.
+
+    Some 40 us for a full record, whose bytes are read.
+    """
     arc = read_arc(transaction)
     return [_read_digest(transaction, arc, spot) for spot in spots]
 
@@ -72,7 +74,8 @@ def _read_digest(transaction: ReadTransaction, arc: Arc | None, spot: Spot) -> b
     if value is None:
         return None
     try:
-        return stored_header(value).digest
+        # All of it is checked: who hears that a version is here deletes its own copy.
+        return unpack_record(value).header.digest
     except DamagedData:
         # What comes instead heals it, and says so.
         return None

@@ -224,7 +224,8 @@ def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, recor
     value = transaction.get(RECORDS, key)
     present = _present(value) if value is not None else None
     result = judge(new, expect, present)
-    if result.outcome is Outcome.STORED and present != new:
+    # A repetition changes nothing, unless what is here has rotted: who is told that it is stored must find it so.
+    if result.outcome is Outcome.STORED and (value is None or present != new or not _is_sound(value)):
         replaced_bytes = len(value) if value is not None else 0
         packed = pack_record(record)
         transaction.put(RECORDS, key, packed)

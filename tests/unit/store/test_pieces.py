@@ -177,3 +177,24 @@ async def test_only_damaged_records_are_discarded(tmp_path: Path) -> None:
         assert await store.discard([Spot(place(number)) for number in (1, 2, 3, 4)]) == 2
         assert await store.get_many([place(number) for number in (1, 2, 3)]) == [None, None, record(3)]
         assert (await store.statistics()).spaces == {(SCENE, SPACE): Counts(1, STORED_BYTES)}
+
+
+@pytest.mark.parametrize("way", ["put", "merge"])
+async def test_a_version_that_has_rotted_is_not_said_to_be_here_and_the_same_version_heals_it(tmp_path: Path, way: str) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1), put(2)])
+    environment = LmdbDisk().open(tmp_path, TABLES)
+
+    def spoil(transaction: WriteTransaction) -> None:
+        value = bytearray(transaction.get(RECORDS, record_key(place(1))) or b"")
+        value[-1] ^= 1
+        transaction.put(RECORDS, record_key(place(1)), bytes(value))
+
+    environment.update(spoil)
+    environment.close()
+    async with whole_store(world(), tmp_path) as store:
+        assert await store.digests([Spot(place(1)), Spot(place(2))]) == [None, record(2).header.digest]
+        (result,) = await (store.put if way == "put" else store.merge)([put(1)])
+        assert result.outcome is Outcome.STORED
+        assert await store.get_many([place(1), place(2)]) == [record(1), record(2)]
+        assert (await store.statistics()).spaces == {(SCENE, SPACE): Counts(2, 2 * STORED_BYTES)}
