@@ -1,0 +1,193 @@
+"""If this fails, `cluster status` says that all is well while a part of the line is nobody's, or cries wolf when bounds move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
+from scenefold.client.health import ClusterStatus, NodeState, judged, line_warnings
+from scenefold.client.moving import movements, rates
+from scenefold.client.reports import NodeReport, read_drain_report, read_report
+from scenefold.wire import pack_value
+
+ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
+
+
+def place(number: float) -> Location:
+    return Location.from_number(int(number * LINE_LENGTH))
+
+
+def arc(begin: float, end: float) -> Arc:
+    """From `begin` to just before `end`, as parts of the line."""
+    return Arc(place(begin), LAST if end == 1 else Location.from_number(place(end).number - 1))
+
+
+def arc_document(piece: Arc | None) -> dict[str, str] | None:
+    return None if piece is None else {"first": piece.first.hex(), "last": piece.last.hex()}
+
+
+def report(address: str, piece: Arc | None, **changes: Any) -> NodeReport:
+    document: dict[str, Any] = {
+        "node": 1,
+        "incarnation": "ab" * 16,
+        "boot": 1,
+        "seconds_up": 9.0,
+        "role": "member",
+        "lease_s": 9.0,
+        "log_position": 5,
+        "arc": arc_document(piece),
+        "gap": None,
+        "handovers": [],
+        "strays": 0,
+        "damaged": 0,
+        "records": 10,
+        "bytes": 1_000,
+        "used_bytes": 2_000,
+        "capacity_bytes": 10_000,
+        "rays_per_second": 0,
+        "stalls": {"count": 0, "last_s": 0.0, "ago_s": None},
+        "peers": [{"address": other, "heard_s": 1.0, "alive": True} for other in ADDRESSES if other != address],
+        "something newer": [1, 2],
+    }
+    return read_report(pack_value({**document, **changes}), address)
+
+
+def handover(piece: Arc, peer: str, *, step: str = "offered", seconds: float = 3.0, records: int = 0) -> dict[str, Any]:
+    gives = step in ("offered", "released", "given")
+    is_open = step in ("offered", "released", "noted")
+    known = {"id": "0a" * 16, "side": "right", "step": step, "gives": gives, "peer": peer, "open": is_open}
+    return {**known, "first": piece.first.hex(), "last": piece.last.hex(), "seconds": seconds, "records": records, "bytes": 10 * records}
+
+
+def node(address: str, piece: Arc | None, *, is_voter: bool = False, **changes: Any) -> NodeState:
+    return NodeState(address, bytes([1]) * 16, is_voter, piece, 1.0, report(address, piece, **changes))
+
+
+def missing(address: str, piece: Arc | None, *, is_voter: bool = False) -> NodeState:
+    return NodeState(address, bytes([1]) * 16, is_voter, piece, 40.0, None, "no connection")
+
+
+def thirds() -> list[NodeState]:
+    return [node(address, arc(index / 4, (index + 1) / 4 if index < 2 else 1)) for index, address in enumerate(ADDRESSES)]
+
+
+def status_of(nodes: list[NodeState]) -> ClusterStatus:
+    return judged("studio", ADDRESSES[0], nodes)
+
+
+def kinds(nodes: list[NodeState]) -> list[str]:
+    return [warning.kind for warning in status_of(nodes).warnings]
+
+
+def test_a_cluster_in_order_is_not_complained_about() -> None:
+    found = status_of(thirds())
+    assert found.warnings == () and not found.degraded and not found.is_unsteady
+    assert found.document()["nodes"][0]["disk_fraction"] == 0.2
+
+
+@given(st.lists(st.integers(1, LINE_LENGTH - 1), max_size=6, unique=True).map(sorted), st.data())
+def test_a_line_is_tiled_or_it_is_said_where_it_is_not(cuts: list[int], data: st.DataObject) -> None:
+    bounds = [0, *cuts, LINE_LENGTH]
+    arcs = [Arc(Location.from_number(begin), Location.from_number(end - 1)) for begin, end in pairwise(bounds)]
+    nodes = [node(f"127.0.0.{index + 2}", piece) for index, piece in enumerate(arcs)]
+    assert line_warnings(nodes) == []
+    index = data.draw(st.integers(0, len(arcs) - 1))
+    gone = [replace(one, report=report(one.address, None)) if at == index else one for at, one in enumerate(nodes)]
+    assert [warning.kind for warning in line_warnings(gone)] == ["gap"]
+    twice = [*nodes[: index + 1], node("127.0.0.99", arcs[index]), *nodes[index + 1 :]]
+    assert [warning.kind for warning in line_warnings(twice)] == ["overlap"]
+    assert all(warning.degrades for warning in (*line_warnings(gone), *line_warnings(twice)))
+
+
+@pytest.mark.parametrize("step", ["released", "given"])
+def test_what_is_being_handed_over_is_neither_gap_nor_overlap(step: str) -> None:
+    piece = arc(0.2, 0.25)
+    giver = node(ADDRESSES[0], arc(0, 0.2), handovers=[handover(piece, ADDRESSES[1], step=step)])
+    assert kinds([giver, *thirds()[1:]]) == [], "released and not claimed yet"
+    taker = node(ADDRESSES[1], arc(0.2, 0.5), handovers=[handover(piece, ADDRESSES[0], step="taken")])
+    assert kinds([thirds()[0], taker, thirds()[2]]) == [], "claimed since the giver was asked"
+
+
+def test_a_silent_node_counts_with_what_it_was_last_heard_to_own() -> None:
+    nodes = [thirds()[0], missing(ADDRESSES[1], arc(0.1, 0.5)), thirds()[2]]
+    found = status_of(nodes)
+    assert [warning.kind for warning in found.warnings] == ["missing"], "what it owns by now nobody can say: no overlap"
+    assert found.degraded and "does not answer" in found.warnings[0].text
+    assert found.nodes[1].document()["records"] is None and found.nodes[1].document()["heard_s"] == 40
+    assert "nobody can join" in status_of([missing(ADDRESSES[0], arc(0, 0.25), is_voter=True), *thirds()[1:]]).warnings[0].text
+
+
+def test_a_founder_that_never_came_is_awaited() -> None:
+    founder = replace(missing(ADDRESSES[2], arc(0.5, 1)), incarnation=bytes(16), heard_s=None)
+    assert founder.role == "awaited"
+    assert kinds([*thirds()[:2], founder]) == ["awaited"]
+
+
+@pytest.mark.parametrize(
+    "changes, kind, degrades",
+    [
+        ({"lease_s": 0.0}, "no lease", True),
+        ({"log_position": 3}, "behind", False),
+        ({"strays": 7}, "strays", False),
+        ({"damaged": 1}, "damaged", True),
+        ({"used_bytes": 9_100}, "nearly full", True),
+        ({"stalls": {"count": 2, "last_s": 300.0, "ago_s": 12.0}}, "stalled", False),
+        ({"handovers": [handover(arc(0.2, 0.25), ADDRESSES[1], seconds=61)]}, "handover", False),
+        ({"handovers": [handover(arc(0.2, 0.25), ADDRESSES[1], step="released", seconds=61)]}, "handover", True),
+        ({"peers": [{"address": ADDRESSES[1], "heard_s": 50.0, "alive": False}]}, "deaf", False),
+    ],
+)
+def test_what_is_off_at_a_node_is_said(changes: dict[str, Any], kind: str, degrades: bool) -> None:
+    first, *others = thirds()
+    found = status_of([node(first.address, first.arc, **changes), *others])
+    assert [(warning.kind, warning.degrades, warning.address) for warning in found.warnings] == [(kind, degrades, first.address)]
+    assert found.degraded == degrades
+
+
+def test_a_newcomer_without_an_arc_is_no_fault() -> None:
+    newcomer = node("127.0.0.9", None, role="joining", lease_s=0.0)
+    found = status_of([*thirds()[:1], newcomer, *thirds()[1:]])
+    assert [warning.kind for warning in found.warnings] == ["joining"] and not found.degraded
+    assert newcomer.share == 0
+
+
+def test_giver_and_receiver_tell_together_how_far_a_handover_is() -> None:
+    piece = arc(0.2, 0.25)
+    giver = node(ADDRESSES[0], arc(0, 0.25), handovers=[handover(piece, ADDRESSES[1], records=200)])
+    taker = node(ADDRESSES[1], arc(0.25, 0.5), handovers=[handover(piece, ADDRESSES[0], step="noted", records=50)])
+    (both,) = movements([giver, taker])
+    assert (both.giver, both.receiver, both.step, both.progress) == (ADDRESSES[0], ADDRESSES[1], "offered", 0.25)
+    (alone,) = movements([taker])
+    assert (alone.giver, alone.receiver, alone.records, alone.progress) == (ADDRESSES[0], ADDRESSES[1], None, 0.0)
+    released = node(ADDRESSES[0], arc(0, 0.2), handovers=[handover(piece, ADDRESSES[1], step="released", records=200)])
+    assert movements([released, taker])[0].progress == 1.0
+
+
+def test_rates_need_two_answers() -> None:
+    before = [node(ADDRESSES[0], arc(0, 0.5)), missing(ADDRESSES[1], arc(0.5, 1))]
+    after = [node(ADDRESSES[0], arc(0, 0.5), records=30, bytes=500), node(ADDRESSES[1], arc(0.5, 1))]
+    first, second = rates(before, after, 2.0)
+    assert (first.records_per_second, first.bytes_per_second) == (10.0, -250.0)
+    assert (second.records_per_second, second.bytes_per_second) == (None, None)
+
+
+@pytest.mark.parametrize("document", [{}, [], None, {"node": "x"}, {"state": 1}])
+def test_a_report_that_is_none_is_its_senders_fault(document: Any) -> None:
+    for read in (read_report, read_drain_report):
+        with pytest.raises(PeerFault, match="cannot be read"):
+            read(pack_value(document), ADDRESSES[0])
+    with pytest.raises(PeerFault, match="cannot be read"):
+        read_report(b"\xc1", ADDRESSES[0])
+
+
+def test_the_ends_of_the_line_count() -> None:
+    assert [warning.kind for warning in line_warnings([])] == ["gap"]
+    short = node(ADDRESSES[0], Arc(FIRST, Location.from_number(LAST.number - 1)))
+    assert [warning.text.split(",")[0] for warning in line_warnings([short])] == ["nobody owns ffffffff..ffffffff (0.00% of the line)"]
