@@ -1,7 +1,8 @@
 """The giver's copying: what lies in the piece, what the receiver lacks, those records; pass after pass.
 
-A pass walks the piece in the store's order. What the receiver has answered for, by the digest that names a version, is
-not spoken of again, so the last pass, while writers wait, costs little more than the walk.
+A pass walks the piece in the store's order. What the receiver has answered for, a version at a place, is not spoken of
+again, so the last pass, while writers wait, costs little more than the walk. A digest alone says too little: any writer can
+sign somebody else's ciphertext for another place.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from scenefold.crypto import Record
 from scenefold.peer.line.holding import Handover
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.store import Entry
+from scenefold.store.layout import record_key
 from scenefold.wire import CopyRecords, HandItem, HandoverReply, OfferRecords, RecordEntry, RecordsWanted
 from scenefold.world import Priority
 
@@ -22,7 +24,7 @@ COPY_BYTES_MAX = 2 * 1024 * 1024
 """Of one CopyRecords: a quarter of a frame, so that other requests on the connection need not wait long."""
 ENTRY_BYTES = 96
 """About what an entry costs on the wire."""
-ANSWERED_MAX = 500_000
+ANSWERED_MAX = 400_000
 """Versions remembered as answered for: some 50 MB. What is beyond is offered again in each pass, and not wanted."""
 LIST_S_MAX = 10.0
 COPY_S_MAX = 30.0
@@ -53,12 +55,12 @@ class Copier:
         cursor: bytes | None = None
         while True:
             manifest = await self._parts.store.manifest(self._handover.piece, cursor, HANDOVER_BATCH_RECORDS_MAX)
-            entries = [entry for entry in manifest.entries if entry.digest not in self._answered]
+            entries = [entry for entry in manifest.entries if _version(entry) not in self._answered]
             for batch in _batches(await self._wanted(entries, hurry)):
                 stored_bytes += await self._send(batch, hurry)
                 records += len(batch)
             if len(self._answered) < ANSWERED_MAX:
-                self._answered.update(entry.digest for entry in entries)
+                self._answered.update(map(_version, entries))
             cursor = manifest.cursor
             if cursor is None:
                 return Pass(records, stored_bytes)
@@ -92,6 +94,11 @@ class Copier:
             self._parts.budget.charge(count)
         else:
             await self._parts.budget.take(count)
+
+
+def _version(entry: Entry) -> bytes:
+    """Which version lies where, in one short name."""
+    return record_key(entry.place, entry.object) + entry.digest
 
 
 def hand_item(entry: Entry, record: Record) -> HandItem:
