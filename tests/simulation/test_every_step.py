@@ -1,0 +1,61 @@
+"""If one fails, a crash at some commit or packet of a join, a drain or a transfer leaves the line torn, or loses what was acknowledged."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import pytest
+
+from scenefold.world.sim import Point
+from simulation.steps import Crash, Story, crashes, handing, joining, leaving, play
+
+VOTER, GIVER, JOINER = 0, 1, 2
+ROLES = [
+    pytest.param(joining, 2, JOINER, id="the joiner"),
+    pytest.param(joining, 2, GIVER, id="who gives to the joiner"),
+    pytest.param(joining, 2, VOTER, id="who registers the joiner"),
+    pytest.param(leaving, 3, GIVER, id="who leaves"),
+    pytest.param(leaving, 3, 2, id="who takes from the leaving on the right"),
+    pytest.param(leaving, 3, VOTER, id="who takes from the leaving on the left, and registers that it left"),
+    pytest.param(handing, 2, GIVER, id="who gives"),
+    pytest.param(handing, 2, VOTER, id="who receives"),
+]
+
+
+@pytest.fixture(autouse=True)
+def silent() -> Iterator[None]:
+    """Nodes complain of neighbours that crash, as they should; the observer says what is wrong."""
+    ours = logging.getLogger("scenefold")
+    level = ours.level
+    ours.setLevel(logging.CRITICAL + 1)
+    yield
+    ours.setLevel(level)
+
+
+@pytest.mark.parametrize(("story", "founders"), [(joining, 2), (leaving, 3), (handing, 2)])
+def test_the_stories_themselves(story: Story, founders: int) -> None:
+    assert not play(story, founders=founders)
+
+
+@pytest.mark.parametrize(("story", "founders", "slot"), ROLES)
+def test_a_crash_after_each_commit(story: Story, founders: int, slot: int) -> None:
+    assert crashes(story, slot, Point.AFTER_COMMIT, founders=founders) >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", list(Point))
+@pytest.mark.parametrize(("story", "founders", "slot"), ROLES)
+def test_a_crash_at_every_step(story: Story, founders: int, slot: int, point: Point) -> None:
+    assert crashes(story, slot, point, founders=founders) >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", [Point.BEFORE_COMMIT, Point.AFTER_COMMIT])
+@pytest.mark.parametrize(("story", "founders", "slot"), [role for role in ROLES if role.values[2] != VOTER])
+def test_who_does_not_return_is_replaced_and_brings_home_what_it_held(story: Story, founders: int, slot: int, point: Point) -> None:
+    assert crashes(story, slot, point, founders=founders, returns=False) >= 2
+
+
+def test_a_joiner_that_dies_half_way_for_good() -> None:
+    assert play(joining, Crash(JOINER, Point.BEFORE_COMMIT, 7, returns=False))
