@@ -63,6 +63,8 @@ class Strays:
         """One walk over all strays; how many were brought home."""
         moved = seen = 0
         self._damaged = 0
+        # Asked once a look: with many strays of an owner that is away, those of all others would wait for its time to run out.
+        silent: set[NodeId] = set()
         cursor: bytes | None = None
         while True:
             holding = self._parts.keeper.holding
@@ -70,9 +72,13 @@ class Strays:
             seen += len(manifest.entries)
             await self._discard(manifest.damaged)
             for owner, entries in self._by_owner(manifest.entries):
+                if owner in silent:
+                    continue
                 try:
                     moved += await self._bring_home(owner, entries)
                 except (Refused, Unreachable, PeerFault) as problem:
+                    if isinstance(problem, Unreachable):
+                        silent.add(owner)
                     _log.debug("strays stay here for now, %s does not take them: %s", address_of(owner), problem)
             cursor = manifest.cursor
             if cursor is None:
