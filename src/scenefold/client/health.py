@@ -87,6 +87,7 @@ class NodeState:
             "disk_bytes_used": None if report is None else report.used_bytes,
             "capacity_bytes": None if report is None else report.capacity_bytes,
             "disk_fraction": None if report is None else round(report.fill, 4),
+            "memory_fraction": None if report is None else round(report.memory_fraction, 4),
             "heard_s": self.heard_s,
             "lease_s": None if report is None else report.lease_s,
             "log_position": None if report is None else report.log_position,

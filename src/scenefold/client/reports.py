@@ -67,6 +67,7 @@ class NodeReport:
     bytes: int
     used_bytes: int
     capacity_bytes: int
+    memory_fraction: float
     rays_per_second: int
     stalls: int
     stall_last_s: float
@@ -130,6 +131,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             bytes=int(found["bytes"]),
             used_bytes=int(found["used_bytes"]),
             capacity_bytes=int(found["capacity_bytes"]),
+            memory_fraction=float(found["memory_fraction"]),
             rays_per_second=int(found["rays_per_second"]),
             stalls=int(stalls["count"]),
             stall_last_s=float(stalls["last_s"]),

@@ -70,6 +70,7 @@ class Moment:
     pieces: Mapping[bytes, Counts]
     statistics: StoreStatistics
     capacity_bytes: int
+    memory_fraction: float
     strays: int
     damaged: int
     rays_per_second: int
@@ -99,6 +100,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "bytes": moment.statistics.bytes,
         "used_bytes": moment.statistics.disk_used_bytes,
         "capacity_bytes": moment.capacity_bytes,
+        "memory_fraction": moment.memory_fraction,
         "rays_per_second": moment.rays_per_second,
         "stalls": {
             "count": memory.stalls,
@@ -192,6 +194,7 @@ class Reporting:
             pieces=pieces,
             statistics=statistics,
             capacity_bytes=context.settings.capacity_bytes or statistics.disk_total_bytes,
+            memory_fraction=load.memory_used_bytes / load.memory_total_bytes if load.memory_total_bytes else 0.0,
             strays=line.strays_left,
             damaged=context.store.damaged,
             rays_per_second=load.rays_per_second,

@@ -51,6 +51,7 @@ def report(address: str, piece: Arc | None, **changes: Any) -> NodeReport:
         "bytes": 1_000,
         "used_bytes": 2_000,
         "capacity_bytes": 10_000,
+        "memory_fraction": 0.5,
         "rays_per_second": 0,
         "stalls": {"count": 0, "last_s": 0.0, "ago_s": None},
         "peers": [{"address": other, "heard_s": 1.0, "alive": True} for other in ADDRESSES if other != address],

@@ -36,6 +36,7 @@ def moment(**changes: Any) -> Moment:
         "pieces": {GIVEN.id: Counts(7, 700)},
         "statistics": StoreStatistics(20, 2_000, {}, 4_096, 10**9),
         "capacity_bytes": 8_192,
+        "memory_fraction": 0.25,
         "strays": 2,
         "damaged": 0,
         "rays_per_second": 5,
