@@ -70,6 +70,8 @@ class Node:
     scope: trio.CancelScope | None = None
     is_wanted: bool = False
     """Whether somebody wants it to run; a crash ends that until the restart."""
+    starts: int = 0
+    """How often it was started from outside."""
     is_draining: bool = False
     """It was told to leave."""
     has_left: bool = False
@@ -142,8 +144,8 @@ class Cluster:
         node = self.nodes[slot]
         if not node.is_wanted:
             node.is_wanted, node.has_left = True, False
-            self.watch.reach.comes_up(slot, self.net.now)
-            self._nursery.start_soon(self._live, node, name=f"n{slot}")
+            node.starts += 1
+            self._nursery.start_soon(self._live, node, node.starts, name=f"n{slot}")
 
     def crash(self, slot: int, *, silent: bool = False, torn: bool = False) -> bool:
         """Kill the node at this instant; False if it does not run."""
@@ -169,10 +171,10 @@ class Cluster:
         node.context = None
         self.watch.reach.goes_down(node.slot, self.net.now)
 
-    async def _live(self, node: Node) -> None:
-        """Life after life, until nobody wants it any more."""
+    async def _live(self, node: Node, start: int) -> None:
+        """Life after life, until nobody wants it any more, or it was killed and started anew by another call."""
         await node.gone.wait()
-        while node.is_wanted:
+        while node.is_wanted and node.starts == start:
             node.gone = trio.Event()
             try:
                 why = await self._one_life(node)
@@ -185,8 +187,6 @@ class Cluster:
             self.watch.tell(node.slot, "ends: {}", why)
             self.net.crash(node.address)
             await trio.sleep(RESTART_S)
-            if node.is_wanted:
-                self.watch.reach.comes_up(node.slot, self.net.now)
 
     async def _one_life(self, node: Node) -> str:
         world = self.net.world(node.name, node.address, node.disk)
@@ -237,6 +237,7 @@ class Cluster:
         )
         node.context = context
         self._running[node.slot] = node
+        self.watch.reach.comes_up(node.slot, self.net.now)
         self._watch_acknowledgements(node, context)
 
     # --------------------------------------------------------------------------------------------------- observers
