@@ -17,6 +17,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import trio
 
@@ -27,6 +28,7 @@ from scenefold.base.location import Arc
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, PublicKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import MalformedPacket, Packet, PingBroadcast, RequestState, Status, decode_packet, encode_packet
@@ -90,6 +92,7 @@ class Gossip:
         self._knocks: dict[str, tuple[float, float]] = {}
         self._few: list[NodeId] = []
         self._others_at = -math.inf
+        self._newcomers: dict[NodeId, float] = {}
         self.dropped = 0
         """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
         roster.tell_position = cluster_log.heard_of
@@ -173,11 +176,21 @@ class Gossip:
     async def _follow_log(self) -> None:
         registry = self._cluster_log.registry
         while True:
-            self._roster.set_members(registry, self._world.clock.now())
+            self._take_members(registry)
             changed, self._members_changed = self._members_changed, trio.Event()
             changed.set()
             self._tell_waiters()
             registry = await self._cluster_log.changed_after(registry.position)
+
+    def _take_members(self, registry: Registry) -> None:
+        """Who comes after us into a large cluster tells everybody of itself, and is asked only if that was lost."""
+        roster, now = self._roster, self._world.clock.now()
+        had_log, had = roster.position > 0, set(roster.unheard())
+        roster.set_members(registry, now)
+        self._newcomers = {node: at for node, at in self._newcomers.items() if roster.is_unheard(node)}
+        if had_log and roster.count > KNOCKS_MAX:
+            ask_at = now + roster.count * TELL_ARC_S + 2 * ROUND_S
+            self._newcomers |= {node: ask_at for node in roster.unheard() if node not in had}
 
     async def _speak(self) -> None:
         """Throw the dice, once a second; and say at once, within bounds, that the own arc has changed."""
@@ -212,15 +225,16 @@ class Gossip:
             for address in due:
                 await self._ask(address)
             with trio.move_on_after(pause_s):
-                await self._until(lambda: members_changed.is_set() or bool(self._few) and self._roster.unheard_count <= KNOCKS_MAX)
+                await self._until(partial(self._is_to_look_again, members_changed))
             if members_changed.is_set():
                 spread_s = min(KNOCK_S_MAX, self._roster.count * KNOCK_SPREAD_S)
                 await self._world.clock.sleep(self._world.entropy.uniform() * spread_s)
 
     def _due_knocks(self, now: float) -> tuple[list[str], float]:
         """Whom to ask now, and how long to pause then."""
-        wanted = dict.fromkeys([*map(address_of, self._whom_to_ask(now)), *self._silent_seeds()])
-        self._knocks = {address: self._knocks.get(address, (now, KNOCK_S_MIN)) for address in wanted}
+        first_at = {address_of(node): self._newcomers.get(node, now) for node in self._whom_to_ask(now)}
+        first_at.update(dict.fromkeys(self._silent_seeds(), now))
+        self._knocks = {address: self._knocks.get(address, (at, KNOCK_S_MIN)) for address, at in first_at.items()}
         due = [address for address, (at, _) in self._knocks.items() if at <= now]
         for address in due:
             pause_s = self._knocks[address][1]
@@ -230,13 +244,17 @@ class Gossip:
             next_at = min(next_at, self._others_at)
         return due, max(KNOCK_S_MIN, next_at - now)
 
+    def _is_to_look_again(self, members_changed: trio.Event) -> bool:
+        """Others are to be asked: the members have changed, or a table has left only those few that can all be asked."""
+        return members_changed.is_set() or (bool(self._few) and self._roster.unheard_count <= KNOCKS_MAX)
+
     def _whom_to_ask(self, now: float) -> list[NodeId]:
         """All members that were not heard, if they are not many; else the voter and a few of them for a while."""
-        if self._roster.unheard_count <= KNOCKS_MAX:
+        unheard = self._roster.unheard()
+        if len(unheard) <= KNOCKS_MAX:
             self._few = []
-            return self._roster.unheard()
+            return unheard
         if not self._few or now >= self._others_at:
-            unheard = self._roster.unheard()
             chosen = {int(self._world.entropy.uniform() * len(unheard)): None for _ in range(KNOCK_FEW)}
             self._few = list(dict.fromkeys([self._facts.voter, *(unheard[index] for index in chosen)]))
             self._others_at = now + KNOCK_OTHERS_S

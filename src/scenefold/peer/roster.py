@@ -127,6 +127,11 @@ class Roster:
         self.bounds_version += 1
 
     @property
+    def position(self) -> int:
+        """That of the log at `set_members`; 0 before."""
+        return self._position
+
+    @property
     def count(self) -> int:
         """N: members, this node included."""
         return len(self._peers) + 1

@@ -310,6 +310,32 @@ async def test_a_whole_cluster_that_starts_asks_each_other_only_so_often(autojum
         assert all(node.roster.unheard_count == 0 for node in them.nodes.values()), "each has told all of itself once"
 
 
+async def test_a_newcomer_to_many_tells_of_itself_and_is_not_asked_by_all(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(40, registered=39) as them:
+        for index in range(40):
+            await them.start(index)
+        await trio.sleep(10)
+        them.ether.sent.clear()
+        them.register(39)
+        await trio.sleep(2.5)
+        asked = [target for source, target, data in them.ether.sent if isinstance(opened(source, data), RequestState)]
+        assert asked.count(address_of(node_at(39))) <= 1, "it has spoken to everybody before anybody got impatient"
+        assert not any(them.of(index).roster.unheard() for index in range(39))
+
+
+async def test_a_newcomer_whose_word_was_lost_is_asked_in_the_end(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(40, registered=39) as them:
+        for index in range(40):
+            await them.start(index)
+        await trio.sleep(10)
+        them.ether.lost = lambda source, _target: source == address_of(node_at(39))
+        them.register(39)
+        await trio.sleep(2.5)
+        them.ether.lost = lambda _source, _target: False
+        await trio.sleep(5)
+        assert not any(them.of(index).roster.unheard() for index in range(39))
+
+
 async def test_the_few_that_are_lacking_in_the_end_are_asked_at_once(autojump_clock: trio.testing.MockClock) -> None:
     async with village(60) as them:
         await them.start(0)
