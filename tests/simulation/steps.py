@@ -190,7 +190,8 @@ async def _return_absent(stage: Stage) -> None:
     """Who did not return is removed, and comes back only then: what it alone holds are strays by then."""
     for slot in stage.absent:
         await stage.until(lambda slot=slot: not stage.registered(slot))  # type: ignore[misc]
-        await stage.until(lambda: not unrest(stage.cluster))
+        # All that may be wrong is what lies on the disk of the one that is away.
+        await stage.until(lambda slot=slot: all(wrong.slots == (slot,) for wrong in unrest(stage.cluster)))  # type: ignore[misc]
         await stage.cluster.restart(slot, RESTART_S)
 
 
