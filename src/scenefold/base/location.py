@@ -6,7 +6,7 @@ places, and so that the store, the wire and the curves all speak of it without c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -98,3 +98,13 @@ def arcs_between(right_bounds: Sequence[Location]) -> list[Arc]:
         if following is not None:
             first = following
     return arcs
+
+
+def tiles(arcs: Iterable[Arc]) -> bool:
+    """Whether arcs, in any order, cover the line from its first location to its last without gap or overlap."""
+    expected: Location | None = FIRST
+    for arc in sorted(arcs, key=lambda arc: arc.first):
+        if arc.first != expected:
+            return False
+        expected = arc.last.next()
+    return expected is None

@@ -24,13 +24,14 @@ import trio
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
+from scenefold.base.location import tiles
 from scenefold.base.location import Arc
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, PublicKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.status import OwnStatus, arc_of_status
 from scenefold.wire import MalformedPacket, Packet, PingBroadcast, RequestState, Status, decode_packet, encode_packet
 from scenefold.world import Datagrams, Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
@@ -118,6 +119,10 @@ class Gossip:
     async def everybody_heard(self) -> None:
         """Return once the log names members, every founder among them, and a status of each is known."""
         await self._until(lambda: self._cluster_log.registry.position > 0 and not self._roster.unheard_count + self._roster.vacant_count)
+
+    def is_line_tiled(self) -> bool:
+        """Whether what the members say of their arcs tiles the line. O(N log N)."""
+        return tiles(filter(None, [self._own.arc, *map(arc_of_status, self._roster.statuses())]))
 
     async def somebody_heard(self) -> None:
         """Return once any other node of the cluster has spoken; at once if the log names none."""

@@ -49,6 +49,9 @@ SEED_WARNING_S_MAX = 5.0
 JOIN_WAIT_S = 5.0
 """For members that may be alive to be heard. Who is away then is no reason to keep this node's users waiting."""
 
+TILING_LOOK_S = 0.05
+"""Until the first second look at whether all arcs are known."""
+
 _log = logging.getLogger("scenefold.peer")
 
 
@@ -164,7 +167,16 @@ class PeerServices:
         await context.scenes.catch_up()
         with trio.move_on_after(JOIN_WAIT_S):
             await context.gossip.everybody_heard()
+            await self._line_tiled()
         context.joined.set()
+
+    async def _line_tiled(self) -> None:
+        """Return once the members' arcs tile the line: a founder's first words may come before it took its seat."""
+        pause_s = TILING_LOOK_S
+        # Looked at ever more rarely, and not at each status: among a thousand nodes a look takes a millisecond.
+        while not self.context.gossip.is_line_tiled():
+            await self.context.world.clock.sleep(pause_s)
+            pause_s *= 2
 
     async def _watch_seeds(self) -> None:
         """Say once that no seed answers; give up in the end, unless others have found us, or this node is a seed that they look for."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 
 import pytest
 from hypothesis import given
@@ -17,6 +18,7 @@ from scenefold.base.location import (
     Location,
     arcs_between,
     even_right_bounds,
+    tiles,
 )
 
 numbers = st.one_of(st.integers(0, LINE_LENGTH - 1), st.sampled_from([0, 1, LINE_LENGTH - 2, LINE_LENGTH - 1]))
@@ -112,3 +114,13 @@ def test_bounds_that_are_none() -> None:
             arcs_between(bounds)
     with pytest.raises(ValueError, match="ends at or after"):
         arcs_between([Location.from_number(9), Location.from_number(3), LAST])
+
+
+@given(st.integers(1, 9), st.randoms(use_true_random=False), st.integers(0, 8))
+def test_arcs_tile_the_line_or_one_of_them_lacks_or_is_too_much(count: int, dice: random.Random, which: int) -> None:
+    pieces = arcs_between(even_right_bounds(count))
+    dice.shuffle(pieces)
+    assert tiles(pieces)
+    one = pieces[which % count]
+    assert not tiles([piece for piece in pieces if piece != one])
+    assert not tiles([*pieces, one])
