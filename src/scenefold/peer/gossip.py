@@ -24,8 +24,7 @@ import trio
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
-from scenefold.base.location import tiles
-from scenefold.base.location import Arc
+from scenefold.base.location import Arc, tiles
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, PublicKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
@@ -121,8 +120,10 @@ class Gossip:
         await self._until(lambda: self._cluster_log.registry.position > 0 and not self._roster.unheard_count + self._roster.vacant_count)
 
     def is_line_tiled(self) -> bool:
-        """Whether what the members say of their arcs tiles the line. O(N log N)."""
-        return tiles(filter(None, [self._own.arc, *map(arc_of_status, self._roster.statuses())]))
+        """Whether what the members say of their arcs, and the seats that founders still may take, tile the line. O(N log N)."""
+        registry = self._cluster_log.registry
+        arcs = [registry.founding_arc(node) for node in registry.order if registry.vacant_seat(node) is not None]
+        return tiles(filter(None, [self._own.arc, *arcs, *map(arc_of_status, self._roster.statuses())]))
 
     async def somebody_heard(self) -> None:
         """Return once any other node of the cluster has spoken; at once if the log names none."""

@@ -109,6 +109,9 @@ class LogPuller:
         except (MalformedPacket, DamagedData, Refused) as problem:
             if isinstance(problem, Refused) and problem.reason is RejectReason.PEER_MISSED:
                 self.heard_of(source, answer.position)
+            elif isinstance(problem, Refused) and problem.reason is RejectReason.NOT_READY:
+                # Our own store is closing: this node ends, and there is nothing wrong with that log.
+                _log.debug("the log of %s is not taken: %s", address_of(source), problem)
             else:
                 self._quiet.say(self._world.clock.now(), address_of(source), "log", f"its log is not taken: {problem}")
             return False
