@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 import trio
 
-from integration.living_clusters import Kept, half_arrived, living_cluster
+from integration.living_clusters import PATIENCE_S, Kept, half_arrived, living_cluster
 from scenefold.client import ClusterStatus
 
 
@@ -107,6 +107,22 @@ async def test_a_joiner_that_dies_half_way_leaves_everything_where_it_was_and_ma
         living.nodes.start(joiner)
         await living.at_rest(3)
         await living.kept.check()
+
+
+async def test_a_draining_node_that_is_killed_goes_on_leaving_when_it_is_back(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 3, options=("--transfer", "1000000")) as living:
+        kept, victim = living.kept, living.nodes.addresses[1]
+        await kept.put_evenly(1_500, 12_000)
+        await living.cluster.drain(victim)
+        movement = await living.moving(lambda one: half_arrived(one) and one.giver == victim)
+        assert movement.receiver != victim
+        await living.nodes.kill(victim)
+        living.nodes.start(victim)
+        with trio.fail_after(PATIENCE_S):
+            await living.nodes.ended(victim)
+        found = await living.at_rest(2)
+        assert victim not in [node.address for node in found.nodes]
+        await kept.check()
 
 
 async def test_two_newcomers_at_the_same_place_both_get_their_part(tmp_path: Path) -> None:
