@@ -23,11 +23,11 @@ from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.registry import Registry
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.verification import KnownScene
-from scenefold.store import Put, open_store
+from scenefold.store import Outcome, Put, open_store
 from scenefold.store.holding import NOTE_KEY
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of
 from scenefold.wire import AddNode, LogEntry, Member, Packet, RemoveNode
-from scenefold.world import Connection, DiskFailed, Priority, open_links, serve_connection
+from scenefold.world import Clock, Connection, DiskFailed, Priority, open_links, serve_connection
 from scenefold.world.sim import Point, SimNet
 from unit.peer.logs_made import found, key_of, node, record
 from unit.peer.scenes_made import first_header, sealed
@@ -35,6 +35,8 @@ from unit.peer.scenes_made import first_header, sealed
 HEADER = first_header()
 SCENE = KnownScene.of(HEADER)
 RECORD_BYTES = 200
+SPREAD = 0x9E3779B97F4A7C15F39CC0605CEDC8341082276B
+"""Multiples of it lie all over an arc."""
 
 
 def record_at(location: Location, seq: int = 1) -> Record:
@@ -53,12 +55,10 @@ class Log:
     def __init__(self, count: int) -> None:
         self.registry = Registry()
         self._news = trio.Event()
-        self._learnt: list[float] = []
         self.say(found(count))
 
     def say(self, entry: LogEntry) -> None:
         self.registry = self.registry.apply(record(self.registry, entry))
-        self._learnt.append(trio.current_time())
         self._news.set()
         self._news = trio.Event()
 
@@ -67,8 +67,25 @@ class Log:
             await self._news.wait()
         return self.registry
 
+
+class KnownLog:
+    """The log as one life of a node knows it: all of it at once, and since when by its own clock."""
+
+    def __init__(self, log: Log, clock: Clock) -> None:
+        self._log, self._clock = log, clock
+        self._learnt: dict[int, float] = {}
+
+    @property
+    def registry(self) -> Registry:
+        return self._log.registry
+
+    async def changed_after(self, position: int) -> Registry:
+        registry = await self._log.changed_after(position)
+        self.learnt_at(registry.position)
+        return registry
+
     def learnt_at(self, position: int) -> float:
-        return self._learnt[position - 1]
+        return self._learnt.setdefault(position, self._clock.now())
 
     async def pull(self, at_least: int = 0) -> None:
         return None
@@ -173,7 +190,7 @@ class House:
                 log.say(AddNode(own.member, key_of(self.number).public.raw, self.address, left_of))
             self.lives += 1
             asker: Any = Asker(links, own)
-            any_log: Any = log
+            any_log: Any = KnownLog(log, world.clock)
             line = Line(
                 world, store, asker, any_log, own, Lease(self), Scenes(), Owners(self.street), reserve_bytes=self.street.reserve_bytes
             )
@@ -226,6 +243,18 @@ class Street:
             except (Refused, DiskFailed) as problem:
                 self.net.note("not filled", problem)
             await trio.sleep(0.5)
+
+    async def write(self, number: int, turn: int) -> float:
+        """Put a record somewhere into a node's arc, as clients do; how many seconds that took."""
+        house, begin = self.houses[number], self.net.now
+        line, store = house.line, house.store
+        if line is None or line.arc is None:
+            return 0.0
+        place = Location.from_number(line.arc.first.number + turn * SPREAD % line.arc.length)
+        async with line.writing([place]):
+            if line.owns(place) and (await store.put([Put(record_at(place))]))[0].outcome is Outcome.STORED:
+                self.kept.add(place)
+        return self.net.now - begin
 
     def look(self) -> None:
         """The invariants, on the disks as they are at this moment."""
