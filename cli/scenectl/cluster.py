@@ -73,7 +73,7 @@ def join(
     capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
     seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
-    log_level: Literal["debug", "info", "warning", "error"] = "warning",
+    log_level: Literal["debug", "info", "warning", "error"] = "info",
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Run a node that joins the cluster through SEED, and say how it gets its part; it runs until it is told to stop.

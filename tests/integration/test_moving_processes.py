@@ -157,5 +157,18 @@ async def test_a_wiped_node_comes_back_as_a_newcomer_and_only_its_own_records_ar
         assert await kept.space.get_many(gone) == [None] * len(gone), "whoever owns the places now says that nothing is there"
 
 
+async def test_a_removed_node_comes_back_as_a_newcomer_and_brings_its_records_home(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 3, options=("--remove-after", "13")) as living:
+        kept, victim = living.kept, living.nodes.addresses[1]
+        await kept.put_evenly(300, 1_000)
+        await living.nodes.kill(victim)
+        await living.at_rest(2)
+        living.nodes.start(victim)
+        await living.at_rest(3)
+        # Strays go home slowly, behind everything else.
+        await living.until(lambda status: not any(node.report is None or node.report.strays for node in status.nodes))
+        await kept.check()
+
+
 def owns(status: ClusterStatus, address: str) -> bool:
     return any(node.address == address and node.alive and node.arc is not None for node in status.nodes)

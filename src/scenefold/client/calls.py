@@ -102,6 +102,7 @@ class Calls:
         *,
         first: NodeId | None = None,
         priority: Priority = Priority.HIGH,
+        timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
         """Ask one node after the other, `first` or a random one first, until one answers."""
 
@@ -109,7 +110,7 @@ class Calls:
             last: Unreachable | None = None
             for address in self._addresses_from(first):
                 try:
-                    return await self.ask(address, packet, answer, priority=priority)
+                    return await self.ask(address, packet, answer, priority=priority, timeout_s=timeout_s)
                 except Unreachable as error:
                     last = error
             assert last is not None
@@ -122,7 +123,7 @@ class Calls:
 
     async def refresh(self, first: NodeId | None = None) -> RespondTable:
         """Take the routing table of any node, `first` if it answers."""
-        reply = await self.ask_any(RequestTable(), RespondTable, first=first)
+        reply = await self.ask_any(RequestTable(), RespondTable, first=first, timeout_s=CLIENT_STATUS_S)
         self._take(reply)
         return reply
 

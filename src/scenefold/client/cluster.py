@@ -119,7 +119,7 @@ class Cluster:
                     known_arc=None if status is None else _arc_of(status),
                     heard_s=heard_s,
                     report=report if isinstance(report, NodeReport) else None,
-                    problem=report.what if isinstance(report, ScenefoldError) else "",
+                    problem=report.what.removeprefix("no connection to the node: ") if isinstance(report, ScenefoldError) else "",
                 )
             )
         return judged(self.name, asked, nodes)

@@ -182,7 +182,7 @@ def _own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Con
             yield Concern("handover", text, handover.step == "released", address)
     if report.strays:
         yield Concern(
-            "strays", f"{address} holds {report.strays} records that belong elsewhere and could not be brought home", False, address
+            "strays", f"{address} holds {report.strays} records that belong elsewhere: they are being brought home", False, address
         )
     if report.damaged:
         yield Concern("damaged", f"{address} has met damaged records {report.damaged} times: check its disk", True, address)

@@ -27,6 +27,8 @@ from scenefold.wire import Member, NodeReport, Packet, RequestReport, pack_value
 
 LOOK_S = 5.0
 """Between two looks at the handovers and the clock: who warns of a handover waits for a minute."""
+STRAYS_COUNTED_MAX = 1_000
+"""There may be many more; whoever reads the number wants to know whether there are any, and whether they get fewer."""
 STALL_S_MIN = 5.0
 """A look that comes so much later than it should is worth telling."""
 
@@ -178,6 +180,7 @@ class Reporting:
         line, load = context.line, context.own.load
         handovers = line.open_handovers()
         pieces = {handover.id: await context.store.arc_totals(handover.piece) for _, handover in handovers}
+        strays = await context.store.strays(line.arc, [handover.piece for _, handover in handovers], None, STRAYS_COUNTED_MAX)
         statistics = await context.store.statistics()
         now = context.world.clock.now()
         self._memory.note_handovers(handovers, now)
@@ -195,7 +198,7 @@ class Reporting:
             statistics=statistics,
             capacity_bytes=context.settings.capacity_bytes or statistics.disk_total_bytes,
             memory_fraction=load.memory_used_bytes / load.memory_total_bytes if load.memory_total_bytes else 0.0,
-            strays=line.strays_left,
+            strays=len(strays.entries),
             damaged=context.store.damaged,
             rays_per_second=load.rays_per_second,
             events={**line.events, "datagrams dropped": context.gossip.dropped},

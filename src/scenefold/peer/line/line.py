@@ -109,11 +109,6 @@ class Line:
         return self._adoption.gap
 
     @property
-    def strays_left(self) -> int:
-        """Records in the wrong place that the last look found and could not bring home."""
-        return self._strays.left
-
-    @property
     def events(self) -> Counter[str]:
         """How often what happened since the start."""
         return self._parts.events
@@ -132,7 +127,7 @@ class Line:
         arc = self.arc
         totals = None if arc is None else await self._parts.store.arc_totals(arc)
         records, stored_bytes = (0, 0) if totals is None else (totals.records, totals.bytes)
-        return Remaining(records, stored_bytes, len(self.open_handovers()), self.strays_left)
+        return Remaining(records, stored_bytes, len(self.open_handovers()), self._strays.left)
 
     # ---------------------------------------------------------------------------------------------------- doing
 
