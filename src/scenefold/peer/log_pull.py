@@ -53,6 +53,7 @@ class LogPuller:
         if position > self._copy.position:
             self._claims[node] = position
             self._claimed.set()
+            self._claimed = trio.Event()
 
     def confirmed(self) -> None:
         """The voter has just said that this node has the newest record: there is nothing to ask for."""
@@ -70,7 +71,7 @@ class LogPuller:
     async def _due(self) -> None:
         """Return once somebody claims to know more, or SYNC_S after the last certainty that nobody does."""
         begin = self._world.clock.now()
-        while (rest_s := max(begin, self._confirmed_at) + SYNC_S - self._world.clock.now()) > 0:
+        while not self._claims and (rest_s := max(begin, self._confirmed_at) + SYNC_S - self._world.clock.now()) > 0:
             with trio.move_on_after(max(rest_s, SYNC_S_MIN)):
                 await self._claimed.wait()
                 return
@@ -78,7 +79,6 @@ class LogPuller:
     async def pull(self, at_least: int = 0) -> None:
         """Ask others for what this node lacks, until it has this position (0: until one has answered)."""
         async with self._pulling:
-            self._claimed = trio.Event()
             wanted = max([at_least, *self._claims.values()])
             for node in self._sources():
                 if wanted and self._copy.position >= wanted:

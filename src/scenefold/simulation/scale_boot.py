@@ -17,6 +17,7 @@ from typing import Any
 from scenefold.base.ids import NodeId
 from scenefold.crypto import HEADER_DOMAIN, LOG_DOMAIN
 from scenefold.peer import gossip
+from scenefold.peer.balance import balancer
 from scenefold.peer.log_book import LogBook
 from scenefold.peer.registry import Registry
 from scenefold.simulation.cluster import DATA_FOLDER, Cluster, key_of
@@ -74,6 +75,17 @@ def nothing_told_at_start() -> Iterator[None]:
         yield
     finally:
         gossip.TELL_ARC_S = before
+
+
+@contextmanager
+def nothing_balanced() -> Iterator[None]:
+    """Nodes that hold nothing have nothing to balance, and a thousand that look at a thousand each take a while to see it."""
+    before = balancer.LOOK_S
+    balancer.LOOK_S = NEVER_S
+    try:
+        yield
+    finally:
+        balancer.LOOK_S = before
 
 
 @contextmanager

@@ -13,10 +13,12 @@ import trio
 
 from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.log_pull import LogPuller
 from scenefold.peer.registry import NO_INCARNATION
 from scenefold.peer.timing import RENEW_S, SYNC_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import Member, RemoveNode
 from scenefold.world.sim import Delay, Point, Weather, run_simulated
+from scenefold.world.sim.time import current_time_of_simulation
 from unit.peer.log_cluster import LogCluster, log_cluster
 from unit.peer.logs_made import node
 
@@ -348,3 +350,42 @@ def test_in_bad_weather_all_come_to_the_same_log(seed: int) -> None:
         assert cluster.nodes[0].log.registry.position == 5, "nobody registered twice"
 
     simulate(scenario, seed, founders=4, weather=Weather(delay=Delay(0.001, 0.02, 0.5)))
+
+
+def test_who_renews_a_lease_need_not_ask_for_the_log_besides() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1, 2)
+        await cluster.members(0, 1, 2)
+        await cluster.equal()
+        await trio.sleep(SYNC_S)
+        before = cluster.net.trace.counts["tcp-send"]
+        await trio.sleep(6 * SYNC_S)
+        # Two nodes ask for leases, and are answered; the voter asks itself.
+        assert cluster.net.trace.counts["tcp-send"] - before <= 2 * 2 * (6 * SYNC_S / RENEW_S + 1)
+
+    simulate(scenario)
+
+
+def test_a_voter_that_heard_a_false_claim_comes_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    pulls: list[float] = []
+    pull = LogPuller.pull
+
+    async def counting(self: LogPuller, at_least: int = 0) -> None:
+        pulls.append(trio.current_time())
+        await pull(self, at_least)
+
+    monkeypatch.setattr(LogPuller, "pull", counting)
+
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1, 2)
+        await cluster.members(0, 1, 2)
+        await trio.sleep(SYNC_S)
+        pulls.clear()
+        cluster.nodes[0].log.heard_of(node(1), 1_000)
+        steps = current_time_of_simulation().steps
+        await trio.sleep(6 * SYNC_S)
+        assert len(pulls) == 1, "it asks at once, and once"
+        assert pulls[0] < trio.current_time() - 5 * SYNC_S
+        assert current_time_of_simulation().steps - steps < 2_000
+
+    simulate(scenario)
