@@ -1,0 +1,43 @@
+"""If this fails, `cluster status`, `nodes` or `top` break on a node that says nothing, or hide what is off."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from scenectl.cluster_text import movement_text, nodes_text, seconds_text, status_text
+from scenectl.top import _lines, _screen
+from scenefold.base.location import WHOLE_LINE
+from scenefold.client import Movement, NodeState, rates
+from scenefold.client.health import judged
+
+SILENT = NodeState("127.0.0.2", bytes([7]) * 16, True, WHOLE_LINE, 75.0, None, "connection refused")
+STRANGER = NodeState("127.0.0.3", bytes(16), False, None, None, None, "timed out")
+MOVEMENT = Movement("0a", "127.0.0.2", "127.0.0.3", "offered", WHOLE_LINE, 1_000, 250, 3.0)
+
+
+def test_silent_nodes_have_their_line() -> None:
+    found = judged("studio", "127.0.0.4", [SILENT, STRANGER])
+    text = status_text(found)
+    assert text.splitlines()[0] == "studio: 0 of 2 nodes alive, as 127.0.0.4 knows it"
+    assert "warning: 127.0.0.2 does not answer; nobody can join or be removed meanwhile: connection refused" in text
+    assert "awaited" in text and "nothing" in text and "1 min" in text and "never" in text
+    assert "07070707" in nodes_text(found)
+
+
+def test_top_shows_what_moves_on_lines_and_on_a_screen() -> None:
+    found = judged("studio", "127.0.0.4", [SILENT, STRANGER])
+    changed = rates([], found.nodes, 1.0)
+    lines = _lines(found, changed, [MOVEMENT])
+    console = Console(file=io.StringIO(), width=200)
+    console.print(_screen(found, changed, [MOVEMENT]))
+    assert isinstance(console.file, io.StringIO)
+    for text in (lines, console.file.getvalue()):
+        assert movement_text(MOVEMENT) in text
+        assert "missing" in text and "warning: 127.0.0.3 has never come" in text
+
+
+def test_a_movement_says_how_far_it_is() -> None:
+    assert movement_text(MOVEMENT) == "127.0.0.2 -> 127.0.0.3  00000000..ffffffff  25%, 250 of 1,000 records, for 3 s"
+    assert seconds_text(3.21) == "3.2 s"
