@@ -123,9 +123,12 @@ class Store:
 
     # ---------------------------------------------------------------------------------------- pieces of the line
 
-    async def manifest(self, arc: Arc, after: bytes | None, limit: int) -> Manifest:
-        """The first `limit` records of the arc behind the cursor `after`, over all spaces, without their bytes."""
-        return await self._view(walking.manifest, [arc], after, limit)
+    async def manifest(self, where: Arc | Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
+        """The first `limit` records there behind the cursor `after`, over all spaces, without their bytes.
+
+        Several arcs are ascending, and apart from each other. Some 6 us a record.
+        """
+        return await self._view(walking.manifest, [where] if isinstance(where, Arc) else where, after, limit)
 
     async def strays(self, arc: Arc | None, excluded: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
         """Likewise the records that lie neither in the arc nor in the excluded ones."""

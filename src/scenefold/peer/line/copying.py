@@ -1,8 +1,8 @@
 """The giver's copying: what lies in the piece, what the receiver lacks, those records; pass after pass.
 
 A pass walks the piece in the store's order. What the receiver has answered for, a version at a place, is not spoken of
-again, so the last pass, while writers wait, costs little more than the walk. A digest alone says too little: any writer can
-sign somebody else's ciphertext for another place.
+again. The last pass, while writers wait, looks only where something was written meanwhile. A digest alone says too little:
+any writer can sign somebody else's ciphertext for another place.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX
+from scenefold.base.location import Arc
 from scenefold.crypto import Record
 from scenefold.peer.line.holding import Handover
 from scenefold.peer.line.parts import Parts, check_reply
@@ -20,6 +20,8 @@ from scenefold.store.layout import record_key
 from scenefold.wire import CopyRecords, HandItem, HandoverReply, OfferRecords, RecordEntry, RecordsWanted
 from scenefold.world import Priority
 
+LIST_RECORDS_MAX = 1024
+"""Of one OfferRecords, less than it may hold: so many entries keep the event loop for some 5 ms."""
 COPY_BYTES_MAX = 2 * 1024 * 1024
 """Of one CopyRecords: a quarter of a frame, so that other requests on the connection need not wait long."""
 ENTRY_BYTES = 96
@@ -46,15 +48,16 @@ class Copier:
         self._handover = handover
         self._answered: set[bytes] = set()
 
-    async def copy(self, *, hurry: bool) -> Pass:
+    async def copy(self, *, only: Sequence[Arc] | None = None, hurry: bool = False) -> Pass:
         """One pass. Afterwards the receiver has answered for every version that lay in the piece when it was reached.
 
-        In a hurry the budget is charged and not waited for.
+        `only`: these parts of it (ascending, apart). In a hurry the budget is charged and not waited for.
         """
+        pieces = [self._handover.piece] if only is None else only
         records = stored_bytes = 0
         cursor: bytes | None = None
         while True:
-            manifest = await self._parts.store.manifest(self._handover.piece, cursor, HANDOVER_BATCH_RECORDS_MAX)
+            manifest = await self._parts.store.manifest(pieces, cursor, LIST_RECORDS_MAX)
             entries = [entry for entry in manifest.entries if _version(entry) not in self._answered]
             for batch in _batches(await self._wanted(entries, hurry)):
                 stored_bytes += await self._send(batch, hurry)

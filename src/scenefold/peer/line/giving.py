@@ -17,6 +17,7 @@ from scenefold.base.ids import address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.copying import Copier
+from scenefold.peer.line.gate import Touched
 from scenefold.peer.line.holding import Handover, Holding, Side, Step, describe, handover_id, is_end_of, without
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
@@ -145,7 +146,7 @@ class Giving:
             handover.id, parts.own.member, handover.peer, piece.first, piece.last, totals.records, totals.bytes, registry.position
         )
         check_reply(await self._ask(handover, request))
-        await self._copy(handover)
+        await self._copy(side, handover)
 
     async def _slide(self, side: Side, handover: Handover) -> int:
         """Records whose place the node has chosen need not go: it chooses another one, in what it keeps."""
@@ -157,31 +158,35 @@ class Giving:
                 rest = without(rest, other.piece, side.opposite) if is_end_of(other.piece, rest, side.opposite) else None
             return 0 if rest is None else await self._parts.store.slide(handover.piece, rest)
 
-    async def _copy(self, handover: Handover) -> None:
+    async def _copy(self, side: Side, handover: Handover) -> None:
         parts = self._parts
         copier = Copier(parts, handover)
         for _ in range(PASSES_MAX):
-            sent = await copier.copy(hurry=False)
+            sent = await copier.copy()
             if sent.records <= LITTLE_RECORDS and sent.bytes <= LITTLE_BYTES:
                 break
         pauses = Pauses(parts.world)
+        outer = handover.piece.first if side is Side.LEFT else handover.piece.last
         for _ in range(FREEZES_MAX):
-            await parts.world.clock.sleep(parts.settling.settles_in_s(handover.piece))
-            async with parts.gate.frozen(handover.piece):
-                if await self._complete(handover, copier):
-                    await self._release(handover)
-                    return
+            with parts.gate.watched(handover.piece, outer) as touched:
+                # This pass meets all that was written before the watch, so the last one need only look where it says.
+                await parts.keeper.flush()
+                await copier.copy()
+                await parts.world.clock.sleep(parts.settling.settles_in_s(handover.piece))
+                async with parts.gate.frozen(handover.piece):
+                    if await self._complete(handover, copier, touched):
+                        await self._release(handover)
+                        return
             parts.events["thawed"] += 1
             await pauses.wait()
-            await copier.copy(hurry=False)
         raise Refused(RejectReason.BUSY, "too much is written to the piece: its last copies took too long")
 
-    async def _complete(self, handover: Handover, copier: Copier) -> bool:
+    async def _complete(self, handover: Handover, copier: Copier, touched: Touched) -> bool:
         """Bring the last changes of a frozen piece; False if writers would have to wait for too long."""
         with trio.move_on_after(FREEZE_S_MAX):
             await self._parts.gate.drained(handover.piece)
             await self._parts.keeper.flush()
-            await copier.copy(hurry=True)
+            await copier.copy(only=touched.pieces, hurry=True)
             return True
         return False
 

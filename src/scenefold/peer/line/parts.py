@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -57,6 +59,18 @@ class Parts:
         """Refused (16) without a lease: who may not speak for its arc moves no bound either."""
         if not self.lease.holds():
             raise Refused(RejectReason.NOT_READY, "this node holds no owner lease at the moment")
+
+    @asynccontextmanager
+    async def writing(self, locations: Sequence[Location], *, anywhere: bool) -> AsyncIterator[None]:
+        """Be a writer of these places, and `anywhere` also of any other in the arc: the store merges a node-managed object
+        where it has it. What is given away always has an end of the arc in it, so that waits for both."""
+        while True:
+            arc = self.keeper.holding.arc
+            ends = (arc.first, arc.last) if anywhere and arc is not None else ()
+            async with self.gate.writing((*locations, *ends)):
+                if self.keeper.holding.arc == arc:
+                    yield
+                    return
 
 
 def check_reply(reply: HandoverReply) -> None:

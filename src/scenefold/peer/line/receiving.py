@@ -148,9 +148,10 @@ class Receiving:
         for verdict in verdicts:
             if isinstance(verdict, Refused):
                 raise verdict
-        # Asked again, since verifying takes its time: what comes after the end of a handover would only be a stray.
-        self._noted(packet.handover, peer)
-        await keep_durably(self._parts.store, [verdict for verdict in verdicts if isinstance(verdict, Put)])
+        async with self._parts.writing((), anywhere=any(item.object for item in packet.items)):
+            # Asked again, since verifying takes its time: what comes after the end of a handover would only be a stray.
+            self._noted(packet.handover, peer)
+            await keep_durably(self._parts.store, [verdict for verdict in verdicts if isinstance(verdict, Put)])
         self._parts.events["received"] += len(packet.items)
         self._touch(packet.handover)
 

@@ -146,7 +146,7 @@ class Strays:
         """Own this version or a newer one, durably, when this returns."""
         parts = self._parts
         with trio.move_on_after(GATE_S_MAX) as patience:
-            async with parts.gate.writing([item.location]):
+            async with parts.writing([item.location], anywhere=bool(item.object)):
                 patience.deadline = float("inf")
                 if not parts.keeper.holding.owns(item.location):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")

@@ -1,23 +1,24 @@
-"""If one fails, a handover loses a record whose ciphertext somebody has put at another place, too."""
+"""If one fails, a handover loses a record: one whose ciphertext lies at two places, or one that came while it went on."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 import trio
 
-from scenefold.base.location import Arc
-from scenefold.crypto import RECORD_DOMAIN, Record
+from scenefold.base.location import Arc, Location
+from scenefold.crypto import RECORD_DOMAIN, Record, RecordPlace
 from scenefold.peer.line import Side, copying
-from scenefold.store import Put
+from scenefold.store import Put, Spot
 from scenefold.world.sim import run_simulated
-from unit.peer.line.street import Street, record_at
-from unit.peer.scenes_made import WRITER
+from unit.peer.line.street import HEADER, Street, record_at
+from unit.peer.scenes_made import SPACE, WRITER
 
 
 def test_a_ciphertext_that_lies_at_two_places_is_copied_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(copying, "HANDOVER_BATCH_RECORDS_MAX", 4)
+    monkeypatch.setattr(copying, "LIST_RECORDS_MAX", 4)
 
     async def main() -> None:
         street = Street(2)
@@ -38,3 +39,59 @@ def test_a_ciphertext_that_lies_at_two_places_is_copied_twice(monkeypatch: pytes
             nursery.cancel_scope.cancel()
 
     run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+@pytest.mark.parametrize("anywhere", [False, True])
+def test_what_is_written_while_a_piece_goes_goes_with_it(monkeypatch: pytest.MonkeyPatch, anywhere: bool) -> None:
+    looked_at: list[Sequence[Arc] | None] = []
+    original = copying.Copier.copy
+
+    async def copy(self: copying.Copier, *, only: Sequence[Arc] | None = None, hurry: bool = False) -> copying.Pass:
+        if hurry:
+            looked_at.append(only)
+        result = await original(self, only=only, hurry=hurry)
+        # Somebody writes behind every pass, at places that it has seen already.
+        await trio.sleep(0.2)
+        return result
+
+    monkeypatch.setattr(copying.Copier, "copy", copy)
+
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            await street.begin(nursery)
+            spots = await street.fill(0, 200)
+            await trio.sleep(11.0)
+            house = street.houses[0]
+            giver, store = house.line, house.store
+            assert giver is not None and giver.arc is not None
+            piece = Arc(spots[100], giver.arc.last)
+            written: dict[Location, int] = {}
+
+            async def write() -> None:
+                seq = 1
+                while True:
+                    seq += 1
+                    for place in spots[101:104]:
+                        ends = [giver.arc.first, giver.arc.last] if anywhere else []
+                        async with giver.writing([place, *ends]):
+                            if not giver.owns(place):
+                                return
+                            await store.put([Put(record_at(place, seq % 250))])
+                            written[place] = seq % 250
+                    await trio.sleep(0.05)
+
+            nursery.start_soon(write)
+            await giver.give(Side.RIGHT, piece, why="a test")
+            await street.until_whole()
+            street.check()
+            found = await street.houses[1].store.read([Spot(RecordPlace(HEADER.scene, SPACE, place)) for place in written])
+            assert [record.header.seq for record in found] == list(written.values())
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+    assert looked_at
+    if anywhere:
+        assert looked_at[-1] is not None and looked_at[-1][0].length > 1
+    else:
+        assert looked_at[-1] is not None and len(looked_at[-1]) == 3
