@@ -28,6 +28,7 @@ from scenefold.base.location import Arc, tiles
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, PublicKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
 from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus, arc_of_status
@@ -39,16 +40,6 @@ ROUND_S = 1.0
 """Time between two throws of the dice (thesis B.2.2)."""
 TELL_ARC_S = 0.02
 """For each member, between two statuses that tell all of a changed arc: 50 small datagrams a second at most."""
-KNOCK_S_MIN = 0.1
-KNOCK_S_MAX = 2.0
-"""A node that is not heard yet is asked again after 0.1 s, then ever more slowly."""
-KNOCKS_MAX = 16
-"""Members that may be lacking for all of them to be asked."""
-KNOCK_FEW = 8
-"""Where more are lacking, only so many are asked, by chance: tables bring the rest (tables.py), and gossip. A thousand
-nodes that start at once would ask each other a million times otherwise."""
-KNOCK_OTHERS_S = 10.0
-"""And after that time so many others, should the first be dead."""
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
 ANSWER_S_MIN = 0.05
@@ -89,10 +80,7 @@ class Gossip:
         self._met_at: dict[NodeId, float] = {}
         self._claimed_since: dict[NodeId, float] = {}
         self._sizes: dict[NodeId, tuple[int, int]] = {}
-        self._knocks: dict[str, tuple[float, float]] = {}
-        self._few: list[NodeId] = []
-        self._others_at = -math.inf
-        self._newcomers: dict[NodeId, float] = {}
+        self._knocks = Knocks(facts.voter, world.entropy.uniform)
         self.dropped = 0
         """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
         roster.tell_position = cluster_log.heard_of
@@ -193,10 +181,9 @@ class Gossip:
         roster, now = self._roster, self._world.clock.now()
         had_log, had = roster.position > 0, set(roster.unheard())
         roster.set_members(registry, now)
-        self._newcomers = {node: at for node, at in self._newcomers.items() if roster.is_unheard(node)}
-        if had_log and roster.count > KNOCKS_MAX:
-            ask_at = now + roster.count * TELL_ARC_S + 2 * ROUND_S
-            self._newcomers |= {node: ask_at for node in roster.unheard() if node not in had}
+        is_large = had_log and roster.count > KNOCKS_MAX
+        come = [node for node in roster.unheard() if node not in had] if is_large else []
+        self._knocks.spare(come, now + roster.count * TELL_ARC_S + 2 * ROUND_S, roster.unheard())
 
     async def _speak(self) -> None:
         """Throw the dice, once a second; and say at once, within bounds, that the own arc has changed."""
@@ -227,7 +214,7 @@ class Gossip:
         """Ask who has not been heard, seeds included: they know others, even where the log names no member yet."""
         while True:
             members_changed = self._members_changed
-            due, pause_s = self._due_knocks(self._world.clock.now())
+            due, pause_s = self._knocks.due(self._roster.unheard(), self._silent_seeds(), self._world.clock.now())
             for address in due:
                 await self._ask(address)
             with trio.move_on_after(pause_s):
@@ -236,35 +223,9 @@ class Gossip:
                 spread_s = min(KNOCK_S_MAX, self._roster.count * KNOCK_SPREAD_S)
                 await self._world.clock.sleep(self._world.entropy.uniform() * spread_s)
 
-    def _due_knocks(self, now: float) -> tuple[list[str], float]:
-        """Whom to ask now, and how long to pause then."""
-        first_at = {address_of(node): self._newcomers.get(node, now) for node in self._whom_to_ask(now)}
-        first_at.update(dict.fromkeys(self._silent_seeds(), now))
-        self._knocks = {address: self._knocks.get(address, (at, KNOCK_S_MIN)) for address, at in first_at.items()}
-        due = [address for address, (at, _) in self._knocks.items() if at <= now]
-        for address in due:
-            pause_s = self._knocks[address][1]
-            self._knocks[address] = (now + pause_s, min(pause_s * 1.5, KNOCK_S_MAX))
-        next_at = min((at for at, _ in self._knocks.values()), default=math.inf)
-        if self._few:
-            next_at = min(next_at, self._others_at)
-        return due, max(KNOCK_S_MIN, next_at - now)
-
     def _is_to_look_again(self, members_changed: trio.Event) -> bool:
         """Others are to be asked: the members have changed, or a table has left only those few that can all be asked."""
-        return members_changed.is_set() or (bool(self._few) and self._roster.unheard_count <= KNOCKS_MAX)
-
-    def _whom_to_ask(self, now: float) -> list[NodeId]:
-        """All members that were not heard, if they are not many; else the voter and a few of them for a while."""
-        unheard = self._roster.unheard()
-        if len(unheard) <= KNOCKS_MAX:
-            self._few = []
-            return unheard
-        if not self._few or now >= self._others_at:
-            chosen = {int(self._world.entropy.uniform() * len(unheard)): None for _ in range(KNOCK_FEW)}
-            self._few = list(dict.fromkeys([self._facts.voter, *(unheard[index] for index in chosen)]))
-            self._others_at = now + KNOCK_OTHERS_S
-        return [node for node in self._few if self._roster.is_unheard(node)]
+        return members_changed.is_set() or self._knocks.is_over_soon(self._roster.unheard_count)
 
     def _silent_seeds(self) -> list[str]:
         return [seed for seed, node in self._seeds.items() if node not in self._met_at]

@@ -11,7 +11,8 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import LAST, WHOLE_LINE, Location
 from scenefold.crypto import STATUS_DOMAIN, SigningKey, parse_datagram, sign_datagram, verify_datagram
-from scenefold.peer.gossip import CLAIM_PATIENCE_S, KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
+from scenefold.peer.gossip import CLAIM_PATIENCE_S
+from scenefold.peer.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
 from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status, decode_packet, encode_packet
 from unit.peer.village import FIRST, Village, incarnation_of, key_of, node_at, until, village
 
