@@ -143,8 +143,11 @@ class Measurement:
         """A node dies without a word: when does the log remove it?"""
         victim = cluster.nodes[self._nodes // 2]
         before = cluster.watch.counts["removals"]
-        cluster.crash(victim.slot, silent=True)
-        self.found["removal_s"] = await self._wait(lambda: cluster.watch.counts["removals"] > before, REMOVAL_S_MAX)
+        with counted(self._net.trace, self._net.ports) as traffic:
+            cluster.crash(victim.slot, silent=True)
+            seconds = self.found["removal_s"] = await self._wait(lambda: cluster.watch.counts["removals"] > before, REMOVAL_S_MAX)
+        if seconds:
+            self.found["a_node_and_second_with_one_dead"] = traffic.a_node_and_second(self._nodes, seconds)
         self._say(f"a dead node is removed after {self.found['removal_s']} s")
 
     async def _loss(self, cluster: Cluster) -> None:
