@@ -237,9 +237,11 @@ class Street:
             try:
                 if arc is not None:
                     spots = places(arc, count)
-                    await house.store.put([Put(record_at(place)) for place in spots])
-                    self.kept |= set(spots)
-                    return spots
+                    results = await house.store.put([Put(record_at(place)) for place in spots])
+                    # Only what was acknowledged must be kept: the arc may have changed on the way to the disk.
+                    if all(result.outcome is Outcome.STORED for result in results):
+                        self.kept |= set(spots)
+                        return spots
             except (Refused, DiskFailed) as problem:
                 self.net.note("not filled", problem)
             await trio.sleep(0.5)
