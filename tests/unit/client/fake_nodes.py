@@ -22,6 +22,7 @@ from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.crypto import RecordHeader, version_key
 from scenefold.wire import (
+    DAMAGED_RECORD,
     AcceptSceneProposal,
     Fault,
     GetMany,
@@ -108,6 +109,8 @@ class FakeNodes:
     range_max: int = 1000
     without_lease: set[str] = field(default_factory=set)
     """They acknowledge nothing, and mark what they read as stale."""
+    rotten: set[Location] = field(default_factory=set)
+    """Places whose records have changed on the disk."""
     ill_timed: Callable[[], None] | None = None
     """Called once, between a lost reply and the next request."""
     asked: list[tuple[str, Packet]] = field(default_factory=list)
@@ -154,7 +157,10 @@ class FakeNodes:
                 return PutManyReply(tuple(self._put(address, item) for item in packet.items))
             case GetMany():
                 found = [self.records.get((key.space, key.location)) for key in packet.keys[: self.reply_records_max]]
-                records = tuple(item and RecordBytes(item.signature, item.header, item.ciphertext) for item in found)
+                records = tuple(
+                    DAMAGED_RECORD if key.location in self.rotten else item and RecordBytes(item.signature, item.header, item.ciphertext)
+                    for key, item in zip(packet.keys, found, strict=False)
+                )
                 return GetManyReply(records, address in self.without_lease)
             case QueryRange():
                 return self._query(address, packet)

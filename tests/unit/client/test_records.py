@@ -43,6 +43,16 @@ async def test_what_was_put_is_got_in_order_from_all_owners(autojump_clock: Mock
     assert not any(payload in item.ciphertext for _, payload in ITEMS for item in nodes.records.values())
 
 
+async def test_a_rotten_record_is_said_to_be_and_the_others_are_got(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes(rotten={PLACES[3]})
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    with pytest.raises(Refused, match=PLACES[3].hex()) as refusal:
+        await space.get_many(PLACES)
+    assert refusal.value.reason is RejectReason.NOT_READY
+    assert await space.get_many(PLACES[:3] + PLACES[4:]) == [payload for _, payload in ITEMS[:3] + ITEMS[4:]]
+
+
 async def test_moved_bounds_are_followed(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     space = _scene(nodes).space(FILES)
