@@ -132,7 +132,7 @@ class Draining:
             return Refused(
                 RejectReason.NOT_AUTHORISED,
                 "this node decides the cluster's log, and the cluster cannot do without it",
-                remedy="drain any other node; or take a backup of the cluster and found it anew on another first node",
+                remedy="drain any other node",
             )
         scenes = self._decides()
         if scenes:

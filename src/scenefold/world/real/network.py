@@ -7,6 +7,7 @@ and in number, and what fails there is logged once a minute a source. Only then 
 from __future__ import annotations
 
 import logging
+import os
 import ssl
 import time
 
@@ -63,7 +64,8 @@ class RealNetwork:
             with trio.fail_after(self._handshake_s_max):
                 connection = await self._connect(address, port)
         except OSError as error:
-            raise _unreachable(where, error.strerror or str(error)) from error
+            # Trio's own text repeats the address; ours names it already.
+            raise _unreachable(where, os.strerror(error.errno) if error.errno else str(error)) from error
         except trio.TooSlowError:
             raise _unreachable(where, f"no answer within {self._handshake_s_max:g} s") from None
         except (ConnectionLost, PeerFault) as error:
