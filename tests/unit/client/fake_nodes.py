@@ -157,11 +157,11 @@ class FakeNodes:
                 return PutManyReply(tuple(self._put(address, item) for item in packet.items))
             case GetMany():
                 found = [self.records.get((key.space, key.location)) for key in packet.keys[: self.reply_records_max]]
-                records = tuple(
-                    DAMAGED_RECORD if key.location in self.rotten else item and RecordBytes(item.signature, item.header, item.ciphertext)
-                    for key, item in zip(packet.keys, found, strict=False)
-                )
-                return GetManyReply(records, address in self.without_lease)
+                records = [None if item is None else RecordBytes(item.signature, item.header, item.ciphertext) for item in found]
+                records = [
+                    DAMAGED_RECORD if key.location in self.rotten else record for key, record in zip(packet.keys, records, strict=False)
+                ]
+                return GetManyReply(tuple(records), address in self.without_lease)
             case QueryRange():
                 return self._query(address, packet)
             case ProposeSceneLog():
