@@ -22,6 +22,7 @@ from scenefold.peer.line.holding import Handover, Holding, Side, Step, describe,
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import neighbour_on
+from scenefold.store import Counts
 from scenefold.wire import ClaimRange, DropHandover, HandoverReply, OfferRange
 from scenefold.world import Priority
 
@@ -141,12 +142,19 @@ class Giving:
         while await self._slide(side, handover):
             pass
         totals = await parts.store.arc_totals(handover.piece)
-        piece = handover.piece
-        request = OfferRange(
-            handover.id, parts.own.member, handover.peer, piece.first, piece.last, totals.records, totals.bytes, registry.position
-        )
-        check_reply(await self._ask(handover, request))
+        await self._ask_to_note(handover, totals)
         await self._copy(side, handover)
+
+    async def _ask_to_note(self, handover: Handover, totals: Counts) -> None:
+        """Have the receiver say, under its lease and its incarnation, that it is ready to take the piece."""
+        parts, piece = self._parts, handover.piece
+        position = parts.cluster_log.registry.position
+        check_reply(
+            await self._ask(
+                handover,
+                OfferRange(handover.id, parts.own.member, handover.peer, piece.first, piece.last, totals.records, totals.bytes, position),
+            )
+        )
 
     async def _slide(self, side: Side, handover: Handover) -> int:
         """Records whose place the node has chosen need not go: it chooses another one, in what it keeps."""
@@ -187,6 +195,8 @@ class Giving:
             await self._parts.gate.drained(handover.piece)
             await self._parts.keeper.flush()
             await copier.copy(only=touched.pieces, hurry=True)
+            # Once more, since a receiver whose disk was wiped or rolled back meanwhile has answered for what it has no more.
+            await self._ask_to_note(handover, Counts())
             return True
         return False
 

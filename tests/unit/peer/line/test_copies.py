@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
 import trio
 
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import RECORD_DOMAIN, Record, RecordPlace
-from scenefold.peer.line import Side, copying
+from scenefold.peer.line import Line, Side, copying
 from scenefold.store import Put, Spot
-from scenefold.world.sim import run_simulated
+from scenefold.world.sim import Point, run_simulated
 from unit.peer.line.street import HEADER, Street, record_at
 from unit.peer.scenes_made import SPACE, WRITER
 
@@ -95,3 +97,33 @@ def test_what_is_written_while_a_piece_goes_goes_with_it(monkeypatch: pytest.Mon
         assert looked_at[-1] is not None and looked_at[-1][0].length > 1
     else:
         assert looked_at[-1] is not None and len(looked_at[-1]) == 3
+
+
+@pytest.mark.expect_log("was reset by the peer")
+def test_nothing_is_released_to_a_receiver_whose_disk_was_wiped_after_it_had_answered() -> None:
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            await street.begin(nursery)
+            spots = await street.fill(0, 16)
+            await trio.sleep(11.0)
+            giver, receiver = street.houses
+            line = giver.line
+            assert line is not None and line.arc is not None
+            street.net.trap(receiver.address, Point.AFTER_COMMIT, 1, giver.crash)
+            nursery.start_soon(attempt, line, Arc(spots[8], line.arc.last))
+            # It was noted; the giver goes on after its restart, copies, and waits until its arc has settled.
+            while not set(spots[8:]) <= receiver.stored():  # noqa: ASYNC110 - disks tell nobody when they change
+                await trio.sleep(0.5)
+            receiver.crash()
+            street.net.machine(receiver.address).disk.wipe()
+            await trio.sleep(20.0)
+            assert giver.durable().owns(spots[8])
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+async def attempt(line: Line, piece: Arc) -> None:
+    with suppress(Refused, Unreachable, PeerFault):
+        await line.give(Side.RIGHT, piece, why="a test")
