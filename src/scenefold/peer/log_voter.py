@@ -49,6 +49,7 @@ class Voter:
         self._lock = trio.Lock()
         self._leased_at: dict[NodeId, float] = {}
         self._starts: dict[NodeId, tuple[bytes, int, int]] = {}
+        self._noting = trio.Lock()
         self._started_at = world.clock.now()
         self.veto: Veto | None = None
         """Asked about removals that another node proposes: a reason against it, or None."""
@@ -183,17 +184,18 @@ class Voter:
 
     async def _note_start(self, member: Member, boot: int, life: int) -> None:
         """Keep the newest start of a node durably; Refused (18) if this one is not newer."""
-        known = self._starts.get(member.node) or await self._recorded_start(member.node)
-        if known is not None and known[0] == member.incarnation:
-            if is_rolled_back(known[1:], boot, life):
+        start = (member.incarnation, boot, life)
+        if self._starts.get(member.node) == start:
+            return
+        # One at a time: a node and a copy of its disk that start at once must not both find the record that is older than they.
+        async with self._noting:
+            known = self._starts.get(member.node) or await self._recorded_start(member.node)
+            if known is not None and known[0] == member.incarnation and is_rolled_back(known[1:], boot, life):
                 text = f"the disk of {address_of(member.node)} was rolled back: it started as number {boot}, after number {known[1]}"
                 raise Refused(RejectReason.WRONG_INCARNATION, text)
-            if known[1:] == (boot, life):
-                self._starts[member.node] = known
-                return
-        start = (member.incarnation, boot, life)
-        await self._store.put_note(_note(member.node), _START.pack(*start))
-        self._starts[member.node] = start
+            if known != start:
+                await self._store.put_note(_note(member.node), _START.pack(*start))
+            self._starts[member.node] = start
 
     async def _recorded_start(self, node: NodeId) -> tuple[bytes, int, int] | None:
         data = await self._store.get_note(_note(node))

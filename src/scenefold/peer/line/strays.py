@@ -7,7 +7,7 @@ owns a place takes it like a put: under its lease, in its arc, behind the gate t
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 
 import trio
 
@@ -49,15 +49,28 @@ class Strays:
 
     async def run(self) -> None:
         """Look through the store again and again, more seldom while there is nothing to bring home, until cancelled."""
-        pause_s = PAUSE_S_MIN
+        pause_s, known = PAUSE_S_MIN, 0
         while True:
             moved = await self._look()
-            pause_s = PAUSE_S_MIN if moved else min(PAUSE_S_MAX, 2 * pause_s)
-            revision = self._parts.keeper.holding.revision
+            position = self._parts.cluster_log.registry.position
+            pause_s = PAUSE_S_MIN if moved or position != known else min(PAUSE_S_MAX, 2 * pause_s)
+            # Who owned a place may have been removed: whoever adopts it must not lack for long what is here.
+            known = position
             with trio.move_on_after(pause_s):
-                await self._parts.keeper.changed_after(revision)
+                await self._something_changed(self._parts.keeper.holding.revision, position)
                 # What has just changed may have left something; but its handover comes first.
                 await self._parts.world.clock.sleep(PAUSE_S_MIN)
+
+    async def _something_changed(self, revision: int, position: int) -> None:
+        """Return once our holding, or the cluster's log, is no longer what it was."""
+        async with trio.open_nursery() as nursery:
+
+            async def wait_for(change: Callable[[], Awaitable[object]]) -> None:
+                await change()
+                nursery.cancel_scope.cancel()
+
+            nursery.start_soon(wait_for, lambda: self._parts.keeper.changed_after(revision))
+            nursery.start_soon(wait_for, lambda: self._parts.cluster_log.changed_after(position))
 
     async def _look(self) -> int:
         """One walk over all strays; how many were brought home."""

@@ -155,7 +155,7 @@ def test_a_slow_disk_thaws_the_piece_before_writers_lose_patience() -> None:
         line: Any = giver.line
         assert line.events["thawed"] >= 2
         assert line.events["given"] == 1
-        assert 1.0 < max(waits) <= FREEZE_S_MAX + 0.1
+        assert 0.5 < max(waits) <= FREEZE_S_MAX + 0.1
 
     endure(tale)
 
@@ -310,7 +310,7 @@ def shortest_stay(rates: tuple[float, float, float]) -> float:
 
         for house in street.houses:
             street.net.observe(house.address, Point.AFTER_COMMIT, see)
-        with trio.move_on_after(60.0):
+        with trio.move_on_after(300.0):
             async with trio.open_nursery() as eager:
                 eager.start_soon(pass_on, street.houses[0], Side.RIGHT)
                 eager.start_soon(pass_on, street.houses[1], Side.RIGHT)
