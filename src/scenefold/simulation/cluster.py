@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -72,8 +73,8 @@ class Node:
     """Whether somebody wants it to run; a crash ends that until the restart."""
     starts: int = 0
     """How often it was started from outside."""
-    is_draining: bool = False
-    """It was told to leave."""
+    told_to_leave: bool = False
+    """Somebody asked it to leave at least once; it remembers that over restarts and new incarnations."""
     has_left: bool = False
     """It was drained and is switched off, until somebody starts it again as a newcomer."""
     left: trio.Event = field(default_factory=trio.Event)
@@ -265,6 +266,13 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
     return found
 
 
-def quiet_logs() -> None:
+@contextmanager
+def quiet_logs() -> Iterator[None]:
     """Nodes of a simulation complain of faults all the time, as they should; nobody reads it."""
-    logging.getLogger("scenefold").setLevel(logging.CRITICAL + 1)
+    logger = logging.getLogger("scenefold")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)

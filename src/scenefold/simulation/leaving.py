@@ -17,13 +17,11 @@ async def drain(client: Client, node: Node) -> bool:
     """Whether the node took the order. It leaves in its own time; killed, it goes on once it runs again or forgets it."""
     order = DrainNode(check_only=False, cancel=False)
     # Whoever asks and hears nothing has still asked.
-    node.is_draining = True
+    node.told_to_leave = True
     with trio.move_on_after(ASK_S_MAX):
         try:
             await client.calls.ask(node.address, order, NodeReport, priority=Priority.HIGH, timeout_s=ASK_S_MAX)
-        except Refused:
-            node.is_draining = False
-        except (Unreachable, PeerFault):
+            return True
+        except (Unreachable, Refused, PeerFault):
             return False
-        return node.is_draining
     return False

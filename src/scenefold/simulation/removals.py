@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import trio
 
+from scenefold.peer.balance.draining import DRAINED
 from scenefold.peer.registry import NO_INCARNATION, Removal
 from scenefold.peer.timing import REMOVE_AFTER_S as DEFAULT_REMOVE_AFTER_S
 from scenefold.simulation import laws
@@ -34,8 +35,7 @@ def _removed(cluster: Cluster, removal: Removal) -> None:
     watch.counts["removals"] += 1
     watch.lineage.gone(Holder(slot, removal.member.incarnation))
     node = cluster.nodes[slot]
-    if node.is_draining:
-        node.is_draining = False
+    if removal.reason == DRAINED and node.told_to_leave:
         return
     if removal.member.incarnation == NO_INCARNATION or incarnation_of(node.disk) != removal.member.incarnation:
         return

@@ -39,6 +39,9 @@ from scenefold.world.sim import SimNet, SimulationStuck, Trace, run_simulated
 START_S_MAX = 30.0
 AFTERMATH_S = 6.0
 """Clients work on for so long after everything has healed: what a fault broke often shows only then."""
+OPERATIONS_MIN = 320
+ENOUGH_S_MAX = 120.0
+"""After a storm in which hardly anybody could be served clients work on until there is something to judge."""
 QUIET_S_MAX = 240.0
 """Removing, waiting for leases, adopting, joining again and offering strays take about a minute; twice that, twice over."""
 QUIET_CHECKS = 3
@@ -53,10 +56,10 @@ STEPS_MAX = 4_000_000
 
 def run(order: Order) -> Result:
     """Run one seed, in this process."""
-    quiet_logs()
     begin = time.process_time()
     schedule = draw(order.seed, order.climate) if order.schedule is None else order.schedule
     with ExitStack() as stack:
+        stack.enter_context(quiet_logs())
         stack.enter_context(remembered_signatures())
         stack.enter_context(mutated(order.mutant))
         file = stack.enter_context(Path(order.trace_file).open("w")) if order.trace_file else None
@@ -129,6 +132,7 @@ class _Drama:
                     await node.gone.wait()
                     cluster.start(slot)
             await trio.sleep(AFTERMATH_S)
+            await self._until(lambda: cluster.watch.recorder.acknowledged >= OPERATIONS_MIN, ENOUGH_S_MAX)
             stop.set()
 
     def _worker(self, client: Client, scene: Scene) -> Worker:

@@ -208,7 +208,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"parts are {', '.join(PARTS)}")
     if options.nodes > FEW:
         parts = [part for part in parts if part != "balance"]
-    quiet_logs()
     begin = time.perf_counter()
 
     def say(text: str) -> None:
@@ -217,7 +216,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stderr.flush()
 
     measurement = Measurement(options.nodes, options.seed, parts, options.loss_s, say)
-    with remembered_signatures(), quick_packets(), nothing_balanced() if options.nodes > FEW else nullcontext():
+    with quiet_logs(), remembered_signatures(), quick_packets(), nothing_balanced() if options.nodes > FEW else nullcontext():
         run_simulated(options.seed, measurement.run, virtual_s_max=VIRTUAL_S_MAX, steps_max=10**10, wall_s_max=WALL_S_MAX)
     measurement.found["real_s"] = round(time.perf_counter() - begin, 1)
     sys.stdout.write(json.dumps(measurement.found, indent=2) + "\n")

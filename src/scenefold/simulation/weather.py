@@ -17,6 +17,9 @@ STORM_S = 80.0
 QUIET_START_S = 4.0
 """The cluster forms and the first records are written before anything goes wrong."""
 AGAIN_MAX = 3
+LONG_S = 50.0
+"""Removal after 20 s of silence, its probes, and the wait for leases take some 40 s together."""
+LONG_ODDS = 0.2
 FAULTS_MIN = 8
 SPARES_MAX = 4
 
@@ -55,6 +58,9 @@ def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spar
     # Short faults are as likely as long ones on a scale of ratios: most real ones are short, and the long ones remove nodes.
     low, high = shape.seconds
     seconds = low * (high / low) ** dice.random() if low else 0.0
+    if high >= LONG_S and dice.random() < LONG_ODDS:
+        # Long enough, and early enough, that the others give a node up and another one takes its place meanwhile.
+        begin_s, seconds = QUIET_START_S + dice.random() * QUIET_START_S, dice.uniform(LONG_S, high)
     if kind in (Kind.JOIN, Kind.KILL_IN_JOIN, Kind.DRAIN):
         # What moves the line comes early enough to be in the way of everything else.
         begin_s = QUIET_START_S + (begin_s - QUIET_START_S) * 0.6
