@@ -33,5 +33,14 @@ def test_the_report_has_its_four_keys_and_nothing_else() -> None:
 
 
 def test_wrong_usage_ends_with_two() -> None:
-    for arguments in (["--seeds", "5:5"], ["--seeds", "x"], ["--mutant", "nobody"], ["--nodes", "1"], ["--seconds", "1"], ["--nonsense"]):
+    for arguments in (
+        ["--seeds", "5:5"],
+        ["--seeds", "x"],
+        ["--mutant", "nobody"],
+        ["--nodes", "1"],
+        ["--seconds", "1"],
+        ["--nonsense"],
+        ["--keep", "1"],
+        ["--replay", "1", "--keep", "99"],
+    ):
         assert command(*arguments).returncode == 2, arguments

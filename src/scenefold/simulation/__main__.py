@@ -29,12 +29,19 @@ STORIES_MAX = 3
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the arguments say; the process's exit code."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.keep is not None and options.replay is None:
+        parser.error("--keep is for one seed: give --replay")
     seeds = [options.replay] if options.replay is not None else list(options.seeds)
     orders = [
-        Order(seed, options.nodes, options.workload, options.mutant, options.seconds, trace_file=options.trace if len(seeds) == 1 else None)
+        Order(
+            seed, options.nodes, options.workload, options.mutant, options.seconds, options.keep, options.trace if len(seeds) == 1 else None
+        )
         for seed in seeds
     ]
+    if options.keep is not None and max(options.keep, default=-1) >= len(replace(orders[0], keep=None).schedule):
+        parser.error("--keep names a fault that this seed does not have")
     results: list[Result] = []
     for result in run_all(orders, min(options.jobs, len(orders))):
         results.append(result)
@@ -49,19 +56,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _shortened(result: Result) -> Result:
     """The same seed with as few faults as still violate the same law."""
-    law = result.violations[0].law
-    found = {result.schedule: result}
+    law, order = result.violations[0].law, result.order
+    numbers = tuple(range(len(result.schedule))) if order.keep is None else order.keep
+    found = {numbers: result}
 
-    def fails(schedule: tuple[object, ...]) -> bool:
-        again = run_one(replace(result.order, schedule=schedule, trace_file=None))  # type: ignore[arg-type]
-        found[again.schedule] = again
+    def fails(keep: tuple[int, ...]) -> bool:
+        again = found[keep] = run_one(replace(order, keep=keep, trace_file=None))
         violated = any(violation.law == law for violation in again.violations)
-        _say(f"  {len(schedule)} faults: {'still ' + law if violated else 'holds'}")
+        _say(f"  {len(keep)} faults: {'still ' + law if violated else 'holds'}")
         return violated
 
-    _say(f"seed {result.order.seed}: looking for the fewest of {len(result.schedule)} faults that still violate: {law}")
-    shortest = shorten(result.schedule, fails)
-    return found[shortest.items]
+    _say(f"seed {order.seed}: looking for the fewest of {len(numbers)} faults that still violate: {law}")
+    return found[shorten(numbers, fails).items]
 
 
 def _report(results: Sequence[Result], *, as_json: bool) -> None:
@@ -112,6 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--mutant", choices=sorted(MUTANTS), metavar="NAME", help=f"break the product first: {', '.join(sorted(MUTANTS))}")
     parser.add_argument("--seconds", type=_seconds, default=STORM_S, metavar="V", help=f"virtual seconds of storm (default {STORM_S:g})")
     parser.add_argument("--trace", metavar="FILE", help="write every event of a single seed to a file")
+    parser.add_argument("--keep", type=_numbers, metavar="0,3,…", help="only these faults of the schedule, as a shortened story says")
     parser.add_argument("--no-shorten", dest="shorten", action="store_false", help="tell stories with all their faults")
     return parser
 
@@ -142,6 +149,10 @@ def _seeds(text: str) -> range:
     if not seeds:
         raise argparse.ArgumentTypeError(f"{text!r} holds no seed: the end is excluded")
     return seeds
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return () if text == "none" else tuple(_seed(part) for part in text.split(","))
 
 
 def _seconds(text: str) -> float:

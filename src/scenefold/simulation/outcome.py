@@ -7,7 +7,7 @@ from typing import Literal
 
 from scenefold.simulation.faults import Schedule
 from scenefold.simulation.story import Violation
-from scenefold.simulation.weather import STORM_S, Climate
+from scenefold.simulation.weather import STORM_S, Climate, draw
 
 Workload = Literal["data", "members", "all"]
 WORKLOADS: tuple[Workload, ...] = ("data", "members", "all")
@@ -15,15 +15,22 @@ WORKLOADS: tuple[Workload, ...] = ("data", "members", "all")
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """One seed to be run. `schedule` None: the one that the seed draws."""
+    """One seed to be run."""
 
     seed: int
     nodes: int = 5
     workload: Workload = "all"
     mutant: str | None = None
     storm_s: float = STORM_S
-    schedule: Schedule | None = None
+    keep: tuple[int, ...] | None = None
+    """Of the schedule that the seed draws, only the faults with these numbers, from 0; None: all."""
     trace_file: str | None = None
+
+    @property
+    def schedule(self) -> Schedule:
+        """What will go wrong."""
+        whole = draw(self.seed, self.climate)
+        return whole if self.keep is None else tuple(whole[number] for number in self.keep)
 
     @property
     def climate(self) -> Climate:
@@ -39,6 +46,8 @@ class Order:
             words.append(f"--seconds {self.storm_s:g}")
         if self.mutant is not None:
             words.append(f"--mutant '{self.mutant}'")
+        if self.keep is not None:
+            words.append(f"--keep {','.join(map(str, self.keep)) or 'none'}")
         return " ".join(words)
 
 

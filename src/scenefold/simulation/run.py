@@ -32,7 +32,7 @@ from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.speed import remembered_signatures
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
-from scenefold.simulation.weather import draw, spares_of
+from scenefold.simulation.weather import spares_of
 from scenefold.simulation.workload import CLIENTS, Tally, Worker, client_name, draw_places
 from scenefold.world.sim import SimNet, SimulationStuck, Trace, run_simulated
 
@@ -57,7 +57,7 @@ STEPS_MAX = 4_000_000
 def run(order: Order) -> Result:
     """Run one seed, in this process."""
     begin = time.process_time()
-    schedule = draw(order.seed, order.climate) if order.schedule is None else order.schedule
+    schedule = order.schedule
     with ExitStack() as stack:
         stack.enter_context(quiet_logs())
         stack.enter_context(remembered_signatures())
@@ -177,7 +177,9 @@ class _Drama:
         counts = {} if watch is None else dict(watch.counts)
         story = ""
         if violations and watch is not None:
-            story = told(self._order.seed, self._schedule, violations, watch.story.about(violations[0]), self._order.replay)
+            numbers = range(len(self._schedule)) if self._order.keep is None else self._order.keep
+            lines = watch.story.about(violations[0])
+            story = told(self._order.seed, self._schedule, numbers, violations, lines, self._order.replay)
         return Result(
             order=self._order,
             schedule=self._schedule,

@@ -14,6 +14,7 @@ from scenefold.simulation.faults import Schedule
 
 LINES_MAX = 60_000
 TOLD_MAX = 120
+AFTERWARDS_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +54,8 @@ class Story:
         self.lines.append(Line(at_s, slot, location, what, values))
 
     def about(self, violation: Violation) -> list[str]:
-        """What led to a violation."""
-        concerned = [line for line in self.lines if _concerns(line, violation)]
+        """What led to a violation, and the second behind it."""
+        concerned = [line for line in self.lines if line.at_s <= violation.at_s + AFTERWARDS_S and _concerns(line, violation)]
         left_out = max(0, len(concerned) - TOLD_MAX)
         head = [f"… {left_out} earlier lines"] if left_out else []
         return head + [str(line) for line in concerned[left_out:]]
@@ -66,9 +67,16 @@ def _concerns(line: Line, violation: Violation) -> bool:
     return line.slot is None or not violation.slots or line.slot in violation.slots
 
 
-def told(seed: int, schedule: Schedule, violations: Sequence[Violation], lines: Iterable[str], replay: str) -> str:
-    """The whole story as text."""
+def told(seed: int, schedule: Schedule, numbers: Sequence[int], violations: Sequence[Violation], lines: Iterable[str], replay: str) -> str:
+    """The whole story as text. `numbers`: of the faults, in the whole schedule of the seed."""
     parts = [f"seed {seed}: {len(violations)} violation{'s' if len(violations) != 1 else ''}", ""]
     parts += [f"  {violation.at_s:9.3f} s  {violation.law}: {violation.what}" for violation in violations[:10]]
-    parts += ["", "faults:", *(f"  {fault}" for fault in schedule), "", "what happened:", *(f"  {line}" for line in lines)]
+    parts += [
+        "",
+        "faults:",
+        *(f"  {number:2d}  {fault}" for number, fault in zip(numbers, schedule, strict=True)),
+        "",
+        "what happened:",
+        *(f"  {line}" for line in lines),
+    ]
     return "\n".join([*parts, "", f"again: {replay}", ""])

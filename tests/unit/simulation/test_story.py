@@ -31,6 +31,15 @@ def test_long_stories_keep_their_end() -> None:
 
 def test_the_whole_says_how_to_see_it_again() -> None:
     schedule = (Fault(Kind.PARTITION, 1.0, 2.0, (1, 2)), Fault(Kind.LOSS, 3.0, 4.0, (), 0.1))
-    text = told(7, schedule, [Violation("linearizable", "a write is gone", 9.0)], ["a line"], "python -m scenefold.simulation --replay 7")
-    for part in ("seed 7: 1 violation\n", "linearizable: a write is gone", "n1, n2 from all others", "a line", "--replay 7"):
+    text = told(
+        7, schedule, [3, 9], [Violation("linearizable", "a write is gone", 9.0)], ["a line"], "python -m scenefold.simulation --replay 7"
+    )
+    for part in (
+        "seed 7: 1 violation\n",
+        "linearizable: a write is gone",
+        " 3    1.00 s",
+        "n1, n2 from all others",
+        "a line",
+        "--replay 7",
+    ):
         assert part in text
