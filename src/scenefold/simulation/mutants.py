@@ -76,10 +76,10 @@ def _deaf_helpers(_original: Any) -> Any:
 def _no_last_copy(original: Any) -> Any:
     """What was written while a piece was being copied is not copied again before the piece is let go of."""
 
-    async def copy(self: Any, *, hurry: bool) -> Any:
+    async def copy(self: Any, *, only: Any = None, hurry: bool = False) -> Any:
         from scenefold.peer.line.copying import Pass
 
-        return Pass(0, 0) if hurry else await original(self, hurry=hurry)
+        return Pass(0, 0) if hurry else await original(self, only=only, hurry=hurry)
 
     return copy
 
