@@ -315,12 +315,14 @@ async def test_a_newcomer_to_many_tells_of_itself_and_is_not_asked_by_all(autoju
     async with village(40, registered=39) as them:
         for index in range(40):
             await them.start(index)
-        await trio.sleep(10)
+        # Not in the very moment of a round: a word that overtakes the log is lost, and asked for later.
+        await trio.sleep(10.3)
         them.ether.sent.clear()
         them.register(39)
         await trio.sleep(2.5)
         asked = [target for source, target, data in them.ether.sent if isinstance(opened(source, data), RequestState)]
         assert asked.count(address_of(node_at(39))) <= 1, "it has spoken to everybody before anybody got impatient"
+        await trio.sleep(1.0)
         assert not any(them.of(index).roster.unheard() for index in range(39))
 
 
