@@ -1,4 +1,4 @@
-"""Records of a scene, as a node keeps them for everybody: writes, reads, ranges (Algorithm 6; specs/11-peers.md, Data).
+"""Records of a scene, as a node keeps them for everybody: writes, reads, ranges (Algorithm 6; specs/18-data.md).
 
 The three parts share nothing but what they are given: the store, who owns what, and whether we may speak for it.
 """

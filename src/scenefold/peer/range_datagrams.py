@@ -1,4 +1,4 @@
-"""Range queries between nodes in single datagrams, UDP low (thesis C.4; specs/11-peers.md, Ranges by datagram).
+"""Range queries between nodes in single datagrams, UDP low (thesis C.4; specs/18-data.md, Ranges).
 
 For looking quickly whether anything lies in a small piece: a question and its answer are one signed packet each, with no
 connection. An answer that would not fit one is refused with reason 6, and the asker halves its question. Datagrams get lost,

@@ -1,4 +1,4 @@
-"""Which places hold a record: packets 16 to 18 (thesis C.4; specs/11-peers.md, Ranges).
+"""Which places hold a record: packets 16 to 18 (thesis C.4; specs/18-data.md, Ranges).
 
 A node answers for its own arc only, and says which part of the question it has answered; the asker goes on behind it.
 That nothing lies somewhere is a claim as well, so it needs a lease; without one, what is there is listed as stale.

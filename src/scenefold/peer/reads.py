@@ -1,4 +1,4 @@
-"""Records out: packets 13 and 34 (specs/11-peers.md, Reads).
+"""Records out: packets 13 and 34 (specs/18-data.md, Reads).
 
 A read at the wrong node is forwarded to the owner, once: what one node asks another is never forwarded again, so
 tables that disagree cannot send a request in circles. A node without a lease may have been replaced without knowing: what

@@ -1,4 +1,4 @@
-"""Records in: packets 10 and 32 (Algorithm 6; specs/11-peers.md, Writes).
+"""Records in: packets 10 and 32 (Algorithm 6; specs/18-data.md, Writes).
 
 A write is judged by the owner of its place alone: verified in worker threads, made durable, then acknowledged, under a
 lease. Offered to the wrong node it is refused with the owner's id. A place that is just being given away takes no

@@ -1,4 +1,4 @@
-"""Who durably owned each location, and how it came to the next owner (specs/17-simulation.md, Arcs). Pure.
+"""Who durably owned each location, and how it came to the next owner (specs/17-simulation.md, Laws). Pure.
 
 Fed with every durable change of a node's arc, in order, it says of each gain whether it was a *handover* (the one before
 had durably let go, in favour of this node), a *founding* (nobody had it yet) or an *adoption* (the one before was removed,

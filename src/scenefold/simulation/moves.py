@@ -1,4 +1,4 @@
-"""A record moves at most once in ten seconds (Algorithm 5; specs/17-simulation.md, Moves). Pure.
+"""A record moves at most once in ten seconds (Algorithm 5; specs/17-simulation.md, Laws). Pure.
 
 Fed with the pieces of the line that changed hands by handover. A record that a node took over less than ten seconds ago
 must not be with the next one yet. Clocks of nodes may run one percent fast, and that much earlier is not held against them.

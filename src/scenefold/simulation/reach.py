@@ -1,4 +1,4 @@
-"""Who could be heard by whom, over time: the judge of removals (specs/17-simulation.md, Removals). Pure.
+"""Who could be heard by whom, over time: the judge of removals (specs/17-simulation.md, Laws). Pure.
 
 A removal is false if the node was up, under the incarnation that was removed, and could be reached all through the second
 half of the time that it must be silent for: by the voter itself, or by another node that the voter could reach. Loss is not

@@ -1,4 +1,4 @@
-"""What happened in a run, in the order of virtual time, for a person who looks for the reason (specs/17-simulation.md, Stories).
+"""What happened in a run, in the order of virtual time, for a person who looks for the reason (specs/17-simulation.md, Runs).
 
 Everything that observers see becomes a line, cheaply: words are put together only when a story is told. A story has the
 schedule, then what concerns the place or the nodes of the violation, the last lines before it.

@@ -1,4 +1,4 @@
-"""A node hands everything over and leaves: DrainNode (74) (specs/13-balance.md, Draining).
+"""A node hands everything over and leaves: DrainNode (74) (specs/13-balance.md, Leaving).
 
     serving --DrainNode--> draining: gives to both neighbours --nothing left--> RemoveNode "drained" in the log --> NodeDrained
        ^______cancel________|

@@ -1,4 +1,4 @@
-"""To whom a leaving node gives how much next (specs/13-balance.md, Draining). Pure."""
+"""To whom a leaving node gives how much next (specs/13-balance.md, Leaving). Pure."""
 
 from __future__ import annotations
 
