@@ -91,7 +91,16 @@ class Loss:
     at_s: float = 0.0
 
 
-Event = Write | Read | Listing | Loss
+@dataclass(frozen=True, slots=True)
+class Return:
+    """A version that a disk holds where its place's owner does not (a backup that was restored, say) may come back from
+    here on: it takes effect where it is higher than what is there."""
+
+    begin: int
+    version: Version
+
+
+Event = Write | Read | Listing | Loss | Return
 
 
 class Histories:

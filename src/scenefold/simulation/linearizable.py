@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from scenefold.simulation.history import Event, Listing, Loss, Outcome, Read, Version, Write
+from scenefold.simulation.history import Event, Listing, Loss, Outcome, Read, Return, Version, Write
 
 STEPS_MAX = 400_000
 State = Version | None
@@ -28,14 +28,6 @@ class Verdict:
     stuck: Event | None = None
     state: State = None
     """What was there, as far as the search came, when `stuck` made no sense."""
-
-
-@dataclass(frozen=True, slots=True)
-class Return:
-    """A version that some disk still holds after a loss comes back, where it is higher than what is there."""
-
-    begin: int
-    version: Version
 
 
 _Step = Write | Read | Listing | Loss | Return
@@ -59,7 +51,7 @@ def _sorted(history: Sequence[Event]) -> tuple[list[Write | Read | Listing], lis
         if isinstance(event, Loss):
             may.append(event)
             may += [Return(event.begin, version) for version in event.left]
-        elif isinstance(event, Write) and event.outcome is Outcome.MAYBE:
+        elif isinstance(event, Return) or (isinstance(event, Write) and event.outcome is Outcome.MAYBE):
             may.append(event)
         else:
             must.append(event)

@@ -14,7 +14,7 @@ from scenefold.base.location import Arc, Location
 from scenefold.simulation import laws
 from scenefold.simulation.custody import Lost, lost_by_change, lost_to_claimer
 from scenefold.simulation.disks import Disk, arc_of, counted, holding_of, incarnation_of, receivers_of, records_of, version_at
-from scenefold.simulation.history import Loss, Place, Version
+from scenefold.simulation.history import Loss, Place, Return, Version
 from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
 from scenefold.simulation.moves import Moves
 from scenefold.simulation.reach import Reach
@@ -79,6 +79,10 @@ class Watch:
         self._holdings.pop(slot, None)
         counting = {other: counted(disk) for other, disk in self._disks.items()}
         self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
+        histories = self.recorder.histories
+        for place, version in sorted(records_of(self._disks[slot]).items()):
+            if before.get(place) != version:
+                histories.add(place, Return(histories.moment(), version))
 
     def damaged(self, slot: int, place: Place) -> None:
         """A stored record has rotted: this disk's copy cannot be read any more."""

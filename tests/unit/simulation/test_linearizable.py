@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefold.simulation.history import NEVER_ENDED, Event, Listing, Loss, Outcome, Read, Version, Write
+from scenefold.simulation.history import NEVER_ENDED, Event, Listing, Loss, Outcome, Read, Return, Version, Write
 from scenefold.simulation.linearizable import judge
 
 
@@ -60,6 +60,8 @@ GOOD: dict[str, list[Event]] = {
         read(6, 7, 1),
         read(8, 9, 5),
     ],
+    "lost, and brought back by a backup": [write(1, 2, 1), Loss(3, ()), read(4, 5, None), Return(6, version(1)), read(7, 8, 1)],
+    "a backup of what was replaced brings nothing": [write(1, 2, 1), write(3, 4, 2), Return(5, version(1)), read(6, 7, 2)],
     "listed once it is there": [Listing(1, 2, False), write(3, 4, 1), Listing(5, 6, True)],
 }
 
@@ -77,6 +79,8 @@ BAD: dict[str, list[Event]] = {
     "lost before the loss": [write(1, 2, 1), read(3, 4, None), Loss(5, ())],
     "lost twice with one loss": [write(1, 2, 1), Loss(3, ()), read(4, 5, None), write(6, 7, 2), read(8, 9, None)],
     "given back what no disk held": [write(1, 2, 1), Loss(3, ()), read(4, 5, None), read(6, 7, 1)],
+    "a backup brings back what was replaced": [write(1, 2, 1), write(3, 4, 2), Return(5, version(1)), read(6, 7, 1)],
+    "back before the backup": [write(1, 2, 1), Loss(3, ()), read(4, 5, None), read(6, 7, 1), Return(8, version(1))],
     "an open write happens twice": [maybe(1, 1), Loss(2, ()), read(3, 4, 1), read(5, 6, None), read(7, 8, 1)],
     "not listed though it is there": [write(1, 2, 1), Listing(3, 4, False)],
     "listed before it is there": [Listing(1, 2, True), write(3, 4, 1)],
