@@ -100,6 +100,7 @@ def test_what_is_written_while_a_piece_goes_goes_with_it(monkeypatch: pytest.Mon
 
 
 @pytest.mark.expect_log("was reset by the peer")
+@pytest.mark.expect_log("the connection was cut")
 def test_nothing_is_released_to_a_receiver_whose_disk_was_wiped_after_it_had_answered() -> None:
     async def main() -> None:
         street = Street(2)
