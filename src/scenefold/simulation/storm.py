@@ -253,6 +253,7 @@ class Storm:
         before = records_of(node.disk)
         node.disk.restore(backup)
         self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
+        node.is_restored = True
         await self._cluster.restart(node.slot, 0.5)
 
     def _set_clocks(self, fault: Fault) -> None:

@@ -76,7 +76,7 @@ class Watch:
         """A disk was wiped or rolled back: what only it held is lost, and its incarnation will never own anything again."""
         if incarnation is not None:
             self.lineage.gone(Holder(slot, incarnation))
-        self._holdings.pop(slot, None)
+        self._holdings[slot] = holding_of(self._disks[slot])
         counting = {other: counted(disk) for other, disk in self._disks.items()}
         self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
         histories = self.recorder.histories
