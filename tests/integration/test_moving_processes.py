@@ -97,7 +97,7 @@ def figures(found: ClusterStatus, kept: Kept, stages: Stages) -> dict[str, Any]:
 
 
 async def test_a_joiner_that_dies_half_way_leaves_everything_where_it_was_and_may_come_again(tmp_path: Path) -> None:
-    async with living_cluster(tmp_path, 2, spares=1, options=("--transfer", "1000000")) as living:
+    async with living_cluster(tmp_path, 2, spares=1, options=("--transfer", "500000")) as living:
         (joiner,) = living.nodes.spares
         await living.kept.put_evenly(1_000, 12_000)
         living.nodes.start(joiner)
@@ -111,7 +111,7 @@ async def test_a_joiner_that_dies_half_way_leaves_everything_where_it_was_and_ma
 
 
 async def test_a_draining_node_that_is_killed_goes_on_leaving_when_it_is_back(tmp_path: Path) -> None:
-    async with living_cluster(tmp_path, 3, options=("--transfer", "1000000")) as living:
+    async with living_cluster(tmp_path, 3, options=("--transfer", "500000")) as living:
         kept, victim = living.kept, living.nodes.addresses[1]
         await kept.put_evenly(1_500, 12_000)
         await living.cluster.drain(victim)

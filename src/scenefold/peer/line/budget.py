@@ -14,14 +14,14 @@ class Budget:
     def __init__(self, clock: Clock, bytes_per_s: float) -> None:
         assert bytes_per_s > 0
         self._clock = clock
-        self._bytes_per_s = bytes_per_s
+        self.bytes_per_s = bytes_per_s
         self._room = bytes_per_s * BURST_S
         self._at = clock.now()
 
     def charge(self, count: int) -> None:
         """Take bytes at once, on credit."""
         now = self._clock.now()
-        self._room = min(self._bytes_per_s * BURST_S, self._room + (now - self._at) * self._bytes_per_s)
+        self._room = min(self.bytes_per_s * BURST_S, self._room + (now - self._at) * self.bytes_per_s)
         self._at = now
         self._room -= count
 
@@ -29,4 +29,4 @@ class Budget:
         """Take bytes, and wait until they have been earned. More than a burst at once is allowed, and waited for."""
         self.charge(count)
         if self._room < 0:
-            await self._clock.sleep(-self._room / self._bytes_per_s)
+            await self._clock.sleep(-self._room / self.bytes_per_s)

@@ -24,6 +24,9 @@ LIST_RECORDS_MAX = 1024
 """Of one OfferRecords, less than it may hold: so many entries keep the event loop for some 5 ms."""
 COPY_BYTES_MAX = 2 * 1024 * 1024
 """Of one CopyRecords: a quarter of a frame, so that other requests on the connection need not wait long."""
+COPY_BYTES_MIN = 64 * 1024
+COPY_S = 0.25
+"""Under a small budget a part is what may be sent in this time, so that it flows instead of coming in bursts."""
 ENTRY_BYTES = 96
 """About what an entry costs on the wire."""
 ANSWERED_MAX = 400_000
@@ -59,7 +62,7 @@ class Copier:
         while True:
             manifest = await self._parts.store.manifest(pieces, cursor, LIST_RECORDS_MAX)
             entries = [entry for entry in manifest.entries if _version(entry) not in self._answered]
-            for batch in _batches(await self._wanted(entries, hurry)):
+            for batch in _batches(await self._wanted(entries, hurry), self._part_bytes):
                 stored_bytes += await self._send(batch, hurry)
                 records += len(batch)
             if len(self._answered) < ANSWERED_MAX:
@@ -67,6 +70,10 @@ class Copier:
             cursor = manifest.cursor
             if cursor is None:
                 return Pass(records, stored_bytes)
+
+    @property
+    def _part_bytes(self) -> float:
+        return min(max(self._parts.budget.bytes_per_s * COPY_S, COPY_BYTES_MIN), COPY_BYTES_MAX)
 
     async def _wanted(self, entries: Sequence[Entry], hurry: bool) -> list[Entry]:
         if not entries:
@@ -110,12 +117,12 @@ def hand_item(entry: Entry, record: Record) -> HandItem:
     return HandItem(place.scene, place.space, place.location, entry.object, record.signature, record.header_bytes, record.ciphertext)
 
 
-def _batches(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
-    """Parts of about COPY_BYTES_MAX each."""
+def _batches(entries: Sequence[Entry], bytes_max: float) -> Iterator[list[Entry]]:
+    """Parts of so many bytes at most, or of one record."""
     batch: list[Entry] = []
     size_bytes = 0
     for entry in entries:
-        if batch and size_bytes + entry.size > COPY_BYTES_MAX:
+        if batch and size_bytes + entry.size > bytes_max:
             yield batch
             batch, size_bytes = [], 0
         batch.append(entry)
