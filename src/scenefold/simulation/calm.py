@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside, place_of
+from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside
 from scenefold.simulation.lineage import tiling_problems
 from scenefold.store.layout import location_of
 
@@ -72,7 +72,7 @@ def _leftovers(cluster: Cluster, node: Node, *, is_member: bool) -> list[Unrest]
     if has_open_handover(node.disk):
         wrong.append(Unrest(laws.CONVERGED, f"a handover of n{node.slot} is open", (node.slot,)))
     # A rotten record cannot be offered to anybody; it lies where it rotted.
-    strays = [key for key in keys_outside(node.disk, arc) if place_of(key) not in cluster.watch.recorder.damaged]
+    strays = [key for key in keys_outside(node.disk, arc) if not cluster.watch.rot.has(node.slot, key)]
     if strays:
         where = location_of(strays[0]).hex()[:8]
         wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}, the first at {where}…", (node.slot,)))

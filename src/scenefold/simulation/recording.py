@@ -49,7 +49,8 @@ class Recorder:
         self.strange: list[tuple[Place, str]] = []
         """Answers that no history can have: a record that nobody wrote, read without a lease."""
         self.damaged: set[Place] = set()
-        """Records that have rotted on a disk: they are listed and cannot be read, so lists say nothing of them."""
+        """Records that have rotted on their owner's disk: they are listed and cannot be read, so lists say nothing of them."""
+        self._damaged_until: dict[Place, int] = {}
         self.places: dict[tuple[int, int], set[bytes]] = {}
         self._offered: dict[Place, set[bytes]] = {}
         self._now = now
@@ -59,6 +60,13 @@ class Recorder:
     def acknowledged(self) -> int:
         """Operations that were answered: writes that are durable, reads that were served, lists."""
         return self.histories.writes_done + self.histories.reads_done + self.listings
+
+    def now_damaged(self, places: set[Place]) -> None:
+        """These are rotten now, and no others."""
+        for place in sorted(self.damaged - places):
+            self._damaged_until[place] = self.histories.moment()
+            self._tell("", place, "can be read again")
+        self.damaged = places
 
     def offered(self, item: PutItem) -> tuple[Place, Version]:
         """A record leaves a client."""
@@ -108,7 +116,7 @@ class Recorder:
         for location in sorted(self.places.get((reply.scene, reply.space), ())):
             if reply.first <= location <= reply.last:
                 place = Place(reply.scene, reply.space, location)
-                if place in self.damaged or len(location) != LOCATION_BYTES:
+                if place in self.damaged or self._damaged_until.get(place, 0) > begin or len(location) != LOCATION_BYTES:
                     continue
                 self.histories.add(place, Listing(begin, end, location in there, who, self._now()))
 

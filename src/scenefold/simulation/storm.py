@@ -16,7 +16,7 @@ from typing import ClassVar
 import trio
 
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import incarnation_of, place_of, records_of
+from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.store.layout import RECORDS
@@ -215,13 +215,15 @@ class Storm:
             self._net.trap(node.address, point, max(1, int(fault.amount)), spring)
 
     def _corrupt(self, fault: Fault) -> None:
-        disk = self._node(fault).disk
-        keys = [disk.corrupt(RECORDS, self._dice) for _ in range(int(fault.amount))]
-        if any(keys):
-            self._begins(fault)
-        for key in keys:
-            if key is not None:
-                self._watch.damaged(fault.slots[0], place_of(key))
+        slot, disk = fault.slots[0], self._node(fault).disk
+        for number in range(int(fault.amount)):
+            before = self._watch.records(slot)
+            key = disk.corrupt(RECORDS, self._dice)
+            if key is None:
+                return
+            if number == 0:
+                self._begins(fault)
+            self._watch.damaged(slot, key, before)
 
     async def _wipe(self, fault: Fault) -> None:
         """The machine dies, and comes back with an empty disk."""
@@ -229,7 +231,7 @@ class Storm:
         if not self._cluster.crash(node.slot):
             return
         self._begins(fault)
-        before, incarnation = records_of(node.disk), incarnation_of(node.disk)
+        before, incarnation = self._watch.records(node.slot), incarnation_of(node.disk)
         node.disk.wipe()
         self._watch.disk_replaced(node.slot, before, incarnation, "loses its disk")
         await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
@@ -250,7 +252,7 @@ class Storm:
             return
         self._cluster.crash(node.slot)
         self._begins(fault)
-        before = records_of(node.disk)
+        before = self._watch.records(node.slot)
         node.disk.restore(backup)
         self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
         node.is_restored = True

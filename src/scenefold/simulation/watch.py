@@ -12,14 +12,27 @@ from typing import Protocol
 
 from scenefold.base.location import Arc, Location
 from scenefold.simulation import laws
-from scenefold.simulation.custody import Lost, lost_by_change, lost_to_claimer
-from scenefold.simulation.disks import Disk, arc_of, counted, holding_of, incarnation_of, receivers_of, records_of, version_at
+from scenefold.simulation.custody import Lost, lost_by_change, lost_to_claimer, versions_of
+from scenefold.simulation.disks import (
+    Disk,
+    arc_of,
+    counted,
+    has_open_handover,
+    holding_of,
+    incarnation_of,
+    place_of,
+    receivers_of,
+    records_of,
+    version_at,
+)
 from scenefold.simulation.history import Loss, Place, Return, Version
 from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
 from scenefold.simulation.moves import Moves
 from scenefold.simulation.reach import Reach
 from scenefold.simulation.recording import Recorder
+from scenefold.simulation.rot import Rot
 from scenefold.simulation.story import Story, Violation
+from scenefold.store.layout import location_of
 
 VIOLATIONS_MAX = 50
 
@@ -52,6 +65,7 @@ class Watch:
         self._running = running
         self._slot_of = slot_of
         self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
+        self.rot = Rot(disks)
 
     # ---------------------------------------------------------------------------------------------------- telling
 
@@ -68,27 +82,52 @@ class Watch:
 
     # ------------------------------------------------------------------------------------------------------- disks
 
+    def records(self, slot: int, arc: Arc | None = None) -> dict[Place, Version]:
+        """What a disk holds (in an arc), without what has rotted there."""
+        return self._sound(slot, records_of(self._disks[slot], arc))
+
+    def _sound(self, slot: int, found: dict[Place, Version]) -> dict[Place, Version]:
+        for copy in self.rot.on(slot):
+            found.pop(copy.place, None)
+        return found
+
     def _records(self, arc: Arc | None = None) -> dict[int, dict[Place, Version]]:
         """What all disks hold (in an arc)."""
-        return {slot: records_of(disk, arc) for slot, disk in self._disks.items()}
+        return {slot: self.records(slot, arc) for slot in self._disks}
 
     def disk_replaced(self, slot: int, before: Mapping[Place, Version], incarnation: bytes | None, why: str) -> None:
         """A disk was wiped or rolled back: what only it held is lost, and its incarnation will never own anything again."""
         if incarnation is not None:
             self.lineage.gone(Holder(slot, incarnation))
         self._holdings[slot] = holding_of(self._disks[slot])
-        counting = {other: counted(disk) for other, disk in self._disks.items()}
+        counting = {other: self._sound(other, counted(disk)) for other, disk in self._disks.items()}
         self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
         histories = self.recorder.histories
-        for place, version in sorted(records_of(self._disks[slot]).items()):
+        for place, version in sorted(self.records(slot).items()):
             if before.get(place) != version:
                 histories.add(place, Return(histories.moment(), version))
+        self._look_at_rot()
 
-    def damaged(self, slot: int, place: Place) -> None:
-        """A stored record has rotted: this disk's copy cannot be read any more."""
-        self.recorder.damaged.add(place)
-        left = {version for disk in self._disks.values() if (version := records_of(disk).get(place)) is not None}
-        self._lost([Lost(place, tuple(sorted(left, key=lambda version: version.order)))], f"damaged on n{slot}")
+    def damaged(self, slot: int, key: bytes, before: Mapping[Place, Version]) -> None:
+        """A stored record has rotted: this disk's copy cannot be read any more. `before`: what the disk held."""
+        place, location = place_of(key), location_of(key)
+        self.rot.add(slot, key)
+        disks = self._records()
+        owner = self._owner_of(location)
+        if owner in (None, slot) or has_open_handover(self._disks[slot]) or not _is_held(disks[owner], place, before.get(place)):
+            self._lost([Lost(place, versions_of(disks, place))], f"damaged on n{slot}")
+        self._look_at_rot()
+
+    def _owner_of(self, location: Location) -> int | None:
+        """The slot whose disk durably owns a place, or did last."""
+        holder = self.lineage.holder_of(location).holder
+        return None if holder is None or holder.slot not in self._disks else holder.slot
+
+    def _look_at_rot(self) -> None:
+        """Which places cannot be read, because their owner's own copy is rotten."""
+        rotten = {copy.place for copy in self.rot.copies() if self._owner_of(copy.location) == copy.slot}
+        if rotten != self.recorder.damaged:
+            self.recorder.now_damaged(rotten)
 
     def _lost(self, losses: Iterable[Lost], why: str) -> None:
         histories = self.recorder.histories
@@ -105,8 +144,13 @@ class Watch:
         disk = self._disks[slot]
         holding = holding_of(disk)
         before = self._holdings.get(slot, (None, None))
-        if holding == before:
-            return
+        if holding != before:
+            self._holding_changed(slot, disk, before, holding)
+        self._look_at_rot()
+
+    def _holding_changed(
+        self, slot: int, disk: Disk, before: tuple[bytes | None, bytes | None], holding: tuple[bytes | None, bytes | None]
+    ) -> None:
         self._holdings[slot] = holding
         incarnation = incarnation_of(disk)
         if incarnation is None:
@@ -150,12 +194,12 @@ class Watch:
         """The receiver must hold every record of a piece before its owner durably lets go of it."""
         if piece.towards is None or piece.towards.slot not in self._disks:
             return
-        disks = {slot: records_of(self._disks[slot], piece.arc) for slot in (holder.slot, piece.towards.slot)}
+        disks = {slot: self.records(slot, piece.arc) for slot in (holder.slot, piece.towards.slot)}
         self._blame(laws.CARRIED, f"n{holder.slot} lets go of", disks, piece.towards.slot, holder.slot)
 
     def _blame(self, law: str, what: str, disks: dict[int, dict[Place, Version]], claimer: int, other: int) -> None:
-        # A record that rotted cannot be copied; its loss stands in its history already.
-        places = {place for disk in disks.values() for place in disk} - self.recorder.damaged
+        # A copy that rotted after it was kept is not the giver's fault; its loss stands in its history already.
+        places = {place for disk in disks.values() for place in disk} - {copy.place for copy in self.rot.on(claimer)}
         for lost in lost_to_claimer(disks, claimer, places):
             newest = lost.left[-1].digest.hex()[:6]
             words = f"{what} {lost.place.location.hex()[:8]}… though n{claimer} does not hold its newest version {newest}"
@@ -169,7 +213,7 @@ class Watch:
             places = {place for disk in disks.values() for place in disk}
             self._lost(lost_to_claimer(disks, slot, places), f"n{slot} adopts its place")
         if gain.way is Way.HANDOVER:
-            for hurry in self.moves.handed_over(sorted(records_of(self._disks[slot], gain.arc)), self._now()):
+            for hurry in self.moves.handed_over(sorted(self.records(slot, gain.arc)), self._now()):
                 words = f"{hurry.place.location.hex()[:8]}… moves to n{slot} {hurry.after_s:.2f} s after it moved before"
                 self.violated(laws.SETTLED, words, location=hurry.place.location, slots=(slot,))
 
@@ -193,3 +237,9 @@ class Watch:
             if other != slot and owner.owns(location) and owner.has_lease():
                 words = f"n{slot} acknowledges {name} while n{other} could"
                 self.violated(laws.ONE_OWNER, words, location=location, slots=(slot, other))
+
+
+def _is_held(disk: Mapping[Place, Version], place: Place, version: Version | None) -> bool:
+    """Whether a disk holds this version of a record, or a newer one."""
+    held = disk.get(place)
+    return held is not None and version is not None and held.order >= version.order

@@ -16,7 +16,7 @@ ONE, TWO, THREE = version(1), version(2), version(3)
 
 
 def test_the_only_copy_goes_with_its_disk() -> None:
-    now = {0: {}, 1: {}}
+    now: dict[int, dict[Place, Version]] = {0: {}, 1: {}}
     assert lost_by_change({HERE: ONE}, now, now) == [Lost(HERE, ())]
 
 

@@ -108,9 +108,14 @@ def test_a_list_is_of_every_place_that_it_covers() -> None:
 def test_a_rotten_record_says_nothing_in_lists() -> None:
     book = recorder()
     book.offered(item(1))
-    book.damaged.add(PLACE)
+    book.now_damaged({PLACE})
     book.listed("c0", 1, listing(HERE))
-    assert book.histories.of(PLACE) == []
+    begin = book.histories.moment()
+    book.now_damaged(set())
+    book.listed("c0", begin, listing(HERE))
+    assert book.histories.of(PLACE) == [], "it may have been asked while it was rotten"
+    book.listed("c0", book.histories.moment(), listing(HERE))
+    assert len(book.histories.of(PLACE)) == 1
 
 
 def test_operations_are_what_was_answered() -> None:

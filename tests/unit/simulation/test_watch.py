@@ -207,5 +207,69 @@ def test_adopting_what_another_disk_holds_loses_it_until_it_is_offered() -> None
     assert stage.laws == []
 
 
+def rots(stage: Stage, slot: int) -> None:
+    before = stage.watch.records(slot)
+    table, key = stage.machines[slot].tables[RECORDS], record_key(RecordPlace(SCENE, SPACE, HERE))
+    table[key] = table[key][:-1] + bytes([table[key][-1] ^ 1])
+    stage.watch.damaged(slot, key, before)
+
+
+def test_what_rotted_is_excused_until_it_is_written_anew() -> None:
+    stage = Stage()
+    stage.machines[1].store(record(1))
+    rots(stage, 1)
+    stage.watch.committed(1)
+    assert stage.watch.recorder.damaged == {PLACE}
+    (event,) = stage.watch.recorder.histories.of(PLACE)
+    assert isinstance(event, Loss)
+    stage.machines[1].store(record(2))
+    stage.watch.committed(1)
+    assert stage.watch.recorder.damaged == set()
+    stage.give(1, 2, copied=False)
+    assert stage.laws[0] == laws.CARRIED, "the new record must be carried, though an old one rotted once"
+
+
+def test_what_rotted_need_not_be_carried_and_is_no_excuse_elsewhere() -> None:
+    stage = Stage()
+    stage.machines[1].store(record(1))
+    rots(stage, 1)
+    stage.give(1, 2, copied=False)
+    assert stage.laws == []
+    assert stage.watch.recorder.damaged == set(), "who owns the place now has nothing rotten there"
+
+
+def test_a_copy_that_rots_with_the_receiver_is_not_the_givers_fault() -> None:
+    stage = Stage()
+    for slot in (1, 2):
+        stage.machines[slot].store(record(1))
+    rots(stage, 2)
+    stage.give(1, 2, copied=False)
+    assert stage.laws == []
+
+
+def test_a_stray_that_rots_takes_nothing_from_the_owner() -> None:
+    stage = Stage()
+    for slot in (1, 2):
+        stage.machines[slot].store(record(1))
+    rots(stage, 2)
+    assert stage.watch.recorder.histories.of(PLACE) == []
+    assert stage.watch.recorder.damaged == set()
+    rots(stage, 1)
+    assert len(stage.watch.recorder.histories.of(PLACE)) == 1
+
+
+def test_a_backup_may_bring_the_rot_back() -> None:
+    stage = Stage()
+    stage.machines[1].store(record(1))
+    rots(stage, 1)
+    backup = dict(stage.machines[1].tables[RECORDS])
+    stage.machines[1].store(record(2))
+    stage.watch.committed(1)
+    before = stage.watch.records(1)
+    stage.machines[1].tables[RECORDS] = backup
+    stage.watch.disk_replaced(1, before, None, "is put back")
+    assert stage.watch.recorder.damaged == {PLACE}
+
+
 def test_keys_and_places_are_the_same_thing() -> None:
     assert place_of(record_key(RecordPlace(SCENE, SPACE, HERE))) == PLACE

@@ -1,0 +1,63 @@
+"""Copies of records that have rotted on disks: which of them are still there (specs/17-simulation.md, Custody).
+
+A copy is known by its bytes, not by where it lies: a node may slide it, and a backup may bring it back. Once it was replaced or
+deleted it excuses nothing any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.crypto import RecordPlace
+from scenefold.simulation.disks import Disk, place_of
+from scenefold.simulation.history import Place
+from scenefold.store.layout import RECORDS, location_of, record_key
+
+
+class RottenCopy(NamedTuple):
+    """One that lies on a disk now."""
+
+    slot: int
+    place: Place
+    location: Location
+    key: bytes
+
+
+class Rot:
+    """Everything that ever rotted in a run, by place."""
+
+    def __init__(self, disks: Mapping[int, Disk]) -> None:
+        self._disks = disks
+        self._values: dict[Place, set[bytes]] = {}
+
+    def add(self, slot: int, key: bytes) -> None:
+        """What lies there has just rotted."""
+        self._values.setdefault(place_of(key), set()).add(bytes(self._disks[slot].peek(RECORDS)[key]))
+
+    def has(self, slot: int, key: bytes) -> bool:
+        """Whether what lies there now is rotten."""
+        values = self._values.get(place_of(key))
+        return values is not None and self._disks[slot].peek(RECORDS).get(key) in values
+
+    def copies(self) -> Iterator[RottenCopy]:
+        """All that there are now, in the order of slots and places."""
+        for slot in self._disks:
+            yield from self.on(slot)
+
+    def on(self, slot: int) -> list[RottenCopy]:
+        """Those on one disk."""
+        if not self._values:
+            return []
+        table = self._disks[slot].peek(RECORDS)
+        keys = [key for place in sorted(self._values) for key in self._keys(place, table)]
+        return [RottenCopy(slot, place_of(key), location_of(key), key) for key in keys if table[key] in self._values[place_of(key)]]
+
+    def _keys(self, place: Place, table: Mapping[bytes, bytes]) -> list[bytes]:
+        """Where a record lies in a table: once at most if it has a place of its own."""
+        if len(place.location) != LOCATION_BYTES:
+            return sorted(key for key in table if place_of(key) == place)
+        key = record_key(RecordPlace(SceneId(place.scene), SpaceId(place.space), Location(place.location)))
+        return [key] if key in table else []
