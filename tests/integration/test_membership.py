@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import trio
 
+from scenefold.base.ids import address_of
 from scenefold.base.location import LAST
 from scenefold.node import NodeContext, NodeSettings
 from scenefold.node.running import run_assembled
@@ -36,6 +37,7 @@ class Machines:
         self.facts = facts(founders, spares, self.net.ports)
         self.contexts: dict[int, NodeContext] = {}
         self.lives: dict[int, int] = {}
+        self.blacklists: dict[int, list[int]] = {}
         self._scopes: dict[int, trio.CancelScope] = {}
         self._nursery = nursery
 
@@ -55,7 +57,10 @@ class Machines:
 
     async def _run(self, number: int, *, task_status: trio.TaskStatus[None]) -> None:
         address = self.facts.credentials[number].address
-        settings = NodeSettings(profile_folder=Path("/profile"), address=address, data_folder=Path("/data"), seed_wait_s=600)
+        blacklist = tuple(address_of(node(other)) for other in self.blacklists.get(number, ()))
+        settings = NodeSettings(
+            profile_folder=Path("/profile"), address=address, data_folder=Path("/data"), seed_wait_s=600, blacklist=blacklist
+        )
         log_key = LOG_KEY if number == 0 else None
         status: trio.TaskStatus[None] = task_status
         with trio.CancelScope() as self._scopes[number]:
@@ -89,6 +94,29 @@ def test_founders_join_and_own_their_arcs() -> None:
             assert context.lease.holds() and context.line.arc == context.cluster_log.registry.founding_arc(node(number))
             assert [status.right_bound for status in context.roster.statuses()].count(None) == 0
             assert context.routing.members == (node(0), node(1), node(2)) and context.routing.owner_of(LAST) == node(2)
+
+    simulate(scenario)
+
+
+def test_each_blacklist_stands_in_everybodys_table_and_follows_the_settings() -> None:
+    def tables(machines: Machines) -> list[dict[int, tuple[int, ...]]]:
+        """Of each node: the blacklists of the others, as its table has them."""
+        return [{status.node: status.blacklist for status in context.roster.statuses()} for context in machines.contexts.values()]
+
+    async def scenario(machines: Machines) -> None:
+        machines.blacklists = {1: [2, 0], 2: [1]}
+        await machines.start(0, 1, 2)
+        await machines.joined(0, 1, 2)
+        await trio.sleep(10)
+        nobody: tuple[int, ...] = ()
+        said = {node(0): nobody, node(1): (node(0), node(2)), node(2): (node(1),)}
+        assert tables(machines) == [{other: said[other] for other in said if other != me} for me in said]
+        await machines.crash(1)
+        machines.blacklists[1] = [2]
+        await machines.start(1)
+        await machines.joined(1)
+        await trio.sleep(10)
+        assert {table[node(1)] for table in tables(machines) if node(1) in table} == {(node(2),)}
 
     simulate(scenario)
 

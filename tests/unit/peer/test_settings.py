@@ -1,0 +1,44 @@
+"""If this fails, a node begins to run with settings that it cannot keep to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenefold.base.errors import UsageFault
+from scenefold.base.ids import address_of, node_id_of
+from scenefold.base.limits import BLACKLIST_MAX
+from scenefold.peer.settings import NodeSettings
+
+
+def settings(**changes: Any) -> NodeSettings:
+    return NodeSettings(profile_folder=Path("profile"), address="10.0.0.1", data_folder=Path("data"), **changes)
+
+
+def some_addresses(count: int) -> tuple[str, ...]:
+    return tuple(f"10.0.1.{number}" for number in range(1, count + 1))
+
+
+def test_a_blacklist_may_be_as_long_as_a_status_can_carry() -> None:
+    listed = settings(blacklist=some_addresses(BLACKLIST_MAX)).blacklisted
+    assert list(map(address_of, listed)) == list(some_addresses(BLACKLIST_MAX))
+
+
+@pytest.mark.parametrize(
+    ("changes", "what", "remedy"),
+    [
+        ({"blacklist": some_addresses(BLACKLIST_MAX + 1)}, f"a blacklist of {BLACKLIST_MAX + 1} nodes", f"give {BLACKLIST_MAX} at most"),
+        ({"blacklist": ("10.0.0.2", "ada")}, "'ada' is no IPv4 address", "give one such as"),
+        ({"seeds": ("10.0.0.300",)}, "'10.0.0.300' is no IPv4 address", "give one such as"),
+        ({"remove_after_s": 5.0}, "removal after 5 s", "give at least"),
+        ({"remove_after_s": float("nan")}, "removal after nan s", "give at least"),
+        ({"transfer_bytes_per_s": 0}, "transfers of 0 bytes a second", "give at least 1"),
+        ({"render_threads": 0}, "0 render threads", "give a number from 1"),
+    ],
+)
+def test_what_cannot_be_is_one_clear_error(changes: dict[str, Any], what: str, remedy: str) -> None:
+    with pytest.raises(UsageFault) as caught:
+        settings(**changes)
+    assert caught.value.what == what and str(caught.value.remedy).startswith(remedy)
