@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from scenefold.base.errors import UsageFault
-from scenefold.base.ids import address_of, node_id_of
+from scenefold.base.ids import address_of
 from scenefold.base.limits import BLACKLIST_MAX
 from scenefold.peer.settings import NodeSettings
 
