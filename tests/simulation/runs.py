@@ -11,9 +11,6 @@ import pytest
 from scenefold.simulation.crowd import run_all
 from scenefold.simulation.outcome import Order, Result
 
-ACKNOWLEDGED_MIN = 300
-FAULTS_MIN = 5
-
 
 def run_seeds(seeds: range, **options: object) -> list[Result]:
     """Run seeds on two processes, in order."""

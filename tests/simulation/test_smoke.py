@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from scenefold.simulation.faults import Kind
-from simulation.runs import ACKNOWLEDGED_MIN, FAULTS_MIN, fail_with_stories, run_seeds
+from simulation.runs import fail_with_stories, run_seeds
 
 SMOKE = range(20)
 
@@ -16,9 +16,7 @@ SMOKE = range(20)
 def test_seeds_hold() -> None:
     results = run_seeds(SMOKE)
     fail_with_stories(results)
-    for result in results:
-        assert result.operations >= ACKNOWLEDGED_MIN, f"seed {result.order.seed}"
-        assert sum(result.faults.values()) >= FAULTS_MIN, f"seed {result.order.seed}"
+    assert {result.order.seed: result.shortage for result in results if result.shortage} == {}, "runs that tested too little"
     happened = Counter[str]()
     for result in results:
         happened.update(result.faults)

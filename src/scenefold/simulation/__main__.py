@@ -1,13 +1,13 @@
 """`python -m scenefold.simulation`: run seeds, or one again (docs/how-to/simulate.md).
 
-Progress goes to stderr. On stdout comes a summary, or with --json one object with the keys `seeds` (how many were run),
-`violations` (a list), `faults` (how many took effect, by kind) and `operations` (acknowledged ones). The exit code is 1 if
-anything was violated, 2 for wrong usage.
+Progress and stories go to stderr. On stdout comes a summary, or with --json one object with the keys `seeds` (how many were
+run), `violations` (a list), `faults` (how many took effect, by kind), `operations` (acknowledged ones), the least of both that
+a seed had, and `short` (seeds that tested too little). It comes before any schedule is shortened, which takes minutes. The exit
+code is 1 if anything was violated, 3 if nothing was but a seed fell short, 2 for wrong usage.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections import Counter
@@ -15,43 +15,34 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from scenefold.simulation.crowd import run_all, run_one
-from scenefold.simulation.mutants import MUTANTS
-from scenefold.simulation.outcome import WORKLOADS, Order, Result
+from scenefold.simulation.outcome import Result
 from scenefold.simulation.shrink import shorten
-from scenefold.simulation.weather import STORM_S
+from scenefold.simulation.usage import orders_of
 
-HELD, VIOLATED, WRONG_USAGE = range(3)
-NODES_MIN, NODES_MAX = 3, 64
-SECONDS_MIN = 20.0
+HELD, VIOLATED, FELL_SHORT = 0, 1, 3
 STORIES_MAX = 3
 """Stories that are shortened and told in full; of further violations one line each."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the arguments say; the process's exit code."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if options.keep is not None and options.replay is None:
-        parser.error("--keep is for one seed: give --replay")
-    seeds = [options.replay] if options.replay is not None else list(options.seeds)
-    orders = [
-        Order(
-            seed, options.nodes, options.workload, options.mutant, options.seconds, options.keep, options.trace if len(seeds) == 1 else None
-        )
-        for seed in seeds
-    ]
-    if options.keep is not None and max(options.keep, default=-1) >= len(replace(orders[0], keep=None).schedule):
-        parser.error("--keep names a fault that this seed does not have")
+    orders, options = orders_of(arguments)
     results: list[Result] = []
     for result in run_all(orders, min(options.jobs, len(orders))):
         results.append(result)
         _say(f"{len(results)}/{len(orders)} {_line_of(result)}")
     results.sort(key=lambda result: result.order.seed)
     failed = [result for result in results if result.violations]
-    for result in failed[:STORIES_MAX]:
-        _say("\n" + (_shortened(result) if options.shorten else result).story)
     _report(results, as_json=options.json)
-    return VIOLATED if failed else HELD
+    for result in failed[:STORIES_MAX]:
+        try:
+            _say("\n" + (_shortened(result) if options.shorten else result).story)
+        except KeyboardInterrupt:
+            _say(f"interrupted; with all its faults:\n\n{result.story}")
+            break
+    if failed:
+        return VIOLATED
+    return FELL_SHORT if any(result.shortage for result in results) else HELD
 
 
 def _shortened(result: Result) -> Result:
@@ -74,20 +65,38 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
     faults = Counter[str]()
     for result in results:
         faults.update(result.faults)
+        if result.shortage:
+            _say(f"the harness falls short: seed {result.order.seed} had only {result.shortage}")
     operations = sum(result.operations for result in results)
     violations = [
         {"seed": result.order.seed, "law": found.law, "what": found.what, "at_s": round(found.at_s, 6), "replay": result.order.replay}
         for result in results
         for found in result.violations
     ]
+    operations_min = min(result.operations for result in results)
+    faults_min = min(sum(result.faults.values()) for result in results)
     if as_json:
-        document = {"seeds": len(results), "violations": violations, "faults": dict(sorted(faults.items())), "operations": operations}
-        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+        document = {
+            "seeds": len(results),
+            "violations": violations,
+            "faults": dict(sorted(faults.items())),
+            "operations": operations,
+            "operations_min": operations_min,
+            "faults_min": faults_min,
+            "short": [{"seed": result.order.seed, "what": result.shortage} for result in results if result.shortage],
+        }
+        _print(json.dumps(document, indent=2))
         return
     lines = [f"{len(results)} seeds, {operations} acknowledged operations, {faults.total()} faults, {len(violations)} violations"]
+    lines += [f"a seed had {operations_min} operations and {faults_min} faults or more"]
     lines += [f"  {count:7d}  {kind}" for kind, count in sorted(faults.items())]
     lines += [f"seed {one['seed']}: {one['law']}: {_first_line(one['what'])}\n  {one['replay']}" for one in violations]
-    sys.stdout.write("\n".join(lines) + "\n")
+    _print("\n".join(lines))
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
 
 
 def _line_of(result: Result) -> str:
@@ -104,62 +113,6 @@ def _first_line(text: object) -> str:
 def _say(text: str) -> None:
     sys.stderr.write(text + "\n")
     sys.stderr.flush()
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m scenefold.simulation", description="A cluster in virtual time, from seeds.")
-    parser.add_argument("--nodes", type=_between(NODES_MIN, NODES_MAX), default=5, metavar="N", help="founders (default 5)")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--seeds", type=_seeds, default=range(20), metavar="A:B", help="from A to B, B excluded (default 0:20)")
-    which.add_argument("--replay", type=_seed, metavar="SEED", help="run one seed again")
-    parser.add_argument("--workload", choices=WORKLOADS, default="all", help="data: no joins and drains; members: mostly those")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--jobs", type=_between(1, 256), default=2, metavar="N", help="processes (default 2)")
-    parser.add_argument("--mutant", choices=sorted(MUTANTS), metavar="NAME", help=f"break the product first: {', '.join(sorted(MUTANTS))}")
-    parser.add_argument("--seconds", type=_seconds, default=STORM_S, metavar="V", help=f"virtual seconds of storm (default {STORM_S:g})")
-    parser.add_argument("--trace", metavar="FILE", help="write every event of a single seed to a file")
-    parser.add_argument("--keep", type=_numbers, metavar="0,3,…", help="only these faults of the schedule, as a shortened story says")
-    parser.add_argument("--no-shorten", dest="shorten", action="store_false", help="tell stories with all their faults")
-    return parser
-
-
-def _between(low: int, high: int):  # type: ignore[no-untyped-def]
-    def number(text: str) -> int:
-        value = int(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{value} is not from {low} to {high}")
-        return value
-
-    return number
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError("a seed is not negative")
-    return value
-
-
-def _seeds(text: str) -> range:
-    first, colon, end = text.partition(":")
-    try:
-        seeds = range(_seed(first), _seed(end)) if colon else range(_seed(first), _seed(first) + 1)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds such as 0:200") from None
-    if not seeds:
-        raise argparse.ArgumentTypeError(f"{text!r} holds no seed: the end is excluded")
-    return seeds
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    return () if text == "none" else tuple(_seed(part) for part in text.split(","))
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not value >= SECONDS_MIN:
-        raise argparse.ArgumentTypeError(f"a storm lasts {SECONDS_MIN:g} seconds or more")
-    return value
 
 
 if __name__ == "__main__":

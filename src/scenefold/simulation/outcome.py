@@ -12,6 +12,10 @@ from scenefold.simulation.weather import STORM_S, Climate, draw
 Workload = Literal["data", "members", "all"]
 WORKLOADS: tuple[Workload, ...] = ("data", "members", "all")
 
+OPERATIONS_MIN = 300
+FAULTS_MIN = 5
+"""A run with fewer acknowledged operations of clients, or fewer faults that took effect, has tested too little."""
+
 
 @dataclass(frozen=True, slots=True)
 class Order:
@@ -66,3 +70,12 @@ class Result:
     counts: dict[str, int] = field(default_factory=dict)
     story: str = ""
     """Told only if something was violated."""
+
+    @property
+    def shortage(self) -> str:
+        """What a whole run lacks to be a test of anything; "" if nothing. With faults left out, or broken off, it may be short."""
+        if self.violations or self.order.keep is not None:
+            return ""
+        faults = sum(self.faults.values())
+        found = [(self.operations, OPERATIONS_MIN, "acknowledged operations"), (faults, FAULTS_MIN, "faults")]
+        return ", ".join(f"{count} {what} of {wanted} at least" for count, wanted, what in found if count < wanted)

@@ -109,8 +109,10 @@ class Recorder:
     def listed(self, who: str, begin: int, reply: ReturnRange) -> None:
         """A range answer: every place that it covers is there, or is not."""
         end = self.histories.moment()
+        if reply.stale:
+            return
         self.listings += 1
-        if reply.stale or reply.objects:
+        if reply.objects:
             return
         there = set(reply.locations)
         for location in sorted(self.places.get((reply.scene, reply.space), ())):

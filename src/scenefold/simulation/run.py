@@ -27,7 +27,7 @@ from scenefold.simulation.faults import Schedule
 from scenefold.simulation.final import judge_histories, read_everything
 from scenefold.simulation.leaving import drain
 from scenefold.simulation.mutants import mutated
-from scenefold.simulation.outcome import Order, Result
+from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.speed import remembered_signatures
 from scenefold.simulation.storm import Storm
@@ -39,7 +39,6 @@ from scenefold.world.sim import SimNet, SimulationStuck, Trace, run_simulated
 START_S_MAX = 30.0
 AFTERMATH_S = 6.0
 """Clients work on for so long after everything has healed: what a fault broke often shows only then."""
-OPERATIONS_MIN = 320
 ENOUGH_S_MAX = 120.0
 """After a storm in which hardly anybody could be served clients work on until there is something to judge."""
 QUIET_S_MAX = 240.0
@@ -81,6 +80,8 @@ class _Drama:
         self._cluster: Cluster | None = None
         self._storm: Storm | None = None
         self._tally = Tally()
+        self._operations: int | None = None
+        """Acknowledged by the end of the clients' work: what the judge reads afterwards is not counted."""
         self._broken: list[Violation] = []
         self._places = draw_places(order.seed, order.nodes)
 
@@ -134,6 +135,7 @@ class _Drama:
             await trio.sleep(AFTERMATH_S)
             await self._until(lambda: cluster.watch.recorder.acknowledged >= OPERATIONS_MIN, ENOUGH_S_MAX)
             stop.set()
+        self._operations = cluster.watch.recorder.acknowledged
 
     def _worker(self, client: Client, scene: Scene) -> Worker:
         return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally)
@@ -175,6 +177,7 @@ class _Drama:
         watch = None if self._cluster is None else self._cluster.watch
         violations = (*([] if watch is None else watch.violations), *self._broken)
         counts = {} if watch is None else dict(watch.counts)
+        acknowledged = 0 if watch is None else watch.recorder.acknowledged
         story = ""
         if violations and watch is not None:
             numbers = range(len(self._schedule)) if self._order.keep is None else self._order.keep
@@ -185,7 +188,7 @@ class _Drama:
             schedule=self._schedule,
             violations=violations,
             faults={} if self._storm is None else dict(self._storm.happened),
-            operations=0 if watch is None else watch.recorder.acknowledged,
+            operations=acknowledged if self._operations is None else self._operations,
             trace_hash=self._net.trace.hash,
             virtual_s=self._net.now,
             cpu_s=cpu_s,

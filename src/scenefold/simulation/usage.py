@@ -1,0 +1,107 @@
+"""What `python -m scenefold.simulation` may be told: one clear line, and exit code 2, for everything else."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn, TypeVar
+
+from scenefold.simulation.mutants import MUTANTS
+from scenefold.simulation.outcome import WORKLOADS, Order
+from scenefold.simulation.weather import STORM_S
+
+N = TypeVar("N", int, float)
+
+WRONG_USAGE = 2
+NODES_MIN, NODES_MAX = 3, 64
+JOBS_MAX = 256
+SECONDS_MIN, SECONDS_MAX = 20.0, 600.0
+SEED_MAX = (1 << 63) - 1
+SEEDS_MAX = 1_000_000
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong without repeating all the options."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG_USAGE, f"{self.prog}: {message}\n")
+
+
+def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Namespace]:
+    """The runs that are asked for, and everything else. Wrong usage ends the process."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    seeds = range(options.replay, options.replay + 1) if options.replay is not None else options.seeds
+    if options.keep is not None and options.replay is None:
+        parser.error("--keep is for one seed: give --replay")
+    if options.trace is not None:
+        if len(seeds) > 1:
+            parser.error("--trace is for one seed: give --replay")
+        _check_writable(parser, options.trace)
+    orders = [Order(seed, options.nodes, options.workload, options.mutant, options.seconds, options.keep, options.trace) for seed in seeds]
+    if options.keep is not None and max(options.keep, default=-1) >= (known := len(replace(orders[0], keep=None).schedule)):
+        parser.error(f"--keep names a fault that this seed does not have: it has {known}, from 0")
+    return orders, options
+
+
+def _check_writable(parser: Parser, path: str) -> None:
+    try:
+        Path(path).open("w").close()
+    except OSError as problem:
+        parser.error(f"argument --trace: {problem}")
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="python -m scenefold.simulation", description="A cluster in virtual time, from seeds.")
+    nodes, seconds = number(int, NODES_MIN, NODES_MAX), number(float, SECONDS_MIN, SECONDS_MAX)
+    parser.add_argument("--nodes", type=nodes, default=5, metavar="N", help="founders (default 5)")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--seeds", type=_seeds, default=range(20), metavar="A:B", help="from A to B, B excluded (default 0:20)")
+    which.add_argument("--replay", type=number(int, 0, SEED_MAX), metavar="SEED", help="run one seed again")
+    parser.add_argument("--workload", choices=WORKLOADS, default="all", help="data: no joins and drains; members: mostly those")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.add_argument("--jobs", type=number(int, 1, JOBS_MAX), default=2, metavar="N", help="processes (default 2)")
+    parser.add_argument("--mutant", choices=sorted(MUTANTS), metavar="NAME", help=f"break the product first: {', '.join(sorted(MUTANTS))}")
+    parser.add_argument("--seconds", type=seconds, default=STORM_S, metavar="V", help=f"virtual seconds of storm (default {STORM_S:g})")
+    parser.add_argument("--trace", metavar="FILE", help="write every event of a single seed to a file")
+    parser.add_argument("--keep", type=_keep, metavar="0,3,…", help="only these faults of the schedule, as a shortened story says")
+    parser.add_argument("--no-shorten", dest="shorten", action="store_false", help="tell stories with all their faults")
+    return parser
+
+
+def number(kind: Callable[[str], N], low: N, high: N) -> Callable[[str], N]:
+    """Reads a number of a kind within bounds."""
+
+    def read(text: str) -> N:
+        try:
+            value = kind(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is no number from {low:g} to {high:g}") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not from {low:g} to {high:g}")
+        return value
+
+    return read
+
+
+def _seeds(text: str) -> range:
+    seed = number(int, 0, SEED_MAX)
+    first, colon, end = text.partition(":")
+    try:
+        seeds = range(seed(first), seed(end) if colon else seed(first) + 1)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds such as 0:200") from None
+    if not seeds:
+        raise argparse.ArgumentTypeError(f"{text!r} holds no seed: the end is excluded, and lies behind the beginning")
+    if seeds.stop - seeds.start > SEEDS_MAX:
+        raise argparse.ArgumentTypeError(f"{text!r} holds more than {SEEDS_MAX} seeds")
+    return seeds
+
+
+def _keep(text: str) -> tuple[int, ...]:
+    try:
+        return () if text == "none" else tuple(sorted({number(int, 0, SEED_MAX)(part) for part in text.split(",")}))
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of faults such as 0,3,7, nor none") from None
