@@ -3,6 +3,7 @@
 One JSON object on stdout: messages and bytes a node and second by kind; seconds until a joiner's table is complete; seconds until
 a dead node is removed; false removals under 2 % loss; how even fill is after one end of the line was loaded. All seconds are virtual but
 `real_s`. With more than `FEW` nodes the cluster boots from prepared disks (scale_boot.py), loss lasts shorter, and nothing is balanced.
+The exit code is 1, and stderr says why, if a law was violated or something that was waited for did not come (null in the JSON).
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.scale_boot import fill_tables, nothing_balanced, nothing_told_at_start, prepare, quick_packets
 from scenefold.simulation.scale_traffic import counted
 from scenefold.simulation.speed import remembered_signatures
-from scenefold.world.sim import CALM, SimNet, Trace, run_simulated
+from scenefold.simulation.usage import SEED_MAX, Parser, number
+from scenefold.world.sim import CALM, SimNet, SimulationStuck, Trace, run_simulated
 
 FEW = 100
 LOSS = 0.02
@@ -80,7 +82,7 @@ class Measurement:
         with counted(self._net.trace, self._net.ports) as traffic:
             for slot in range(self._nodes):
                 cluster.start(slot)
-            self.found["start_s"] = await self._wait(lambda: self._is_calm(cluster), START_S_MAX)
+            await self._wait("start_s", lambda: not unrest(cluster), START_S_MAX)
         self.found["start_datagrams_per_node"] = round(traffic.messages["gossip"] / self._nodes, 1)
         self._say(f"{self._nodes} nodes stand after {self.found['start_s']} s")
 
@@ -91,26 +93,30 @@ class Measurement:
         with nothing_told_at_start():
             for slot in range(self._nodes):
                 cluster.start(slot)
-            await self._wait(lambda: len(cluster.running) == self._nodes, START_S_MAX)
+            await self._wait("all_run_s", lambda: len(cluster.running) == self._nodes, START_S_MAX)
             fill_tables(cluster)
             self._say("tables are filled")
             await trio.sleep(2.5)
-        held = await self._wait(lambda: all(node.has_lease() for node in cluster.running.values()), START_S_MAX)
+        held = await self._wait("leases_s", lambda: all(node.has_lease() for node in cluster.running.values()), START_S_MAX)
         # What stands now stays: the collector need not look at a million entries of tables again and again.
         gc.freeze()
         self._say(f"all hold leases after {held} s more")
 
-    def _is_calm(self, cluster: Cluster) -> bool:
-        return not unrest(cluster)
-
-    async def _wait(self, holds: Callable[[], bool], seconds: float) -> float | None:
-        """Virtual seconds until something holds; None if it does not in time."""
+    async def _wait(self, name: str, holds: Callable[[], bool], seconds: float) -> float | None:
+        """Note the virtual seconds until something holds; None if it does not in time."""
         begin = self._net.now
+        self.found[name] = None
         while not holds():
             if self._net.now - begin > seconds:
                 return None
             await trio.sleep(LOOK_S)
-        return round(self._net.now - begin, 2)
+        self.found[name] = round(self._net.now - begin, 2)
+        return self.found[name]  # type: ignore[no-any-return]
+
+    def problems(self) -> list[str]:
+        """What is wrong with what was found, in words."""
+        found = [f"violated: {what}" for what in self.found.get("violations", ())]
+        return found + [f"did not come: {name}" for name, value in self.found.items() if value is None]
 
     async def _traffic(self, _cluster: Cluster) -> None:
         """What a node sends when nothing happens."""
@@ -122,7 +128,6 @@ class Measurement:
     async def _join(self, cluster: Cluster) -> None:
         """A spare is started: when does it know a status of every member?"""
         joiner = cluster.nodes[self._nodes]
-        begin = self._net.now
         cluster.start(joiner.slot)
 
         def is_member() -> bool:
@@ -134,9 +139,9 @@ class Measurement:
             registry, roster = joiner.context.cluster_log.registry, joiner.context.roster
             return len(list(roster.statuses())) >= len(registry.members) - 1
 
-        self.found["table_complete_s"] = await self._wait(knows_all, START_S_MAX)
-        await self._wait(is_member, START_S_MAX)
-        self.found["joiner_is_member_s"] = round(self._net.now - begin, 2)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._wait, "table_complete_s", knows_all, START_S_MAX)
+            nursery.start_soon(self._wait, "joiner_is_member_s", is_member, START_S_MAX)
         self._say(f"a joiner's table is complete after {self.found['table_complete_s']} s")
 
     async def _removal(self, cluster: Cluster) -> None:
@@ -145,7 +150,7 @@ class Measurement:
         before = cluster.watch.counts["removals"]
         with counted(self._net.trace, self._net.ports) as traffic:
             cluster.crash(victim.slot, silent=True)
-            seconds = self.found["removal_s"] = await self._wait(lambda: cluster.watch.counts["removals"] > before, REMOVAL_S_MAX)
+            seconds = await self._wait("removal_s", lambda: cluster.watch.counts["removals"] > before, REMOVAL_S_MAX)
         if seconds:
             self.found["a_node_and_second_with_one_dead"] = traffic.a_node_and_second(self._nodes, seconds)
         self._say(f"a dead node is removed after {self.found['removal_s']} s")
@@ -169,8 +174,7 @@ class Measurement:
             client.scene = await client.scenes.open_or_create("loaded")
             await self._load(client)
         begin = self._net.now
-        seconds = await self._wait(lambda: self._spread(cluster) <= 0.05, BALANCE_S_MAX)
-        self.found["balance_s"] = seconds
+        await self._wait("balance_s", lambda: self._spread(cluster) <= 0.05, BALANCE_S_MAX)
         self.found["balance_spread"] = round(self._spread(cluster), 4)
         self.found["records_moved"] = cluster.watch.moves.count
         self._say(f"fill is within {self._spread(cluster):.1%} {self._net.now - begin:.0f} s after the load")
@@ -194,20 +198,7 @@ class Measurement:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, and print."""
-    parser = argparse.ArgumentParser(prog="python -m scenefold.simulation.scale", description="Measures a large cluster in virtual time.")
-    parser.add_argument("--nodes", type=int, default=50, metavar="N")
-    parser.add_argument("--only", default=",".join(PARTS), metavar="PART,...", help=f"of {', '.join(PARTS)}")
-    parser.add_argument("--loss-s", type=float, default=HOUR_S, metavar="SECONDS", help="how long packets are lost")
-    parser.add_argument("--json", action="store_true", help="nothing else on standard error")
-    parser.add_argument("--seed", type=int, default=0, metavar="SEED")
-    options = parser.parse_args(arguments)
-    if not 3 <= options.nodes <= 1_000:
-        parser.error("from 3 to 1000 nodes")
-    parts = [part for part in PARTS if part in options.only.split(",")]
-    if set(options.only.split(",")) - set(PARTS):
-        parser.error(f"parts are {', '.join(PARTS)}")
-    if options.nodes > FEW:
-        parts = [part for part in parts if part != "balance"]
+    options = _options(arguments)
     begin = time.perf_counter()
 
     def say(text: str) -> None:
@@ -215,12 +206,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stderr.write(f"{time.perf_counter() - begin:.0f} s: {text}\n")
             sys.stderr.flush()
 
+    is_large = options.nodes > FEW
+    parts = [part for part in PARTS if part in options.only and not (is_large and part == "balance")]
     measurement = Measurement(options.nodes, options.seed, parts, options.loss_s, say)
-    with quiet_logs(), remembered_signatures(), quick_packets(), nothing_balanced() if options.nodes > FEW else nullcontext():
-        run_simulated(options.seed, measurement.run, virtual_s_max=VIRTUAL_S_MAX, steps_max=10**10, wall_s_max=WALL_S_MAX)
+    with quiet_logs(), remembered_signatures(), quick_packets(), nothing_balanced() if is_large else nullcontext():
+        try:
+            run_simulated(options.seed, measurement.run, virtual_s_max=VIRTUAL_S_MAX, steps_max=10**10, wall_s_max=WALL_S_MAX)
+        except SimulationStuck as problem:
+            measurement.found.setdefault("violations", []).append(f"the simulation is stuck: {problem}")
     measurement.found["real_s"] = round(time.perf_counter() - begin, 1)
     sys.stdout.write(json.dumps(measurement.found, indent=2) + "\n")
-    return 0
+    problems = measurement.problems()
+    sys.stderr.writelines(f"{problem}\n" for problem in problems)
+    return 1 if problems else 0
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = Parser(prog="python -m scenefold.simulation.scale", description="Measures a large cluster in virtual time.")
+    parser.add_argument("--nodes", type=number(int, 3, 1_000), default=50, metavar="N")
+    parser.add_argument("--only", type=_parts, default=PARTS, metavar="PART,...", help=f"of {', '.join(PARTS)}")
+    parser.add_argument(
+        "--loss-s", type=number(float, 1.0, 10 * HOUR_S), default=HOUR_S, metavar="SECONDS", help="how long packets are lost"
+    )
+    parser.add_argument("--json", action="store_true", help="no progress on standard error")
+    parser.add_argument("--seed", type=number(int, 0, SEED_MAX), default=0, metavar="SEED")
+    return parser.parse_args(arguments)
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    parts = tuple(text.split(","))
+    if set(parts) - set(PARTS):
+        raise argparse.ArgumentTypeError(f"{text!r}: parts are {', '.join(PARTS)}")
+    return parts
 
 
 if __name__ == "__main__":
