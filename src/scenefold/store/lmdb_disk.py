@@ -106,7 +106,10 @@ class LmdbEnvironment:
                 with self._env.begin(write=True, buffers=True) as transaction:
                     ours = _Transaction(transaction, self._tables, self._page_bytes)
                     result = change(ours)
-                    enough = self._file.reach(self._end_bytes() + ours.dirty_bytes_max)
+                    try:
+                        enough = self._file.reach(self._end_bytes() + ours.dirty_bytes_max)
+                    except OSError as error:
+                        raise self._fail(error) from error
                 return result
             except lmdb.MapFullError:
                 raise
@@ -124,6 +127,9 @@ class LmdbEnvironment:
             return DiskFull(f"no room on the disk of {self._folder}")
         # After a failed sync the kernel may have dropped the pages, and the next sync would wrongly succeed. So
         # nothing is written from here on; what was acknowledged before is on the disk.
+        return self._fail(error)
+
+    def _fail(self, error: Exception) -> DiskFailed:
         self._failed = f"the disk of {self._folder} failed: {error}"
         return DiskFailed(self._failed)
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import secrets
 import socket
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 from typing import Protocol
 
 import trio
@@ -12,8 +17,14 @@ import trio.testing
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import Authority, Identity
 from scenefold.store import LmdbDisk
+from scenefold.store.lmdb_disk import DATA_NAME
 from scenefold.world import Ports, World, real_world
 from scenefold.world.sim import SimNet
+
+DESCRIPTORS = Path("/proc/self/fd")
+"""The open files of this process, where the system shows them."""
+LOCK_BYTES = 64
+"""What a lock file needs, on a disk on which no store fits."""
 
 
 class Worlds(Protocol):
@@ -33,6 +44,14 @@ class Worlds(Protocol):
 
     async def silence(self, seconds: float) -> None:
         """Wait until no task has anything to do for so long, and nothing is on its way."""
+        ...
+
+    def full(self, number: int, folder: Path) -> AbstractContextManager[None]:
+        """While this lasts there is no room on the disk of a node, but for what is left within the file of a folder."""
+        ...
+
+    def failing(self, number: int, folder: Path) -> AbstractContextManager[None]:
+        """While this lasts nothing can be written into an open folder."""
         ...
 
 
@@ -66,6 +85,36 @@ class RealWorlds:
     async def silence(self, seconds: float) -> None:
         await trio.testing.wait_all_tasks_blocked(seconds)
 
+    @contextmanager
+    def full(self, number: int, folder: Path) -> Iterator[None]:
+        # The kernel answers at this limit as a full disk does; Python ignores the signal that comes with it.
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        path = folder / DATA_NAME
+        present_bytes = path.stat().st_size if path.exists() else LOCK_BYTES
+        resource.setrlimit(resource.RLIMIT_FSIZE, (present_bytes, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    @contextmanager
+    def failing(self, number: int, folder: Path) -> Iterator[None]:
+        # Every descriptor of the file becomes one that can only read, beneath those who hold them.
+        path = folder / DATA_NAME
+        held = [int(entry.name) for entry in DESCRIPTORS.iterdir() if entry.is_symlink() and entry.readlink() == path.resolve()]
+        assert held, "nobody has the folder open"
+        kept = {descriptor: os.dup(descriptor) for descriptor in held}
+        unwritable = os.open(path, os.O_RDONLY)
+        for descriptor in held:
+            os.dup2(unwritable, descriptor, inheritable=False)
+        try:
+            yield
+        finally:
+            for descriptor, whole in kept.items():
+                os.dup2(whole, descriptor, inheritable=False)
+                os.close(whole)
+            os.close(unwritable)
+
     def _world(self, identity: Identity, authority: Authority) -> World:
         return real_world(identity, authority.certificate, ports=self.ports, disk=LmdbDisk(map_bytes_first=1 << 20))
 
@@ -92,6 +141,24 @@ class SimWorlds:
         # What is on its way takes virtual time, and nothing else does.
         await trio.sleep(seconds)
         await trio.testing.wait_all_tasks_blocked()
+
+    @contextmanager
+    def full(self, number: int, folder: Path) -> Iterator[None]:
+        disk = self.net.machine(self.address(number)).disk
+        disk.fill(0)
+        try:
+            yield
+        finally:
+            disk.fill(None)
+
+    @contextmanager
+    def failing(self, number: int, folder: Path) -> Iterator[None]:
+        disk = self.net.machine(self.address(number)).disk
+        disk.fails = True
+        try:
+            yield
+        finally:
+            disk.fails = False
 
 
 def free_ports(address: str) -> tuple[int, int]:

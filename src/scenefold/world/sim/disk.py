@@ -73,6 +73,8 @@ class SimDisk:
         """Seconds that every update takes longer."""
         self.lies = False
         """A torn crash takes back the last commit of each folder, acknowledged or not."""
+        self.fails = False
+        """Whoever writes hears DiskFailed, and can write no more until the folder is opened anew."""
         self.commits = 0
 
     def open(self, folder: Path, tables: Sequence[str], /) -> SimEnvironment:
@@ -172,6 +174,7 @@ class SimEnvironment:
         self._names = tuple(tables)
         self._passing = passing
         self._dead: str | None = None
+        self._failed: str | None = None
         self._is_updating = False
 
     @contextmanager
@@ -190,6 +193,8 @@ class SimEnvironment:
 
     def update(self, change: Callable[[WriteTransaction], T]) -> T:
         self._check()
+        if self._failed is not None:
+            raise DiskFailed(self._failed)
         assert not self._is_updating, "one writer at a time"
         self._is_updating = True
         view = WriteView({name: self._folder.tables[name] for name in self._names})
@@ -200,6 +205,9 @@ class SimEnvironment:
             view.end()
         if not self._passing("before commit"):
             raise DiskFailed(CRASHED)
+        if self._disk.fails:
+            self._failed = "the simulated disk failed"
+            raise DiskFailed(self._failed)
         self._commit(view.changes)
         if not self._passing("after commit"):
             raise DiskFailed(CRASHED)
