@@ -1,4 +1,4 @@
-"""Reject reasons of Appendix C (1 to 7) and ours (8 and up). 8 bits on the wire; specs/wire.md."""
+"""Reject reasons of Appendix C (1 to 7) and ours (8 and up). 8 bits on the wire; specs/03-wire.md, Reasons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The header of a record: clear, signed, 149 bytes, big endian (specs/04-records.md, Header).
+"""The header of a record: clear, signed, 149 bytes, big endian (specs/04-records.md, Record).
 
       0  version           u8   1             77  writer            u32  key id
       1  suite             u8   1             81  session           u64

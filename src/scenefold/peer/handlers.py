@@ -1,4 +1,4 @@
-"""Which coroutine answers which packet, and who may send it (specs/11-peers.md, Handlers).
+"""Which coroutine answers which packet, and who may send it (specs/11-peers.md, Requests).
 
 Services add their handlers here, the renderer does likewise; connections of both ports ask this one table. Who a
 peer is says its certificate: "node:<id>", or "user:<name>". A node need not be a member: it has to ask before it can become

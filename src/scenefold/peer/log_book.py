@@ -1,4 +1,4 @@
-"""The cluster's log as this node keeps it: signed records, in pages of notes (specs/15-cluster-log.md, On disk).
+"""The cluster's log as this node keeps it: signed records, in pages of notes (specs/15-cluster-log.md, Learning).
 
 A page holds PAGE_RECORDS records; appending rewrites the last page only, and one page is one durable note, so a crash
 leaves a log that ends at a record that was whole. `verified` is what stands between other nodes' bytes and the log.

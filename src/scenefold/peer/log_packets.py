@@ -1,4 +1,4 @@
-"""Packets of the cluster's log, built (design of the consensus §3; specs/15-cluster-log.md, Packets).
+"""Packets of the cluster's log, built (design of the consensus §3; specs/03-wire.md, Packets).
 
 Fields that only several voters need are empty: ballots, routes, Highest and MACs. The bytes are final all the same.
 """

@@ -1,4 +1,4 @@
-"""May this record be stored here? (Algorithm 6; specs/11-peers.md, Verification). Pure; runs in the crypto lane.
+"""May this record be stored here? (Algorithm 6; specs/18-data.md, Writes). Pure; runs in the crypto lane.
 
 In this order, cheapest first: the header is that of the place it is offered for, and of the scene with this genesis;
 its epoch is not below the write floor; the scene's public header lists the writer for that epoch; the signature and

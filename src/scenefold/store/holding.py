@@ -1,4 +1,4 @@
-"""The arc that this node owns, as the disk knows it (specs/10-store.md, Holding).
+"""The arc that this node owns, as the disk knows it (specs/10-store.md, Tables).
 
 The line keeps its holding here: an arc, or none, and a note that only it reads. Both change in one transaction, and
 every put is checked against the arc inside the transaction that stores it. So there is no moment, whatever crashes

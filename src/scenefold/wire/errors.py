@@ -1,4 +1,4 @@
-"""The one exception that decoding raises (specs/03-wire.md, Errors).
+"""The one exception that decoding raises (specs/03-wire.md, Encoding).
 
 Whatever a stranger sends, the answer of this room is a packet or a MalformedPacket: it names the field and,
 where the array's head could still be read, the request id, so that the sender gets a typed Fault and not a
