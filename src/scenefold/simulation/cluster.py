@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -29,7 +29,7 @@ from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
-from scenefold.wire import PutItem, PutOutcome
+from scenefold.wire import HandItem, HandRecords, Packet, PutItem, PutManyReply, PutOutcome
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.sim import Point, SimDisk, SimNet
 
@@ -251,19 +251,30 @@ class Cluster:
     # --------------------------------------------------------------------------------------------------- observers
 
     def _watch_acknowledgements(self, node: Node, context: NodeContext) -> None:
-        """Look at each answer to a write at the moment at which it is made."""
+        """Look at each answer to a write, a client's or a stray's, at the moment at which it is made."""
         writes: Any = context.data.writes
+        table: Any = context.handlers._table
         put: Callable[..., Any] = writes.put
+        hand, senders = table[HandRecords]
 
-        async def watched(items: list[PutItem]) -> list[PutOutcome]:
-            outcomes: list[PutOutcome] = await put(items)
+        def look(items: Sequence[PutItem | HandItem], outcomes: Sequence[PutOutcome]) -> None:
             if self._running.get(node.slot) is node and node.context is context:
                 for item, outcome in zip(items, outcomes, strict=True):
                     if outcome.reason == 0:
                         self.watch.acknowledges(node.slot, *named(item), outcome.location)
+
+        async def watched_put(items: list[PutItem]) -> list[PutOutcome]:
+            outcomes: list[PutOutcome] = await put(items)
+            look(items, outcomes)
             return outcomes
 
-        writes.put = watched
+        async def watched_hand(packet: HandRecords, peer: str) -> Packet:
+            reply: PutManyReply = await hand(packet, peer)
+            look(packet.items, reply.outcomes)
+            return reply
+
+        writes.put = watched_put
+        table[HandRecords] = watched_hand, senders
 
 
 def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:

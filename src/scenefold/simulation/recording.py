@@ -18,6 +18,7 @@ from scenefold.wire import (
     DAMAGED_RECORD,
     GetMany,
     GetManyReply,
+    HandItem,
     Packet,
     PutItem,
     PutMany,
@@ -33,7 +34,7 @@ Tell = Callable[[str, Place, str], None]
 """Who, where, what: for the story."""
 
 
-def named(item: PutItem) -> tuple[Place, Version]:
+def named(item: PutItem | HandItem) -> tuple[Place, Version]:
     """How histories call a record, and its version. Where the nodes choose the place, it is called by its object id."""
     header = RecordHeader.decode(item.header)
     name = object_of(header) if header.placement == PLACED_BY_NODE else item.location

@@ -230,7 +230,8 @@ class Watch:
         if arc is None or location not in arc:
             words = f"n{slot} acknowledges {name} outside of its durable arc"
             self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
-        stored = version_at(self._disks[slot], place, location)
+        # A stray of which the owner has another copy, elsewhere in its arc, is acknowledged for that one.
+        stored = version_at(self._disks[slot], place, location) or self.records(slot).get(place)
         if stored is None or stored.order < version.order:
             self.violated(laws.DURABLE, f"n{slot} acknowledges {name}, which its disk does not hold", location=location, slots=(slot,))
         for other, owner in self._running.items():
