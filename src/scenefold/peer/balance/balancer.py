@@ -17,7 +17,7 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
 from scenefold.peer.balance.news import News
-from scenefold.peer.balance.pieces import Piece, Scales, piece_of
+from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_of
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.holding import Side
@@ -31,8 +31,6 @@ NODES_A_LOOK = 64
 """Among more, looks are rarer by as much: each goes through all of them, and their news come more slowly, too."""
 RELAY_S = 10.0
 """A status that others pass on is usually not older: the table goes round in about that time in a cluster of fifty."""
-PIECE_BYTES_MAX = 64 * 1024 * 1024
-"""Of one handover. Small enough that the next node of a chain can pass on the first while we give the second."""
 REFUSED_S_MIN, REFUSED_S_MAX = 5.0, 60.0
 """How long a neighbour that refused is left alone: twice as long each time."""
 HALVINGS_MAX = 3

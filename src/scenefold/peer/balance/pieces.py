@@ -12,6 +12,10 @@ from scenefold.peer.line.holding import Side
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.walking import Weighed
 
+PIECE_BYTES_MAX = 64 * 1024 * 1024
+"""Of one handover. Small enough that the next node of a chain can pass on the first while we give the second, and that
+not much is copied in vain for a newcomer that dies."""
+
 
 class Scales(Protocol):
     """What is asked of the store."""
@@ -39,12 +43,15 @@ async def piece_of(scales: Scales, arc: Arc, side: Side, size: int) -> Piece | N
 
 
 async def half_of(scales: Scales, arc: Arc, side: Side) -> Arc | None:
-    """The end with half of what lies in the arc; half of its length if that is one record or none. None: one location."""
+    """The end with half of what lies in the arc, or with a piece's worth if that is less.
+
+    Half of its length if there is one record or none. None: it is one location.
+    """
     if arc.length == 1:
         return None
     totals = await scales.arc_totals(arc)
     if totals.records > 1:
-        piece = await piece_of(scales, arc, side, totals.bytes // 2)
+        piece = await piece_of(scales, arc, side, min(totals.bytes // 2, PIECE_BYTES_MAX))
         if piece is not None:
             return piece.arc
     middle = arc.first.number + arc.length // 2

@@ -9,7 +9,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
 from scenefold.peer.balance.emptying import DRAIN_FILL_MAX, PORTION_BYTES_MAX, PORTION_BYTES_MIN, next_portion, room_of
 from scenefold.peer.balance.news import News
-from scenefold.peer.balance.pieces import half_of, piece_of, up_to
+from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, half_of, piece_of, up_to
 from scenefold.peer.balance.places import Host, most_loaded, owner_of
 from scenefold.peer.line.holding import Side, is_end_of
 from unit.peer.balance.street import KIB, Street
@@ -88,6 +88,16 @@ def test_a_piece_is_an_end_of_the_arc_with_what_was_asked_for(numbers: set[int],
             assert abs(inside - len(numbers) / 2) <= 1
 
     trio.run(check)
+
+
+async def test_half_of_much_is_no_more_than_a_piece() -> None:
+    house = Street([1 << 40]).houses[0]
+    arc, record_bytes = Arc(FIRST, place(1000)), 1 << 20
+    house.arc, house.sizes = arc, dict.fromkeys(map(place, range(1000)), record_bytes)
+    for side in Side:
+        half = await half_of(house, arc, side)  # type: ignore[arg-type]
+        assert half is not None
+        assert sum(size for found, size in house.sizes.items() if found in half) == PIECE_BYTES_MAX
 
 
 async def test_one_location_cannot_be_parted() -> None:
