@@ -1,8 +1,8 @@
-"""Range queries between nodes in single datagrams, UDP low (thesis C.4; specs/18-data.md, Ranges).
+"""Range queries of other nodes in single datagrams, answered on UDP low (thesis C.4; specs/18-data.md, Ranges).
 
 For looking quickly whether anything lies in a small piece: a question and its answer are one signed packet each, with no
-connection. An answer that would not fit one is refused with reason 6, and the asker halves its question. Datagrams get lost,
-so a question is sent again a few times; an answer to a question that nobody waits for is dropped.
+connection. An answer that would not fit one is refused with reason 6, so that the asker halves its question. Whatever gets
+lost is asked again.
 """
 
 from __future__ import annotations
@@ -10,20 +10,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import DamagedData, Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
-from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, ReplayWindow, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.ranges import Ranges, range_rejection
 from scenefold.peer.registry import Registry
 from scenefold.peer.status import OwnStatus
-from scenefold.wire import MalformedPacket, Packet, QueryRange, RejectRange, ReturnRange, decode_packet, encode_packet
+from scenefold.wire import MalformedPacket, Packet, QueryRange, decode_packet, encode_packet
 from scenefold.world import Datagrams, Priority, QuietLog, World
 
 ANSWER_LOCATIONS_MAX = 64
@@ -32,8 +31,6 @@ QUESTIONS_MAX = 64
 """Questions that wait for their turn; beyond it they are dropped, as the network would do."""
 ANSWERERS = 4
 """Questions that are answered at a time."""
-PAUSES_S = (0.2, 0.4, 0.8, 1.6)
-"""How long an answer is waited for, try by try."""
 PACKET_BYTES_MAX = DATAGRAM_BYTES_MAX - DATAGRAM_OVERHEAD_BYTES
 
 P = TypeVar("P", bound=Packet)
@@ -41,15 +38,8 @@ P = TypeVar("P", bound=Packet)
 _log = logging.getLogger("scenefold.peer.ranges")
 
 
-class Entry(NamedTuple):
-    """A place that holds a record, with its object id in a node-managed space."""
-
-    location: Location
-    object: bytes
-
-
 class RangeDatagrams:
-    """Asks and answers on the low-priority UDP port of one node."""
+    """Answers on the low-priority UDP port of one node."""
 
     def __init__(self, world: World, own: OwnStatus, registry: Callable[[], Registry], ranges: Ranges) -> None:
         self._world = world
@@ -58,8 +48,6 @@ class RangeDatagrams:
         self._ranges = ranges
         self._datagrams: Datagrams | None = None
         self._entrance, self._questions = trio.open_memory_channel[tuple[NodeId, QueryRange]](QUESTIONS_MAX)
-        self._waiting: dict[int, _Waiting] = {}
-        self._asked = 0
         self._windows: dict[NodeId, tuple[bytes, ReplayWindow]] = {}
         self._quiet = QuietLog(_log)
         self.dropped = 0
@@ -79,49 +67,6 @@ class RangeDatagrams:
             with trio.CancelScope(shield=True):
                 await datagrams.aclose()
 
-    async def entries(self, owner: NodeId, scene: SceneId, space: SpaceId, arc: Arc) -> list[Entry]:
-        """What the owner lists in an arc that is wholly its, in order; several questions if it does not fit one answer.
-
-        Unreachable if it does not answer; Refused with its reason if the arc is not its (7), or its lease is gone (16).
-        """
-        found: list[Entry] = []
-        pieces = [arc]
-        while pieces:
-            piece = pieces.pop()
-            reply = await self.ask(owner, QueryRange(scene, space, piece.first, piece.last))
-            if isinstance(reply, ReturnRange):
-                if (reply.first, reply.last) != (piece.first, piece.last):
-                    raise Refused(RejectReason.OUTSIDE_BOUNDS, "a part of the arc belongs to another node", where=address_of(owner))
-                if reply.stale:
-                    raise Refused(RejectReason.NOT_READY, "the answer may be stale", where=address_of(owner))
-                objects = reply.objects or (b"",) * len(reply.locations)
-                found += map(Entry, reply.locations, objects)
-            elif reply.reason == RejectReason.TOO_LARGE_FOR_PACKET and piece.length > 1:
-                middle = Location.from_number((piece.first.number + piece.last.number) // 2)
-                upper = Location.from_number(middle.number + 1)
-                pieces += [Arc(upper, piece.last), Arc(piece.first, middle)]
-            else:
-                raise Refused(RejectReason(reply.reason), "the owner refused a range query", where=address_of(owner))
-        return found
-
-    async def ask(self, owner: NodeId, question: QueryRange) -> ReturnRange | RejectRange:
-        """One question; sent again until its answer is there. Unreachable if none comes within 3 s."""
-        self._asked = self._asked % 0xFFFF_FFFF + 1
-        request_id, waiting = self._asked, _Waiting(owner)
-        self._waiting[request_id] = waiting
-        try:
-            for pause_s in PAUSES_S:
-                await self._send(_with_id(question, request_id), owner)
-                with trio.move_on_after(pause_s):
-                    await waiting.answered.wait()
-                if waiting.answer is not None:
-                    return waiting.answer
-        finally:
-            del self._waiting[request_id]
-        raise Unreachable("no answer to a range query", where=address_of(owner))
-
-    # ---------------------------------------------------------------------------------------------------- hearing
-
     async def _listen(self, datagrams: Datagrams) -> None:
         while True:
             data, source = await datagrams.receive()
@@ -135,11 +80,6 @@ class RangeDatagrams:
                     self._entrance.send_nowait((sender, packet))
                 except trio.WouldBlock:
                     self._drop(source.address, "busy", "a range query is dropped: there are too many")
-            elif isinstance(packet, ReturnRange | RejectRange):
-                waiting = self._waiting.get(packet.request_id)
-                if waiting is not None and waiting.owner == sender:
-                    waiting.answer = packet
-                    waiting.answered.set()
             else:
                 self._drop(source.address, "unexpected", f"a {type(packet).__name__} has no business here")
 
@@ -189,17 +129,6 @@ class RangeDatagrams:
     def _drop(self, source: str, kind: str, text: str) -> None:
         self.dropped += 1
         self._quiet.say(self._world.clock.now(), source, kind, text)
-
-
-class _Waiting:
-    """A question of ours that is under way."""
-
-    __slots__ = ("answer", "answered", "owner")
-
-    def __init__(self, owner: NodeId) -> None:
-        self.owner = owner
-        self.answered = trio.Event()
-        self.answer: ReturnRange | RejectRange | None = None
 
 
 def _with_id(packet: P, request_id: int) -> P:
