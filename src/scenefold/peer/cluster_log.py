@@ -18,6 +18,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import LEASE_DOMAIN, SigningKey
 from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.lives import Lives
 from scenefold.peer.log_copy import LogCopy
 from scenefold.peer.log_packets import GRANT, accepted, proposal_of, rejected
 from scenefold.peer.log_pull import LogPuller
@@ -203,15 +204,16 @@ class ClusterLog:
         await self.pull(at_least=position)
         return (await self.changed_after(position - 1)).position_of(request) or position
 
-    async def ask_lease(self, nonce: int) -> bool:
+    async def ask_lease(self, lives: Lives) -> bool:
         """Ask the voter for an owner lease. False: not now, and this node may be wiser about the log by it.
 
-        Refused: 18 for an incarnation that was removed or rolled back, 12 for one that is no member; Unreachable.
+        Refused: 18 for an incarnation that was removed or a restored backup, 12 for one that is no member; Unreachable.
         """
         member, have = self._own.member, self.registry.position
-        message = lease_message(self._genesis, have, self.registry.head, nonce, member, self._own.boot)
+        nonce = int.from_bytes(self._world.entropy.token(8), "big")
+        message = lease_message(self._genesis, have, self.registry.head, nonce, member, lives)
         proof = self._own.key.sign(LEASE_DOMAIN, message)
-        packet = RequestSceneLog(self._scene, self._genesis, have, nonce, Want.LEASE, member, proof, mini_status=self._own.mini())
+        packet = RequestSceneLog(self._scene, self._genesis, have, nonce, Want.LEASE, member, proof, lives, mini_status=self._own.mini())
         if self._voter is not None:
             return await self._voter.grant(packet, self._own.me)
         answer = (await self._peers.ask(self._facts.voter, Priority.HIGH, packet, RespondSceneLog, LEASE_ASK_S_MAX)).answer

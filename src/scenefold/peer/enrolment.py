@@ -4,7 +4,7 @@
     ---------            ---------------------------------------
     WAIT                 nothing yet
     BE_MEMBER            this incarnation is registered
-    RENEW                this incarnation was removed; or the voter knows a later start of it: this disk is a restored backup
+    RENEW                this incarnation was removed; or the voter granted it a lease that this disk does not know of: a restored backup
     TAKE_SEAT            this node is a founder whose seat is vacant
     JOIN                 nothing of this node, or only an earlier incarnation of it, which the voter will retire
     GIVE_UP              this node is the voter, and the log knows it under another incarnation: what it decided is lost

@@ -3,7 +3,7 @@
 Under a lease a node acknowledges writes, judges what a writer expects, and says that nothing is there. It runs from the
 moment of *asking*, on this node's own clock, so it ends here before the voter may give the arc to anybody else: the
 voter waits T_WAIT_S, five percent longer, from the moment of its answer. It is in memory only and does not survive a
-restart. `holds` is asked at the moment of answering, never before a wait.
+restart. It is asked for under a life, by which the voter knows a restored backup (own_life.py). `holds` is asked at the moment of answering, never before a wait.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.own_life import OwnLife
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.timing import LEASE_RETRY_S, RENEW_S, T_LEASE_S
+from scenefold.store import Store
 from scenefold.world import World
 from scenefold.world.quiet import QuietLog
-
-_LIFE_BYTES = 4
 
 _log = logging.getLogger("scenefold.peer.lease")
 
@@ -29,17 +29,16 @@ _log = logging.getLogger("scenefold.peer.lease")
 class OwnerLease:
     """This node's lease. Used from the Trio thread only."""
 
-    def __init__(self, world: World, cluster_log: ClusterLog, own: OwnStatus) -> None:
+    def __init__(self, world: World, store: Store, cluster_log: ClusterLog, own: OwnStatus) -> None:
         self._world = world
         self._cluster_log = cluster_log
         self._own = own
         self._until = -math.inf
-        # Drawn once a start: two starts with the same boot counter, on a disk that was rolled back, differ in it.
-        self._life = world.entropy.token(_LIFE_BYTES)
+        self._life = OwnLife(world, store)
         self._news = trio.Event()
         self._quiet = QuietLog(_log)
         self.rolled_back = trio.Event()
-        """Set once the voter has said that it knows a later start of this incarnation than ours."""
+        """Set once the voter has said that it granted this incarnation a life that our disk does not know."""
 
     def holds(self) -> bool:
         """Whether this node may speak for its arc at this moment."""
@@ -57,16 +56,18 @@ class OwnerLease:
 
     async def run(self) -> None:
         """Renew the lease until cancelled, whenever this node is a member."""
+        await self._life.load()
         while True:
             await self._membership()
-            asked_at = self._world.clock.now()
-            if await self._ask():
+            asked_at = await self._ask()
+            if asked_at is None:
+                await self._world.clock.sleep(LEASE_RETRY_S)
+            elif self._life.granted(asked_at):
                 self._until = asked_at + T_LEASE_S
                 self._news.set()
                 self._news = trio.Event()
                 await self._world.clock.sleep(max(0.0, asked_at + RENEW_S - self._world.clock.now()))
-            else:
-                await self._world.clock.sleep(LEASE_RETRY_S)
+            # Else it was granted under an old life, and the next is drawn and asked with at once.
 
     async def _membership(self) -> None:
         registry = self._cluster_log.registry
@@ -75,10 +76,16 @@ class OwnerLease:
             self._until = -math.inf
             registry = await self._cluster_log.changed_after(registry.position)
 
-    async def _ask(self) -> bool:
-        nonce = int.from_bytes(self._life + self._world.entropy.token(8 - _LIFE_BYTES), "big")
+    async def _ask(self) -> float | None:
+        """When it was asked for, if it was granted."""
         try:
-            return await self._cluster_log.ask_lease(nonce)
+            await self._life.renew()
+        except Refused as refusal:
+            self._complain(f"no lease is asked for until the disk takes a note of it: {refusal}")
+            return None
+        asked_at = self._world.clock.now()
+        try:
+            return asked_at if await self._cluster_log.ask_lease(self._life.lives) else None
         except Refused as refusal:
             if refusal.reason is RejectReason.WRONG_INCARNATION:
                 await self._no_longer(refusal)
@@ -86,7 +93,7 @@ class OwnerLease:
                 self._complain(f"the voter grants no lease: {refusal}")
         except (Unreachable, PeerFault) as problem:
             self._complain(f"no lease from the voter: {problem}")
-        return False
+        return None
 
     async def _no_longer(self, refusal: Refused) -> None:
         """Removed, which the log says too, or rolled back, which only the voter knows."""

@@ -12,12 +12,10 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import key_id_of
+from scenefold.peer.lives import Lives
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode, Trust
 from scenefold.world.facts import ClusterFacts
-
-BOOT_BITS = 32
-"""Of a Lamport time, from the top: the boot counter of its node."""
 
 
 def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts) -> None:
@@ -47,20 +45,9 @@ def predecessor(entry: LogEntry, registry: Registry) -> Member | None:
     return None if known is None or known.incarnation == entry.member.incarnation else known.member
 
 
-def lease_message(genesis: bytes, have: int, head: bytes, nonce: int, member: Member, boot: int) -> bytes:
-    """What the asker of an owner lease signs: who it is, how far it knows which log, and that it asks just now."""
-    return b"".join((genesis, struct.pack(">Q", have), head, struct.pack(">QII", nonce, member.node, boot), member.incarnation))
-
-
-def life_of(nonce: int) -> int:
-    """The upper half of a nonce: drawn once when a node starts, so that two starts with the same boot counter differ."""
-    return nonce >> BOOT_BITS
-
-
-def is_rolled_back(recorded: tuple[int, int], boot: int, life: int) -> bool:
-    """Whether a start (boot counter, life) is not later than the recorded one: then the disk is a restored backup."""
-    known_boot, known_life = recorded
-    return boot < known_boot or (boot == known_boot and life != known_life)
+def lease_message(genesis: bytes, have: int, head: bytes, nonce: int, member: Member, lives: Lives) -> bytes:
+    """What the asker of an owner lease signs: who it is, how far it knows which log, that it asks just now, under which lives."""
+    return b"".join((genesis, struct.pack(">Q", have), head, struct.pack(">QI", nonce, member.node), member.incarnation, lives.pack()))
 
 
 def in_words(entry: LogEntry) -> str:

@@ -1,8 +1,8 @@
 """The voter: it decides the cluster's log, for now alone, and grants owner leases (specs/15-cluster-log.md).
 
 With one voter there is no majority to ask, so PREPARE and ACCEPT fall together: an entry is committed once it is durable
-here, under its final bytes. Everybody else proposes to it. What it must not forget over a restart, the highest
-start of each node, is durable before the lease that rests on it is granted; when it last granted a lease to whom it may
+here, under its final bytes. Everybody else proposes to it. What it must not forget over a restart, the last life of
+each node that it granted a lease under, is durable before that is granted; when it last granted a lease to whom it may
 forget, because it then counts from its own start, as if it had granted one to everybody just before.
 """
 
@@ -19,7 +19,8 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
-from scenefold.peer.log_rules import check_proposer, in_words, is_rolled_back, lease_message, life_of, predecessor
+from scenefold.peer.lives import Lives, is_restored, lives_asked_with
+from scenefold.peer.log_rules import check_proposer, in_words, lease_message, predecessor
 from scenefold.peer.registry import Registry
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.store import Store
@@ -30,7 +31,7 @@ from scenefold.world.facts import ClusterFacts
 Veto = Callable[[Member], Awaitable[str | None]]
 Commit = Callable[[SignedRecord, Registry], Awaitable[None]]
 
-_START = struct.Struct(">16sII")
+_GRANTED = struct.Struct(">16sQ")
 _log = logging.getLogger("scenefold.peer.cluster_log")
 
 
@@ -48,8 +49,8 @@ class Voter:
         self._commit = commit
         self._lock = trio.Lock()
         self._leased_at: dict[NodeId, float] = {}
-        self._starts: dict[NodeId, tuple[bytes, int, int]] = {}
-        self._noting = trio.Lock()
+        self._granted: dict[NodeId, tuple[bytes, int]] = {}
+        self._noting: dict[NodeId, trio.Lock] = {}
         self._started_at = world.clock.now()
         self.veto: Veto | None = None
         """Asked about removals that another node proposes: a reason against it, or None."""
@@ -146,18 +147,18 @@ class Voter:
     async def grant(self, packet: RequestSceneLog, asker: NodeId) -> bool:
         """Whether the asker has a lease from when it asked on; False if its log is not the newest.
 
-        Refused: 12 not a member, 18 an incarnation that was removed, or a disk that was rolled back; 4 the proof is wrong.
+        Refused: 12 not a member, 18 an incarnation that was removed, or a restored backup; 4 the proof is wrong; 5 no life.
         """
         member = packet.member
-        if member is None or packet.mini_status is None or member.node != asker:
-            raise Refused(RejectReason.NOT_AUTHORISED, "a lease is asked for by the node itself, with its mini status")
+        if member is None or member.node != asker:
+            raise Refused(RejectReason.NOT_AUTHORISED, "a lease is asked for by the node itself")
+        lives = lives_asked_with(packet.lives)
         self._refuse_unless_current(member)
         if packet.have != self._registry().position:
             return False
-        boot = packet.mini_status.lamport >> 32
-        self._check_proof(packet, member, boot)
-        await self._note_start(member, boot, life_of(packet.nonce))
-        # The log may have gone on while the start was being written.
+        self._check_proof(packet, member, lives)
+        await self._note_life(member, lives)
+        # The log may have gone on while the life was being written.
         self._refuse_unless_current(member)
         if packet.have != self._registry().position:
             return False
@@ -172,44 +173,46 @@ class Voter:
         if not registry.is_current(member):
             raise Refused(RejectReason.NOT_AUTHORISED, f"{address_of(member.node)} is no member under this incarnation")
 
-    def _check_proof(self, packet: RequestSceneLog, member: Member, boot: int) -> None:
+    def _check_proof(self, packet: RequestSceneLog, member: Member, lives: Lives) -> None:
         registry = self._registry()
         key = registry.key_of(member.node)
         assert key is not None
         genesis = self._facts.genesis_header.genesis
         try:
-            key.verify(packet.proof, LEASE_DOMAIN, lease_message(genesis, packet.have, registry.head, packet.nonce, member, boot))
+            key.verify(packet.proof, LEASE_DOMAIN, lease_message(genesis, packet.have, registry.head, packet.nonce, member, lives))
         except DamagedData as problem:
             raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
 
-    async def _note_start(self, member: Member, boot: int, life: int) -> None:
-        """Keep the newest start of a node durably; Refused (18) if this one is not newer."""
-        start = (member.incarnation, boot, life)
-        if self._starts.get(member.node) == start:
+    async def _note_life(self, member: Member, lives: Lives) -> None:
+        """Keep durably under which life a node was granted a lease; Refused (18) if it does not know the last one."""
+        granted = (member.incarnation, lives.now)
+        if self._granted.get(member.node) == granted:
             return
-        # One at a time: a node and a copy of its disk that start at once must not both find the record that is older than they.
-        async with self._noting:
-            known = self._starts.get(member.node) or await self._recorded_start(member.node)
-            if known is not None and known[0] == member.incarnation and is_rolled_back(known[1:], boot, life):
-                text = f"the disk of {address_of(member.node)} was rolled back: it started as number {boot}, after number {known[1]}"
+        # One at a time: a node and a copy of its disk that ask at once must not both find the life that both know.
+        async with self._noting.setdefault(member.node, trio.Lock()):
+            known = self._granted.get(member.node) or await self._recorded(member.node)
+            if known is not None and known[0] == member.incarnation and is_restored(known[1], lives):
+                text = (
+                    f"the disk of {address_of(member.node)} is a restored backup: it has had a lease since that its disk does not know of"
+                )
                 raise Refused(RejectReason.WRONG_INCARNATION, text)
-            if known != start:
-                await self._store.put_note(_note(member.node), _START.pack(*start))
-            self._starts[member.node] = start
+            if known != granted:
+                await self._store.put_note(_note(member.node), _GRANTED.pack(*granted))
+            self._granted[member.node] = granted
 
-    async def _recorded_start(self, node: NodeId) -> tuple[bytes, int, int] | None:
+    async def _recorded(self, node: NodeId) -> tuple[bytes, int] | None:
         data = await self._store.get_note(_note(node))
         if data is None:
             return None
         try:
-            incarnation, boot, life = _START.unpack(data)
+            incarnation, life = _GRANTED.unpack(data)
         except struct.error as problem:
-            raise DamagedData("the recorded start of a node is damaged", where=_note(node)) from problem
-        return incarnation, boot, life
+            raise DamagedData("the recorded life of a node is damaged", where=_note(node)) from problem
+        return incarnation, life
 
     def _since(self, node: NodeId) -> float:
         return self._leased_at.get(node, self._started_at)
 
 
 def _note(node: NodeId) -> str:
-    return f"cluster-log/start/{node:08x}"
+    return f"cluster-log/life/{node:08x}"

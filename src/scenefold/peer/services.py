@@ -82,7 +82,7 @@ class PeerServices:
         routing = Routing(registry, roster, own)
         peers = Peers(world, links, own, roster, routing)
         cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
-        lease = OwnerLease(world, cluster_log, own)
+        lease = OwnerLease(world, store, cluster_log, own)
         scenes = Scenes(world, store, peers, own)
         line = Line(world, store, peers, cluster_log, own, lease, scenes, routing, transfer_bytes_per_s=settings.transfer_bytes_per_s)
         data = DataService(world, store, peers, scenes, line, lease, routing, me)

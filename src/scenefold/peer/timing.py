@@ -1,4 +1,4 @@
-"""The times of membership (design: consensus §5; specs/15-cluster-log.md, Times), each with its reason.
+"""The times of membership (design: consensus §5; specs/15-cluster-log.md, Lease), each with its reason.
 
 Only the three of the lease carry safety; all others only say how soon something is tried again. No two clocks are
 compared anywhere: a time is measured on one clock, and of two clocks only their rates are assumed to agree within 1 %.
@@ -13,6 +13,10 @@ RENEW_S = 4.0
 T_WAIT_S = 1.05 * T_LEASE_S
 """After this time on any clock, a lease that was asked for before is over on every other clock: rates differ by 1 %
 at most, and four more percent are free."""
+
+LIFE_S = 60.0
+"""The voter tells a restored backup from the node itself if it was made this long, and a lease, before the node's last
+acknowledged write (specs/15-cluster-log.md, Lives). Each time costs a durable write here and one at the voter."""
 
 LEASE_ASK_S_MAX = 2.0
 """For the voter to answer; half of RENEW_S, so that a lost answer is asked for again while the lease lives."""
@@ -44,4 +48,5 @@ REMOVE_AFTER_S = 120.0
 """Nobody is removed who was heard within this time (a setting): a reboot takes about a minute."""
 
 assert LEASE_ASK_S_MAX + LEASE_RETRY_S < RENEW_S < T_LEASE_S < T_WAIT_S
+assert LIFE_S > T_LEASE_S
 assert REMOVE_AFTER_S > T_WAIT_S

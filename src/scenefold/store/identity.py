@@ -1,8 +1,8 @@
 """Whose folder this is: node, format, incarnation, boot (design: storage, members and owners).
 
 The incarnation is drawn when the folder is made, so that a wiped node is seen to be a newcomer; the boot counter rises
-durably at every start, so that a restored backup is seen to be one. A node that the cluster has removed draws a new
-incarnation (`RenewIdentity`): it comes back as a newcomer that has some records.
+durably at every start, so that what the node says of itself is above all that it said before. A node that the cluster
+has removed draws a new incarnation (`RenewIdentity`): it comes back as a newcomer that has some records.
 """
 
 from __future__ import annotations

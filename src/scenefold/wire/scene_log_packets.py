@@ -231,7 +231,7 @@ SCENE_LOG_ANSWER = Struct(
 
 @dataclass(frozen=True, slots=True)
 class RequestSceneLog(Packet):
-    """`genesis` empty: whatever scene has this id here."""
+    """`genesis` empty: whatever scene has this id here. `lives`: with LEASE, the two that the asker's disk holds."""
 
     TYPE: ClassVar[int] = 5
     BULK_ANSWER: ClassVar[bool] = True
@@ -242,6 +242,7 @@ class RequestSceneLog(Packet):
     want: Want
     member: Member | None = None
     proof: bytes = b""
+    lives: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +304,7 @@ ROWS = (
         ("want", Choice(Want)),
         ("member", Maybe(MEMBER)),
         ("proof", PROOF),
+        ("lives", Many(U64, counts=(0, 2))),
     ),
     row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER))),
     row(

@@ -73,7 +73,7 @@ class LogNode:
             routing = Routing(lambda: self.log.registry, roster, self.own)
             peers = Peers(world, links, self.own, roster, routing)
             self.log = ClusterLog(world, store, peers, cluster.facts, self.own, LOG_KEY if self.number == 0 else None)
-            self.lease = OwnerLease(world, self.log, self.own)
+            self.lease = OwnerLease(world, store, self.log, self.own)
             self.enrolment = Enrolment(world, store, self.log, self.lease, self.own)
             handlers = Handlers(lambda: self.log.registry, self.own.mini, self._hear)
             self.log.register(handlers)

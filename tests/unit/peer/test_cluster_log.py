@@ -182,31 +182,6 @@ def cluster_address(cluster: LogCluster, number: int) -> str:
     return cluster.facts.credentials[number].address
 
 
-@pytest.mark.parametrize("starts", [1, 3])
-def test_a_disk_that_was_rolled_back_is_noticed(starts: int) -> None:
-    """Also where the restored boot counter comes out the same as the one that is known."""
-
-    async def scenario(cluster: LogCluster) -> None:
-        await cluster.start(0, 1)
-        await cluster.members(0, 1)
-        await cluster.crash(1)
-        disk = cluster.net.machine(cluster_address(cluster, 1)).disk
-        backup = disk.snapshot()
-        for _ in range(starts):
-            await cluster.start(1)
-            await cluster.members(1)
-            before = cluster.nodes[1].own.incarnation
-            await cluster.crash(1)
-        disk.restore(backup)
-        await cluster.start(1)
-        await trio.sleep(2)
-        await cluster.members(1)
-        assert cluster.nodes[1].renewed == 1 and cluster.nodes[1].own.incarnation != before
-        assert cluster.nodes[0].log.registry.removal(before) is not None
-
-    simulate(scenario, founders=2)
-
-
 def test_a_node_whose_disk_is_as_it_was_is_welcome() -> None:
     async def scenario(cluster: LogCluster) -> None:
         await cluster.start(0, 1, 2)

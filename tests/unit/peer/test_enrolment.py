@@ -7,7 +7,7 @@ import pytest
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.enrolment import Step, next_step
-from scenefold.peer.log_rules import check_proposer, is_rolled_back, life_of, predecessor
+from scenefold.peer.log_rules import check_proposer, predecessor
 from scenefold.peer.registry import Registry
 from scenefold.wire import LogEntry, Member, RevokeNode, Trust
 from unit.peer.logs_made import add, facts, folded, found, key_of, member, node, remove
@@ -70,13 +70,6 @@ def test_only_another_incarnation_of_the_same_node_has_to_go_first() -> None:
     assert predecessor(add(1, left_of=0, life=1), registry) == member(1)
     assert predecessor(add(1), registry) is None and predecessor(add(2), registry) is None
     assert predecessor(remove(1), registry) is None
-
-
-def test_a_start_that_is_not_later_than_the_recorded_one_is_that_of_an_old_disk() -> None:
-    assert is_rolled_back((7, 100), 6, 100) and is_rolled_back((7, 100), 6, 5)
-    assert is_rolled_back((7, 100), 7, 5), "the same boot counter, but another start"
-    assert not is_rolled_back((7, 100), 7, 100) and not is_rolled_back((7, 100), 8, 5)
-    assert life_of(0x1234_5678_9ABC_DEF0) == 0x1234_5678
 
 
 def test_members_are_told_apart_by_incarnation() -> None:

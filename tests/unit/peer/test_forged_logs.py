@@ -12,6 +12,7 @@ import pytest
 from scenefold.base.errors import DamagedData, Refused, ScenefoldError
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, SigningKey
+from scenefold.peer.lives import Lives
 from scenefold.peer.log_packets import answer_of
 from scenefold.peer.log_rules import lease_message
 from scenefold.peer.log_voter import Voter
@@ -117,29 +118,31 @@ def test_what_the_voter_wrote_is_taken() -> None:
 NONCE = (7 << 32) + 1
 
 
-def request_of(one: LogNode, **false: Any) -> RequestSceneLog:
+def request_of(one: LogNode, under: tuple[int, ...] | None = None, **false: Any) -> RequestSceneLog:
     """What node 1 asks a lease with; `false` says what is otherwise in what its proof signs."""
     facts, registry, mini = one._cluster.facts, one.log.registry, one.own.mini()
+    lives = one.lease._life.lives if under is None else under
     true = {
         "genesis": facts.genesis_header.genesis,
         "have": registry.position,
         "head": registry.head,
         "nonce": NONCE,
         "member": one.own.member,
-        "boot": one.own.boot,
+        "lives": Lives(*lives) if len(lives) == 2 else Lives(),
     }
     key = false.pop("key", one.own.key)
     assert isinstance(key, SigningKey)
     proof = key.sign(LEASE_DOMAIN, lease_message(**{**true, **false}))
     public = facts.genesis_header
-    return RequestSceneLog(public.scene, public.genesis, registry.position, NONCE, Want.LEASE, one.own.member, proof, mini_status=mini)
+    member = one.own.member
+    return RequestSceneLog(public.scene, public.genesis, registry.position, NONCE, Want.LEASE, member, proof, lives, mini_status=mini)
 
 
 FALSE = [
     {"key": key_of(0)},
     {"key": STRANGER},
     {"nonce": NONCE + 1},
-    {"boot": 2},
+    {"lives": Lives(1, 2)},
     {"head": b"h" * 32},
     {"have": 1},
     {"genesis": bytes(32)},
@@ -158,11 +161,26 @@ def test_a_lease_is_lent_only_to_who_signs_for_it_now(false: dict[str, object]) 
         voter, one = cluster.nodes[0].log._voter, cluster.nodes[1]
         assert isinstance(voter, Voter)
         voter._leased_at.clear()
-        voter._starts.clear()
         with pytest.raises(Refused) as refusal:
             await voter.grant(request_of(one, **false), node(1))
         assert refusal.value.reason is RejectReason.SIGNATURE_INVALID
         assert voter.leased_at(node(1)) is None
+
+    simulate(scenario, founders=3)
+
+
+@pytest.mark.parametrize("lives", [(), (1,), (1, 0), (0, 0), (1, 2, 3)], ids=str)
+def test_a_lease_is_asked_for_under_a_life(lives: tuple[int, ...]) -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        await cluster.equal()
+        voter, one = cluster.nodes[0].log._voter, cluster.nodes[1]
+        assert isinstance(voter, Voter)
+        voter._leased_at.clear()
+        with pytest.raises(Refused, match="under two lives") as refusal:
+            await voter.grant(request_of(one, lives), node(1))
+        assert refusal.value.reason is RejectReason.ILL_FORMED and voter.leased_at(node(1)) is None
 
     simulate(scenario, founders=3)
 
