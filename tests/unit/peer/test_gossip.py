@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import LAST, WHOLE_LINE, Location
 from scenefold.crypto import STATUS_DOMAIN, SigningKey, parse_datagram, sign_datagram, verify_datagram
-from scenefold.peer.gossip import CLAIM_PATIENCE_S
+from scenefold.peer.hearing import CLAIM_PATIENCE_S
 from scenefold.peer.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
 from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status, decode_packet, encode_packet
 from unit.peer.village import FIRST, Village, incarnation_of, key_of, node_at, until, village
@@ -360,7 +360,7 @@ async def test_a_table_is_taken_whole_and_nothing_false_in_it(autojump_clock: tr
         them.ether.lost = lambda _source, _target: True
         with pytest.MonkeyPatch.context() as patch:
             said: list[str] = []
-            patch.setattr(them.of(0).gossip, "_drop", lambda _source, _kind, text, _quiet=None: said.append(text))
+            patch.setattr(them.of(0).gossip._hearing, "drop", lambda _source, _kind, text, _quiet=None: said.append(text))
             assert await them.of(0).gossip.take_table(statuses, node_at(1)) == 36
         assert len(said) == 1 and address_of(node_at(5)) in said[0]
         assert set(them.of(0).roster.unheard()) == {node_at(5), node_at(8)} and them.of(0).roster.vacant_count == 1

@@ -1,0 +1,104 @@
+"""What a node believes of what it hears by datagram (specs/11-peers.md, Gossip).
+
+A datagram counts if it is signed with the key of its sender, and a status in it if it is signed with that of the node
+that it describes, and of the incarnation that the cluster's log names. All else is dropped, counted, and logged at
+most once a minute. There is no replay window: a status that does not rise has no effect, and an incarnation that is not
+registered is nobody.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import NodeId, address_of
+from scenefold.crypto import EVERYBODY, PublicKey, parse_datagram, verify_datagram
+from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
+from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.roster import Roster
+from scenefold.peer.status import OwnStatus
+from scenefold.wire import Packet, PingBroadcast, Status, decode_packet
+from scenefold.world import QuietLog, World
+from scenefold.world.facts import ClusterFacts
+
+CLAIM_PATIENCE_S = 10.0
+"""A claim on what is ours may be old news for so long; after that, something is wrong."""
+
+_log = logging.getLogger("scenefold.peer.gossip")
+
+
+class Hearing:
+    """Judges datagrams and statuses, and puts what is right into the roster."""
+
+    def __init__(self, world: World, own: OwnStatus, roster: Roster, cluster_log: ClusterLog, facts: ClusterFacts) -> None:
+        self._world = world
+        self._own = own
+        self._roster = roster
+        self._cluster_log = cluster_log
+        self._facts = facts
+        self._quiet = QuietLog(_log)
+        self._quiet_claims = QuietLog(_log, logging.INFO)
+        self._claimed_since: dict[NodeId, float] = {}
+        self.dropped = 0
+        """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
+
+    def opened(self, data: bytes) -> tuple[NodeId, Packet]:
+        """Who signed a datagram, and what is in it; DamagedData or MalformedPacket."""
+        datagram = parse_datagram(data)
+        key = self._key_of(datagram.sender)
+        if key is None or datagram.sender == self._own.me or datagram.target not in (EVERYBODY, self._own.me):
+            raise DamagedData(f"it is from {address_of(datagram.sender)} for {address_of(datagram.target)}")
+        return datagram.sender, decode_packet(verify_datagram(datagram, key))
+
+    def _key_of(self, node: NodeId) -> PublicKey | None:
+        """The key that a node signs with, member or not; None if there is none, or it counts no longer."""
+        registry = self._cluster_log.registry
+        key = registry.key_of(node)
+        if key is None:
+            credential = self._facts.credential(node)
+            key = None if credential is None else credential.public_key
+        return None if key is None or registry.is_revoked(node, key.key_id) else key
+
+    def hear(self, packet: PingBroadcast, sender: NodeId) -> None:
+        """Take what rises of a broadcast, or of an answer like one."""
+        heard = []
+        for status in packet.statuses:
+            if status.node == sender:
+                # It has signed the datagram, so this is news even of one that we do not know as a member.
+                self._roster.note_position(sender, status.log_position)
+            if not self._roster.rises(status):
+                continue
+            if self._take(status, sender, problem_of(status, self._key_of(status.node))):
+                heard.append(status.node)
+        if packet.request_id == 0 and heard:
+            # Answers to RequestState are no throw of the dice, so they say nothing about who stayed silent.
+            self._roster.count_broadcast(heard)
+
+    def _take(self, status: Status, sender: NodeId, problem: str) -> bool:
+        """Take a status, unless there is a problem with it; True if it is a sign of life."""
+        now, node = self._world.clock.now(), status.node
+        if problem:
+            self.drop(address_of(sender), "status", f"a status of {address_of(node)} is dropped: {problem}")
+            return False
+        if claims_what_is_ours(status, self._own.arc, self._own.log_position):
+            since = self._claimed_since.setdefault(node, now)
+            quiet = self._quiet_claims if now - since < CLAIM_PATIENCE_S else self._quiet
+            self.drop(address_of(sender), "claim", f"a status of {address_of(node)} is dropped: it claims places that are ours", quiet)
+            return False
+        if node == sender:
+            self._claimed_since.pop(node, None)
+        return self._roster.hear(status, now, relayed=node != sender)
+
+    async def take_table(self, statuses: Sequence[Status], source: NodeId) -> int:
+        """Take a whole table that a member has sent; the number of signs of life in it."""
+        # Lamport time 0 stands for a member that was never heard there: nobody has signed that.
+        news = [status for status in statuses if status.lamport and self._roster.rises(status)]
+        problems = await self._world.workers.run("crypto", problems_of, [(status, self._key_of(status.node)) for status in news])
+        taken = [self._take(status, source, problem) for status, problem in zip(news, problems, strict=True)]
+        return sum(taken)
+
+    def drop(self, source: str, kind: str, text: str, quiet: QuietLog | None = None) -> None:
+        """Count what is not believed, and say so now and then."""
+        self.dropped += 1
+        (quiet or self._quiet).say(self._world.clock.now(), source, kind, text)
