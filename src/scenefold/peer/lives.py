@@ -13,11 +13,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 
 LIFE_BYTES = 8
 NO_LIFE = 0
 _LIVES = struct.Struct(">QQ")
+_GRANTED = struct.Struct(">16sQ")
 
 
 class Lives(NamedTuple):
@@ -39,6 +41,23 @@ def unpack_lives(data: bytes) -> Lives:
     if len(data) != _LIVES.size:
         raise DamagedData("the lives of this node are damaged")
     return Lives(*_LIVES.unpack(data))
+
+
+def note_of(node: NodeId) -> str:
+    """Where the voter keeps what it granted last."""
+    return f"cluster-log/life/{node:08x}"
+
+
+def pack_granted(incarnation: bytes, life: int) -> bytes:
+    return _GRANTED.pack(incarnation, life)
+
+
+def unpack_granted(data: bytes) -> tuple[bytes, int]:
+    """DamagedData if this is not what was packed."""
+    if len(data) != _GRANTED.size:
+        raise DamagedData("the recorded life of a node is damaged")
+    incarnation, life = _GRANTED.unpack(data)
+    return incarnation, life
 
 
 def lives_asked_with(values: Sequence[int]) -> Lives:

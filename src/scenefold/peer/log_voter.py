@@ -9,7 +9,6 @@ forget, because it then counts from its own start, as if it had granted one to e
 from __future__ import annotations
 
 import logging
-import struct
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
@@ -19,7 +18,7 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
-from scenefold.peer.lives import Lives, is_restored, lives_asked_with
+from scenefold.peer.lives import Lives, is_restored, lives_asked_with, note_of, pack_granted, unpack_granted
 from scenefold.peer.log_rules import check_proposer, in_words, lease_message, predecessor
 from scenefold.peer.registry import Registry
 from scenefold.peer.timing import T_WAIT_S
@@ -31,7 +30,6 @@ from scenefold.world.facts import ClusterFacts
 Veto = Callable[[Member], Awaitable[str | None]]
 Commit = Callable[[SignedRecord, Registry], Awaitable[None]]
 
-_GRANTED = struct.Struct(">16sQ")
 _log = logging.getLogger("scenefold.peer.cluster_log")
 
 
@@ -197,22 +195,12 @@ class Voter:
                 )
                 raise Refused(RejectReason.WRONG_INCARNATION, text)
             if known != granted:
-                await self._store.put_note(_note(member.node), _GRANTED.pack(*granted))
+                await self._store.put_note(note_of(member.node), pack_granted(*granted))
             self._granted[member.node] = granted
 
     async def _recorded(self, node: NodeId) -> tuple[bytes, int] | None:
-        data = await self._store.get_note(_note(node))
-        if data is None:
-            return None
-        try:
-            incarnation, life = _GRANTED.unpack(data)
-        except struct.error as problem:
-            raise DamagedData("the recorded life of a node is damaged", where=_note(node)) from problem
-        return incarnation, life
+        data = await self._store.get_note(note_of(node))
+        return None if data is None else unpack_granted(data)
 
     def _since(self, node: NodeId) -> float:
         return self._leased_at.get(node, self._started_at)
-
-
-def _note(node: NodeId) -> str:
-    return f"cluster-log/life/{node:08x}"

@@ -36,7 +36,6 @@ from scenefold.world.sim import Point, SimDisk, SimNet
 RESTART_S = 1.0
 REMOVE_AFTER_S = 20.0
 """As short as the times of the lease allow, so that a storm of a minute sees removals and returns."""
-FOR_EVER_S = 1e6
 DATA_FOLDER = Path("/data")
 
 
@@ -78,9 +77,6 @@ class Node:
     """Somebody asked it to leave at least once; it remembers that over restarts and new incarnations."""
     has_left: bool = False
     """It was drained and is switched off, until somebody starts it again as a newcomer."""
-    is_restored: bool = False
-    """Its disk is a backup, and the voter has not noticed yet. A second start would hide it (specs/17-simulation.md, Faults),
-    so nothing kills it before."""
     left: trio.Event = field(default_factory=trio.Event)
     """Set when it has left for the first time."""
     born: trio.Event = field(default_factory=trio.Event)
@@ -155,7 +151,7 @@ class Cluster:
     def crash(self, slot: int, *, silent: bool = False, torn: bool = False) -> bool:
         """Kill the node at this instant; False if it does not run."""
         node = self.nodes[slot]
-        if not node.is_wanted or node.is_restored:
+        if not node.is_wanted:
             return False
         self.watch.tell(slot, "dies{}{}", " silently" if silent else "", ", its last write torn" if torn else "")
         node.is_wanted = False
@@ -215,8 +211,6 @@ class Cluster:
 
     def _settings(self, node: Node) -> NodeSettings:
         settings = NodeSettings(profile_folder=Path("/profile"), address=node.address, data_folder=DATA_FOLDER, memory_bytes=1 << 30)
-        if node.is_restored:
-            settings = replace(settings, seed_wait_s=FOR_EVER_S)
         remove_after_s = self.habits.remove_after_s
         return settings if remove_after_s is None else replace(settings, remove_after_s=remove_after_s)
 
@@ -229,7 +223,6 @@ class Cluster:
             self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
         if any(isinstance(end, IdentityRenewed) for end in ends):
             self.watch.counts["new incarnations"] += 1
-            node.is_restored = False
         if drained:
             self.watch.counts["drained"] += 1
             node.is_wanted, node.has_left = False, True

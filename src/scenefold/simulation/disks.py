@@ -6,14 +6,16 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.crypto.record_header import version_key
 from scenefold.peer.line.holding import Step
 from scenefold.peer.line.holding_note import decode_holding
+from scenefold.peer.lives import Lives, note_of, unpack_granted, unpack_lives
+from scenefold.peer.own_life import NOTE as LIVES_NOTE
 from scenefold.simulation.history import Place, Version
-from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of, object_of, record_key, space_of, stored_header
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, location_of, object_of, record_key, space_of, stored_header
 from scenefold.wire import Member
 
 _ARC = b"arc"
@@ -70,6 +72,18 @@ def has_open_handover(disk: Disk) -> bool:
 def incarnation_of(disk: Disk) -> bytes | None:
     """The incarnation under which the disk's node runs, or ran last."""
     return disk.peek(IDENTITY).get(_INCARNATION)
+
+
+def lives_of(disk: Disk) -> Lives:
+    """Under which lives the disk's node asks for leases."""
+    note = disk.peek(NOTES).get(LIVES_NOTE.encode())
+    return unpack_lives(note) if note else Lives()
+
+
+def granted_life(voter: Disk, node: NodeId) -> tuple[bytes, int] | None:
+    """Under which incarnation and life a node was last granted a lease, as the voter's disk has it."""
+    note = voter.peek(NOTES).get(note_of(node).encode())
+    return unpack_granted(note) if note else None
 
 
 def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:

@@ -15,8 +15,9 @@ from typing import ClassVar
 
 import trio
 
+from scenefold.peer.lives import Lives
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import incarnation_of
+from scenefold.simulation.disks import granted_life, incarnation_of, lives_of
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.store.layout import RECORDS
@@ -237,26 +238,34 @@ class Storm:
         await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
 
     async def _restore(self, fault: Fault) -> None:
-        """A backup is made, the node starts again and works on; later its disk is the backup again.
+        """A backup is made, and the node works on; later its disk is the backup again.
 
-        The start in between is what the voter can tell the backup by: storage.md asks for boot counters.
+        Restored is only what the voter can tell from the node itself. A start in between makes it so at once, and every second
+        node is started again right after the backup; the passing of a minute does, too.
         """
         node = self._node(fault)
         if not node.is_wanted:
             return
-        backup, incarnation = node.disk.snapshot(), incarnation_of(node.disk)
-        self._cluster.crash(node.slot)
-        await self._cluster.restart(node.slot, 0.2)
+        backup, incarnation, lives = node.disk.snapshot(), incarnation_of(node.disk), lives_of(node.disk)
+        if fault.begin_s % 1 < 0.5:
+            self._cluster.crash(node.slot)
+            await self._cluster.restart(node.slot, 0.2)
         await trio.sleep_until(max(fault.end_s, self._net.now + RECORDED_S))
-        if self._is_over or not node.is_wanted or incarnation_of(node.disk) != incarnation or not node.has_lease():
+        if not (self._is_over or self._has_lived_on(node, incarnation, lives)) and self._cluster.crash(node.slot):
+            await self._cluster.restart(node.slot, 0.2)
+            await trio.sleep(RECORDED_S)
+        if self._is_over or not self._has_lived_on(node, incarnation, lives) or not self._cluster.crash(node.slot):
             return
-        self._cluster.crash(node.slot)
         self._begins(fault)
         before = self._watch.records(node.slot)
         node.disk.restore(backup)
         self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
-        node.is_restored = True
         await self._cluster.restart(node.slot, 0.5)
+
+    def _has_lived_on(self, node: Node, incarnation: bytes | None, lives: Lives) -> bool:
+        """Whether the node was granted a life that is not among these, and is still of this incarnation."""
+        granted = granted_life(self._cluster.voter.disk, node.node_id)
+        return incarnation_of(node.disk) == incarnation and granted is not None and granted[0] == incarnation and granted[1] not in lives
 
     def _set_clocks(self, fault: Fault) -> None:
         """The time of day jumps, of a node and of a client."""

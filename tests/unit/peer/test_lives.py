@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.lives import LIFE_BYTES, Lives, drawn_from, is_restored, lives_asked_with, unpack_lives
+from scenefold.peer.lives import LIFE_BYTES, Lives, drawn_from, is_restored, lives_asked_with, pack_granted, unpack_granted, unpack_lives
 
 
 def test_lives_are_kept_as_they_were() -> None:
@@ -20,6 +20,9 @@ def test_lives_are_kept_as_they_were() -> None:
     for data in (b"", lives.pack()[1:], lives.pack() + b"?"):
         with pytest.raises(DamagedData):
             unpack_lives(data)
+    assert unpack_granted(pack_granted(b"i" * 16, 9)) == (b"i" * 16, 9)
+    with pytest.raises(DamagedData):
+        unpack_granted(b"i" * 16)
     assert drawn_from(bytes(LIFE_BYTES)) == 1 and drawn_from(b"\0" * 7 + b"\5") == 5
 
 
