@@ -21,6 +21,8 @@ class Lost(NamedTuple):
 
     place: Place
     left: tuple[Version, ...]
+    newest: Version | None
+    """None: not known, since it had rotted before."""
 
 
 def newest(disks: Iterable[Disk], place: Place) -> Version | None:
@@ -39,7 +41,7 @@ def lost_by_change(before: Disk, counted: Mapping[int, Disk], after: Mapping[int
     for place, version in sorted(before.items()):
         best = newest(counted.values(), place)
         if best is None or best.order < version.order:
-            found.append(Lost(place, versions_of(after, place)))
+            found.append(Lost(place, versions_of(after, place), version))
     return found
 
 
@@ -49,7 +51,7 @@ def lost_to_claimer(disks: Mapping[int, Disk], claimer: int, places: Iterable[Pl
     for place in sorted(places):
         best, own = newest(disks.values(), place), disks[claimer].get(place)
         if best is not None and (own is None or own.order < best.order):
-            found.append(Lost(place, versions_of(disks, place)))
+            found.append(Lost(place, versions_of(disks, place), best))
     return found
 
 

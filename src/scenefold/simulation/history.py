@@ -82,13 +82,15 @@ class Loss:
     """From here on the newest version may be gone, since no disk that still counts holds it (custody.py).
 
     What is there then is nothing, or one of `left`: the versions that some disk still holds. Each of those may also
-    come back later, if it is higher than what is there by then.
+    come back later, if it is higher than what is there by then. What was written later is above `newest`, which was the
+    newest version on any disk: it is not excused (None: not known, anything may be gone).
     """
 
     begin: int
     left: tuple[Version, ...]
     why: str = ""
     at_s: float = 0.0
+    newest: Version | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,8 @@ def _effects(step: _Step, state: State) -> Iterator[State]:
             if state is None or step.version.order > state.order:
                 yield step.version
         case Loss():
+            if state is not None and step.newest is not None and state.order > step.newest.order:
+                return
             if state is not None:
                 yield None
             yield from (version for version in step.left if version != state)

@@ -113,9 +113,11 @@ class Watch:
         place, location = place_of(key), location_of(key)
         self.rot.add(slot, key)
         disks = self._records()
-        owner = self._owner_of(location)
-        if owner in (None, slot) or has_open_handover(self._disks[slot]) or not _is_held(disks[owner], place, before.get(place)):
-            self._lost([Lost(place, versions_of(disks, place))], f"damaged on n{slot}")
+        owner, rotten = self._owner_of(location), before.get(place)
+        if owner in (None, slot) or has_open_handover(self._disks[slot]) or not _is_held(disks[owner], place, rotten):
+            left = versions_of(disks, place)
+            best = None if rotten is None else max([rotten, *left], key=lambda version: version.order)
+            self._lost([Lost(place, left, best)], f"damaged on n{slot}")
         self._look_at_rot()
 
     def _owner_of(self, location: Location) -> int | None:
@@ -131,8 +133,8 @@ class Watch:
 
     def _lost(self, losses: Iterable[Lost], why: str) -> None:
         histories = self.recorder.histories
-        for place, left in losses:
-            histories.add(place, Loss(histories.moment(), left, why, self._now()))
+        for place, left, best in losses:
+            histories.add(place, Loss(histories.moment(), left, why, self._now(), best))
             names = ", ".join(version.digest.hex()[:6] for version in left) or "nothing"
             self.story.tell(self._now(), None, "may be lost, {}; disks still hold {}", why, names, location=place.location)
             self.counts["records at stake"] += 1
