@@ -97,6 +97,10 @@ class Stage:
         lines = [str(line) for line in self.cluster.watch.story.lines]
         return "\n".join([f"{self.crash}: {what}", *lines[-60:]])
 
+    def check(self, holds: bool, what: str) -> None:
+        if not holds:
+            raise Disturbed(self.told(what))
+
     def registered(self, slot: int) -> bool:
         voter = self.cluster.voter.context
         return voter is not None and voter.cluster_log.registry.stands(self.cluster.nodes[slot].node_id)

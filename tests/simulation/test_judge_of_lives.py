@@ -1,0 +1,152 @@
+"""If this fails, a node is removed that could be heard, or ends by a fault of its own, and nobody objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+import trio
+
+from scenefold.base.errors import DamagedData, LocalFault, Unreachable
+from scenefold.peer.balance.draining import DRAINED, NodeDrained
+from scenefold.peer.enrolment import IdentityRenewed
+from scenefold.peer.registry import NO_INCARNATION, Removal
+from scenefold.simulation import laws
+from scenefold.simulation.disks import incarnation_of
+from scenefold.simulation.removals import _removed
+from scenefold.wire import Member
+from simulation.quiet import Rest, at_rest
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is so before n1 is removed, and what the removal says."""
+
+    before: Callable[[Rest], object] = lambda _rest: None
+    reason: str = "silent for 20 s"
+    incarnation: bytes | None = None
+
+
+def cut_off(rest: Rest) -> None:
+    """From the voter, and the third node from n1."""
+    for one, other in ((0, 1), (1, 2)):
+        rest.cluster.watch.reach.cut(one, other, rest.cluster.net.now)
+
+
+def cut_from_the_voter(rest: Rest) -> None:
+    rest.cluster.watch.reach.cut(0, 1, rest.cluster.net.now)
+
+
+def told_to_leave(rest: Rest) -> None:
+    rest.cluster.nodes[1].told_to_leave = True
+
+
+def removed(case: Case) -> list[str]:
+    """The laws that such a removal breaks."""
+    broken: list[str] = []
+
+    async def look(rest: Rest) -> None:
+        node, watch = rest.cluster.nodes[1], rest.cluster.watch
+        case.before(rest)
+        await trio.sleep(15.0)
+        incarnation = incarnation_of(node.disk) if case.incarnation is None else case.incarnation
+        assert incarnation is not None
+        assert watch.violations == []
+        _removed(rest.cluster, Removal(Member(node.node_id, incarnation), case.reason, 99))
+        assert watch.counts["removals"] == 1
+        assert all(violation.slots == (1, 0) and case.reason in violation.what for violation in watch.violations)
+        broken.extend(violation.law for violation in watch.violations)
+
+    at_rest(look)
+    return broken
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case(),
+        Case(cut_from_the_voter),
+        Case(told_to_leave),
+        Case(reason=DRAINED),
+    ],
+    ids=["it could be heard", "another could hear it", "leaving, it fell silent for others", "it drained unasked"],
+)
+def test_who_could_be_reached_must_not_be_removed(case: Case) -> None:
+    assert removed(case) == [laws.REMOVED_RIGHTLY]
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case(lambda rest: rest.cluster.crash(1, silent=True)),
+        Case(cut_off),
+        Case(told_to_leave, reason=DRAINED),
+        Case(incarnation=NO_INCARNATION),
+        Case(incarnation=bytes([7]) * 16),
+    ],
+    ids=["it was dead", "nobody could hear it", "it left as it was told", "its founding seat", "another incarnation"],
+)
+def test_who_could_not_or_left_may_be_removed(case: Case) -> None:
+    assert removed(case) == []
+
+
+def ended(*ends: BaseException, is_full: bool = False) -> tuple[list[str], Rest]:
+    """What is said of a life of n1 that ended by itself."""
+    said: list[str] = []
+    rests: list[Rest] = []
+
+    async def look(rest: Rest) -> None:
+        node = rest.cluster.nodes[1]
+        node.is_restored = True
+        if is_full:
+            node.disk.fill(0)
+        rest.cluster._judge_end(node, list(ends))
+        said.extend(f"{violation.law}: {violation.what}" for violation in rest.cluster.watch.violations)
+        rests.append(rest)
+        # Who was drained is switched off; its life is none of this test's.
+        if node.scope is not None:
+            node.scope.cancel()
+
+    at_rest(look)
+    return said, rests[0]
+
+
+@pytest.mark.parametrize(
+    ("ends", "is_full", "words"),
+    [
+        ((), False, "without a reason"),
+        ((ValueError("a bug"),), False, "ValueError: a bug"),
+        ((LocalFault("a bad argument"),), False, "LocalFault: a bad argument"),
+        ((DamagedData("rotten"),), False, "DamagedData: rotten"),
+        ((LocalFault("no room"), ValueError("a bug")), True, "LocalFault: no room; ValueError: a bug"),
+        ((IdentityRenewed("anew"), ValueError("a bug")), False, "IdentityRenewed: anew; ValueError: a bug"),
+    ],
+)
+def test_a_life_that_ends_by_a_fault_is_a_violation(ends: tuple[BaseException, ...], is_full: bool, words: str) -> None:
+    said, _ = ended(*ends, is_full=is_full)
+    assert said == [f"{laws.SOUND}: n1 ends by itself: {words}"]
+
+
+@pytest.mark.parametrize(
+    ("end", "is_full"), [(Unreachable("no seed answers"), False), (LocalFault("no room"), True)], ids=["no seed", "a full disk"]
+)
+def test_a_life_that_the_world_ends_is_none(end: BaseException, is_full: bool) -> None:
+    said, rest = ended(end, is_full=is_full)
+    assert said == []
+    assert rest.cluster.nodes[1].is_wanted and rest.cluster.nodes[1].is_restored
+
+
+def test_a_new_incarnation_is_counted_and_its_backup_is_found_out() -> None:
+    said, rest = ended(IdentityRenewed("anew"))
+    assert said == []
+    assert rest.cluster.watch.counts["new incarnations"] == 1
+    assert not rest.cluster.nodes[1].is_restored and rest.cluster.nodes[1].is_wanted
+
+
+def test_who_has_drained_is_switched_off() -> None:
+    said, rest = ended(NodeDrained("all is handed over"))
+    node = rest.cluster.nodes[1]
+    assert said == []
+    assert node.has_left and node.left.is_set() and not node.is_wanted and node.context is None
+    assert rest.cluster.watch.counts["drained"] == 1
