@@ -1,14 +1,6 @@
 """Who seems alive, and what they last said of themselves (thesis B.2.2; specs/11-peers.md, Roster). Pure.
 
-Each node broadcasts once a second with probability 1/N. So each of the N nodes is equally likely to be the author
-of the next broadcast, and a living peer has stayed silent through B of them with probability ((N-1)/N)^B. The
-roster knows B for every peer since the last time that it was heard, and gives that number as the chance that the
-peer is alive. Counting broadcasts instead of seconds makes the odds independent of the size of the cluster, and of
-anybody's clock. A node hears its own broadcasts too: otherwise one that is left alone would never notice.
-
-B is no counter of each peer: one counter runs for all, and each peer bears a mark, the counter's value when it was
-last heard. So a broadcast costs as much as it brings news, also among a thousand nodes; and peers stand in the order
-of their marks, so that those who have been silent for too long are found without looking at the others.
+How long a peer may stay silent and be believed alive all the same: silence.py.
 
 Who is a member says the cluster's log (`set_members`), under which incarnation too: a status of any other incarnation
 never counts, whoever signed or repeated it. A peer is heard when a status of its own arrives whose Lamport time has
@@ -22,15 +14,14 @@ verifying is worth it.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
-from scenefold.peer.odds import broadcasts_missed_max, chance_alive
+from scenefold.peer.known_peer import KnownPeer
+from scenefold.peer.silence import Silence
 from scenefold.wire import MiniStatus, Status
 
 
@@ -53,38 +44,21 @@ class MemberList(Protocol):
     def current(self, node: NodeId, /) -> RegisteredNode | None: ...
 
 
-@dataclass(slots=True)
-class _Peer:
-    incarnation: bytes | None
-    since: float
-    """When this node learnt of the membership: silence is counted from then on at the earliest."""
-    mark: int
-    proof_at: float
-    status: Status | None = None
-    lamport: int = -1
-    """The newest Lamport time heard: of a status or of a mini status."""
-    heard_at: float | None = None
-    signs: int = 0
-    proofs: int = 0
-
-
 class Roster:
     """The table of members as one node sees it. Itself it is in no table, but counts as a member."""
 
     def __init__(self, me: NodeId) -> None:
         self._me = me
-        self._peers: dict[NodeId, _Peer] = {}
+        self._peers: dict[NodeId, KnownPeer] = {}
         self._order: tuple[NodeId, ...] = ()
         self._position = 0
-        self._broadcasts = 0
-        self._by_mark: OrderedDict[NodeId, None] = OrderedDict()
+        self._silence = Silence()
         self._refused: dict[NodeId, None] = {}
         self._unheard: dict[NodeId, None] = {}
         self.vacant_count = 0
         """Founders that have not taken their seat yet."""
         self._ring: list[NodeId] = []
         self._cursor = 0
-        self._missed_max = 0
         self._right_bounds: dict[NodeId, Location | None] = {}
         self.bounds_version = 0
         """Rises whenever `right_bounds` or the members change."""
@@ -95,7 +69,7 @@ class Roster:
 
     def set_members(self, members: MemberList, now: float) -> None:
         """Take the members of the cluster's log. Who is new, or came under a new incarnation, begins unheard."""
-        peers: dict[NodeId, _Peer] = {}
+        peers: dict[NodeId, KnownPeer] = {}
         for node in members.order:
             if node == self._me:
                 continue
@@ -105,16 +79,15 @@ class Roster:
             if before is not None and before.incarnation == incarnation:
                 peers[node] = before
             else:
-                peers[node] = _Peer(incarnation, now, self._broadcasts, now)
-                self._by_mark[node] = None
-                self._by_mark.move_to_end(node)
+                peers[node] = KnownPeer(incarnation, now)
+                self._silence.begin(node)
                 self._refused.pop(node, None)
                 self._unheard.pop(node, None)
                 if incarnation is not None:
                     self._unheard[node] = None
                 self._right_bounds.pop(node, None)
         for node in [node for node in self._peers if node not in peers]:
-            del self._by_mark[node]
+            self._silence.end(node)
             self._refused.pop(node, None)
             self._unheard.pop(node, None)
             self._right_bounds.pop(node, None)
@@ -123,7 +96,7 @@ class Roster:
         self._ring = [node for node in self._ring if node in peers and peers[node].status is not None]
         self._order = tuple(members.order)
         self._position = members.position
-        self._missed_max = broadcasts_missed_max(self.count)
+        self._silence.set_count(self.count)
         self.bounds_version += 1
 
     @property
@@ -150,7 +123,7 @@ class Roster:
     def rises(self, status: Status) -> bool:
         """Whether hearing this status would change anything: of a registered incarnation, and newer than what we have."""
         peer = self._peers.get(status.node)
-        return peer is not None and status.incarnation == peer.incarnation and status.lamport > _lamport_of(peer.status)
+        return peer is not None and peer.would_change_by(status)
 
     def hear(self, status: Status, now: float, *, relayed: bool = False) -> bool:
         """Take a verified status at local time `now`, `relayed` by another node or not; True if it is a sign of life.
@@ -185,9 +158,7 @@ class Roster:
 
     def count_broadcast(self, heard: Iterable[NodeId]) -> None:
         """A broadcast arrived that was a sign of life of `heard`: all others stayed silent through it."""
-        self._broadcasts += 1
-        for member in heard:
-            self._set_mark(member)
+        self._silence.count_broadcast(heard)
 
     def note_refusal(self, member: NodeId) -> None:
         """A request to the peer failed: it is not believed alive until it is heard again."""
@@ -199,7 +170,7 @@ class Roster:
         peer = self._peers.get(member)
         if peer is not None:
             peer.proof_at = now
-            self._set_mark(member)
+            self._silence.broken_by(member)
 
     def note_position(self, node: NodeId, position: int) -> None:
         """A node says that its cluster log has come to `position`."""
@@ -213,18 +184,13 @@ class Roster:
         if member == self._me:
             return 1.0
         peer = self._peers[member]
-        return 0.0 if peer.heard_at is None else chance_alive(self.count, self._broadcasts - peer.mark)
+        return 0.0 if peer.heard_at is None else self._silence.chance_alive(member)
 
     def is_believed_alive(self, member: NodeId) -> bool:
         if member == self._me:
             return True
         peer = self._peers.get(member)
-        return (
-            peer is not None
-            and peer.heard_at is not None
-            and member not in self._refused
-            and self._broadcasts - peer.mark <= self._missed_max
-        )
+        return peer is not None and peer.heard_at is not None and member not in self._refused and not self._silence.is_too_long(member)
 
     def alive(self) -> list[NodeId]:
         """The members believed alive in the order of the line; this node is in it, last if it is no member yet."""
@@ -233,12 +199,7 @@ class Roster:
 
     def silent(self) -> list[NodeId]:
         """The peers whose silence has lasted too many broadcasts, the longest first; never heard ones likewise."""
-        found = []
-        for member in self._by_mark:
-            if self._broadcasts - self._peers[member].mark <= self._missed_max:
-                break
-            found.append(member)
-        return found
+        return self._silence.too_long()
 
     def refused(self) -> list[NodeId]:
         """The peers to which a request failed since they were last heard, in the order of failing."""
@@ -317,31 +278,14 @@ class Roster:
     # ---------------------------------------------------------------------------------------------------- private
 
     def _note_sign(self, member: NodeId, lamport: int, now: float, *, is_proof: bool) -> None:
-        peer = self._peers[member]
-        # What the peer says itself may also fall: an old folder that came and went must not drown out the right one.
-        peer.lamport = lamport
-        peer.heard_at = now
-        peer.signs += 1
-        if is_proof:
-            peer.proofs += 1
-            peer.proof_at = now
+        self._peers[member].gave_sign(lamport, now, is_proof=is_proof)
         self._refused.pop(member, None)
-        self._set_mark(member)
+        self._silence.broken_by(member)
 
     def _set_right_bound(self, member: NodeId, bound: Location | None) -> None:
         if member not in self._right_bounds or self._right_bounds[member] != bound:
             self._right_bounds[member] = bound
             self.bounds_version += 1
-
-    def _set_mark(self, member: NodeId) -> None:
-        peer = self._peers.get(member)
-        if peer is not None:
-            peer.mark = self._broadcasts
-            self._by_mark.move_to_end(member)
-
-
-def _lamport_of(status: Status | None) -> int:
-    return -1 if status is None else status.lamport
 
 
 def _tell_nobody(_node: NodeId, _position: int) -> None:
