@@ -8,7 +8,8 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LAST, Arc, Location
 from scenefold.crypto import Record, RecordPlace, SigningKey, seal_record
 from scenefold.crypto.record_header import version_key
-from scenefold.peer.line.holding import Holding, Side, handover_id
+from scenefold.peer.line.ends import Side
+from scenefold.peer.line.holding import Holding, handover_id
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.simulation import laws
 from scenefold.simulation.disks import place_of, records_of
@@ -109,7 +110,9 @@ class Stage:
         if copied:
             self.machines[receiver].tables[RECORDS].update(self.machines[giver].tables[RECORDS])
         self.change(giver, offered.release(handover_id(number, bytes(8))))
-        self.change(receiver, noted.claim(handover_id(number, bytes(8)), holding.arc))
+        taken = noted.claim(handover_id(number, bytes(8)), holding.arc)
+        self.change(receiver, taken)
+        self.change(receiver, taken.drop(handover_id(number, bytes(8))))
 
 
 def test_an_acknowledgement_by_the_owner_alone_is_right() -> None:

@@ -20,7 +20,7 @@ from scenefold.peer.balance.news import News
 from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_of
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.world import QuietLog, World

@@ -24,7 +24,7 @@ from scenefold.peer.balance.emptying import Portion, next_portion, room_of
 from scenefold.peer.balance.pieces import Scales, piece_of
 from scenefold.peer.balance.seams import Log, MovesBounds, fill_of
 from scenefold.peer.handlers import Handlers, Senders
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.store.walking import Manifest
@@ -221,7 +221,7 @@ class Draining:
             return False
         piece = await self._piece(arc, portion)
         if not self._line.settled(piece):
-            self._wait_for("what came last must lie for ten seconds before it moves on")
+            self._wait_for("what came last moves on once it has lain here for ten seconds and its giver has done with it")
             return False
         try:
             await self._line.give(portion.side, piece, why="this node is leaving")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 
 PORTION_BYTES_MAX = 64 * 1024 * 1024
 """Of one handover: so much at most has to be copied again if the neighbour dies."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from scenefold.base.location import Arc, Location
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.walking import Weighed
 

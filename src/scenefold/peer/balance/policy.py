@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 
 TOLERANCE = 0.05
 """Nodes are in balance when their used proportions are within this of the mean, of the mean."""

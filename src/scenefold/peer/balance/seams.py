@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from scenefold.base.location import Arc
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from scenefold.peer.registry import Registry
 from scenefold.wire import LogEntry, Status
 
@@ -22,7 +22,10 @@ class MovesBounds(Protocol):
     @property
     def arc(self) -> Arc | None: ...
     def busy(self, side: Side, /) -> bool: ...
-    def settled(self, arc: Arc, /) -> bool: ...
+    def settled(self, arc: Arc, /) -> bool:
+        """Whether all of it may move on: nothing came a moment ago, and no giver may still take it back."""
+        ...
+
     def open_handovers(self) -> Sequence[Any]: ...
     async def give(self, side: Side, arc: Arc, /, *, why: str) -> None: ...
 

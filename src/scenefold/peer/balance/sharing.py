@@ -14,7 +14,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance.pieces import Scales, half_of, up_to
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds
 from scenefold.peer.handlers import Handlers, Senders, node_of
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import AskRange, HandoverReply
 
@@ -81,7 +81,7 @@ class Sharing:
         if piece is None:
             raise Refused(RejectReason.OUTSIDE_BOUNDS, f"{address_of(self._own.me)} owns nothing that it could part with")
         if not self._line.settled(piece):
-            raise _busy("what lies here has come a moment ago")
+            raise _busy("what lies here has come a moment ago, or its giver has not done with it")
         try:
             self._promised.send_nowait(_Promise(side, piece, receiver.node))
         except trio.WouldBlock:

@@ -16,7 +16,6 @@ from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import Bound, bound_for
 from scenefold.peer.line.survey import Survey, Unsettled, surveys
 from scenefold.peer.registry import Registry
-from scenefold.peer.timing import T_WAIT_S
 from scenefold.wire import BoundConfirmed, ConfirmBound, Packet
 from scenefold.world import Priority
 
@@ -76,7 +75,7 @@ class Adoption:
         """Until the leases of all who were removed are over."""
         if not registry.left_at:
             return 0.0
-        return max(0.0, self._parts.cluster_log.learnt_at(registry.left_at) + T_WAIT_S - self._parts.world.clock.now())
+        return self._parts.leases_end_in_s(registry.left_at)
 
     async def _look(self) -> None:
         parts = self._parts
@@ -135,10 +134,7 @@ class Adoption:
             async with parts.keeper.unchanging() as holding:
                 parts.require_lease()
                 registry = parts.cluster_log.registry
-                if (
-                    registry.position != packet.log_position
-                    or holding.drop_removed(lambda m: registry.removal(m.incarnation) is not None) != holding
-                ):
+                if registry.position != packet.log_position or holding.drop_removed(parts.keeper.is_removed) != holding:
                     raise Refused(RejectReason.POSITION_BEHIND, "the log has another position here")
                 bound = bound_for(holding, registry, parts.own.member, packet.asker, packet.log_position)
         except Refused as refusal:

@@ -2,7 +2,7 @@
 
 One task tends each side of the node. All that it goes by is the durable holding: a handover that `give` has begun and
 one that a restarted node finds look the same to it. Until the release it may give up; afterwards it goes on until the
-receiver has answered, or the log has removed that.
+receiver has answered, or the log has removed that: then it takes back what it has released.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from scenefold.base.ids import address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.copying import Copier
+from scenefold.peer.line.ends import Side, is_end_of, without
 from scenefold.peer.line.gate import Touched
-from scenefold.peer.line.holding import Handover, Holding, Side, Step, describe, handover_id, is_end_of, without
+from scenefold.peer.line.holding import Handover, Holding, Step, describe, handover_id
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import neighbour_on
@@ -126,6 +127,8 @@ class Giving:
         match handover.step:
             case Step.OFFERED:
                 await self._offer(side, handover)
+            case Step.RELEASED if self._parts.keeper.is_removed(handover.peer):
+                await self._take_back(handover)
             case Step.RELEASED:
                 await self._claim(handover)
             case _:
@@ -221,9 +224,30 @@ class Giving:
     async def _claim(self, handover: Handover) -> None:
         piece = handover.piece
         check_reply(await self._ask(handover, ClaimRange(handover.id, piece.first, piece.last)))
-        await self._parts.keeper.change(lambda holding: holding.confirm(handover.id))
+        keeper = self._parts.keeper
+        await keeper.change(lambda holding: holding.confirm(handover.id, keeper.is_removed))
         self._parts.events["given"] += 1
         self._answer(handover.id)
+
+    async def _take_back(self, handover: Handover) -> None:
+        """Own the piece again, once its receiver cannot speak for it any more, whether it had claimed or not."""
+        parts, keeper, piece = self._parts, self._parts.keeper, handover.piece
+        removal = parts.cluster_log.registry.removal(handover.peer.incarnation)
+        assert removal is not None
+        await parts.world.clock.sleep(parts.leases_end_in_s(removal.position))
+        parts.require_lease()
+        # Like a piece that was received: noted before anybody can be told that it is here, and once more when it is.
+        parts.settling.note(piece)
+        await keeper.change(lambda holding: holding.take_back(handover.id, keeper.is_removed))
+        parts.settling.note(piece)
+        parts.events["taken back"] += 1
+        _log.info(
+            "the piece %s..%s is this node's again: %s was removed",
+            piece.first.hex()[:8],
+            piece.last.hex()[:8],
+            address_of(handover.peer.node),
+        )
+        self._answer(handover.id, Unreachable("the receiver was removed from the cluster; the piece is here again"))
 
     async def _delete(self, side: Side, handover: Handover) -> None:
         cursor: bytes | None = None

@@ -6,7 +6,12 @@ if that has happened already, or Refused with the reason why it must not happen.
 
     giver      -  offer->  OFFERED  release->  RELEASED  confirm->  GIVEN  finish->  -        OFFERED  withdraw->  -
     receiver   -  note->   NOTED    claim->    TAKEN     drop->     -                         NOTED    drop->      -
-    both       any  drop_removed->  -  if the log removed the peer
+
+    if the log removed the peer:
+    giver      RELEASED  take_back->  -                        OFFERED, GIVEN  drop_removed->  -
+    receiver                                                   NOTED, TAKEN    drop_removed->  -
+
+Up to GIVEN the giver may yet take the piece back. So what is TAKEN goes to nobody else: the giver may not know of it.
 """
 
 from __future__ import annotations
@@ -19,21 +24,11 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import address_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.line.ends import Side, is_end_of, joined, touches, without
 from scenefold.wire import Member
 
 _NUMBER_BYTES = 8
 HANDOVER_BYTES = 16
-
-
-class Side(StrEnum):
-    """Where on the line a neighbour stands."""
-
-    LEFT = "left"
-    RIGHT = "right"
-
-    @property
-    def opposite(self) -> Side:
-        return Side.RIGHT if self is Side.LEFT else Side.LEFT
 
 
 class Step(StrEnum):
@@ -91,17 +86,6 @@ def behind_left_fence(arc: Arc, location: Location) -> bool:
     return location >= arc.first
 
 
-def touches(piece: Arc, arc: Arc, side: Side) -> bool:
-    """Whether the piece lies directly on that side of the arc, outside of it."""
-    return piece.last.next() == arc.first if side is Side.LEFT else arc.last.next() == piece.first
-
-
-def is_end_of(piece: Arc, arc: Arc, side: Side) -> bool:
-    """Whether the piece is that end of the arc, or all of it."""
-    inside = arc.first <= piece.first and piece.last <= arc.last
-    return inside and (piece.first == arc.first if side is Side.LEFT else piece.last == arc.last)
-
-
 @dataclass(frozen=True, slots=True)
 class Holding:
     """The arc, at most one handover on either side, and what keeps late packets out."""
@@ -132,6 +116,10 @@ class Holding:
         """Whether a bound on that side is on its way; an empty node has no sides."""
         return any(found is not None and found.is_open for found in ((self.left, self.right) if self.arc is None else (self.on(side),)))
 
+    def may_be_taken_back(self, piece: Arc) -> bool:
+        """Whether something in it came by a handover that its giver may not have as given yet: it must stay here."""
+        return any(found.step is Step.TAKEN and found.piece.intersection(piece) is not None for _, found in self.handovers)
+
     @property
     def handovers(self) -> list[tuple[Side, Handover]]:
         return [(side, found) for side in Side if (found := self.on(side)) is not None]
@@ -147,6 +135,8 @@ class Holding:
         other = self.on(side.opposite)
         if other is not None and other.step is Step.OFFERED and other.piece.intersection(piece) is not None:
             raise _busy("a part of the piece is being given to the other neighbour")
+        if self.may_be_taken_back(piece):
+            raise _busy("a part of the piece was taken from a neighbour that has not said yet that it knows")
         if number_of(handover) != self.revision + 1:
             raise Refused(RejectReason.STALE_VERSION, "the holding has changed since the handover got its number")
         return self._with(side, Handover(handover, Step.OFFERED, peer, piece))
@@ -170,11 +160,13 @@ class Holding:
         rest = without(self.arc, known.piece, side)
         return replace(self._with(side, replace(known, step=Step.RELEASED)), arc=rest)
 
-    def confirm(self, handover: bytes) -> Holding:
-        """The receiver owns it durably: what lies in the piece may be deleted."""
+    def confirm(self, handover: bytes, is_removed: Callable[[Member], bool]) -> Holding:
+        """The receiver owns it durably: what lies in the piece may be deleted. Too late once the log has removed it."""
         side, known = self._given(handover)
         if known.step is Step.OFFERED:
             raise Refused(RejectReason.ILL_FORMED, "a piece that was not released cannot be the receiver's")
+        if known.step is Step.RELEASED and is_removed(known.peer):
+            raise Refused(RejectReason.WRONG_INCARNATION, "the receiver was removed from the cluster")
         return self if known.step is Step.GIVEN else self._with(side, replace(known, step=Step.GIVEN))
 
     def finish(self, handover: bytes) -> Holding:
@@ -209,7 +201,7 @@ class Holding:
         if self.arc is not None:
             return touches(piece, self.arc, side)
         other = self.on(side.opposite)
-        return other is None or other.step is not Step.NOTED or touches(piece, other.piece, side)
+        return other is None or other.step not in (Step.NOTED, Step.RELEASED) or touches(piece, other.piece, side)
 
     def claim(self, handover: bytes, piece: Arc) -> Holding:
         """Own a noted piece, which its giver has released."""
@@ -221,7 +213,7 @@ class Holding:
             return self
         if self.arc is not None and not touches(piece, self.arc, side):
             raise Refused(RejectReason.OUTSIDE_BOUNDS, f"the piece does not touch this node's arc on the {side}")
-        return replace(self._with(side, replace(known, step=Step.TAKEN)), arc=_joined(self.arc, piece))
+        return replace(self._with(side, replace(known, step=Step.TAKEN)), arc=joined(self.arc, piece))
 
     def drop(self, handover: bytes) -> Holding:
         """Forget a noted or taken handover: its giver has ended it. Nothing to do for an id that is not known."""
@@ -236,15 +228,27 @@ class Holding:
     # ------------------------------------------------------------------------------------------- without the peer
 
     def drop_removed(self, is_removed: Callable[[Member], bool]) -> Holding:
-        """Forget handovers with incarnations that the log has removed; their records become strays."""
+        """Forget handovers with incarnations that the log has removed, but for what can be taken back; their records become strays."""
         heard = tuple(other for other in self.heard if not is_removed(other.giver))
-        ended = [side for side, found in self.handovers if is_removed(found.peer)]
+        ended = [side for side, found in self.handovers if found.step is not Step.RELEASED and is_removed(found.peer)]
         if not ended and heard == self.heard:
             return self
         after = replace(self, heard=heard, revision=self.revision + 1)
         for side in ended:
             after = replace(after, left=None) if side is Side.LEFT else replace(after, right=None)
         return after
+
+    def take_back(self, handover: bytes, is_removed: Callable[[Member], bool]) -> Holding:
+        """Own a released piece again, since the log has removed its receiver, whose leases must be over."""
+        found = self.find(handover)
+        if found is None:
+            return self
+        side, known = found
+        if known.step is not Step.RELEASED or not is_removed(known.peer):
+            raise _busy(f"the handover is {known.step}, and its receiver may go on with it")
+        if self.arc is not None and not touches(known.piece, self.arc, side):
+            raise Refused(RejectReason.OUTSIDE_BOUNDS, f"the piece does not touch this node's arc on the {side}")
+        return replace(self._with(side, None), arc=joined(self.arc, known.piece))
 
     def adopt(self, gap: Arc, *, revision: int) -> Holding:
         """Own a gap beside the arc, or the whole line for a node without one, as surveyed at this revision."""
@@ -257,7 +261,7 @@ class Holding:
             known = self.on(side)
             if known is not None and (known.is_open or (known.gives and known.piece.intersection(gap) is not None)):
                 raise _busy(f"a handover with the {side} neighbour is under way")
-        return replace(self, arc=_joined(self.arc, gap), revision=self.revision + 1)
+        return replace(self, arc=joined(self.arc, gap), revision=self.revision + 1)
 
     def found(self, arc: Arc) -> Holding:
         """Take a founding arc: the first change of a founder's first holding."""
@@ -280,20 +284,6 @@ class Holding:
         if side is Side.LEFT:
             return replace(self, left=handover, revision=self.revision + 1)
         return replace(self, right=handover, revision=self.revision + 1)
-
-
-def without(arc: Arc, piece: Arc, side: Side) -> Arc | None:
-    """What is left of an arc that loses that end; None if nothing is."""
-    assert is_end_of(piece, arc, side)
-    if piece == arc:
-        return None
-    if side is Side.RIGHT:
-        return Arc(arc.first, Location.from_number(piece.first.number - 1))
-    return Arc(Location.from_number(piece.last.number + 1), arc.last)
-
-
-def _joined(arc: Arc | None, piece: Arc) -> Arc:
-    return piece if arc is None else Arc(min(arc.first, piece.first), max(arc.last, piece.last))
 
 
 def _busy(what: str) -> Refused:

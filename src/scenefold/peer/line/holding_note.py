@@ -12,7 +12,8 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import NODES_MAX
 from scenefold.base.location import Arc, Location
-from scenefold.peer.line.holding import HANDOVER_BYTES, Handover, Heard, Holding, Step, is_end_of
+from scenefold.peer.line.ends import is_end_of
+from scenefold.peer.line.holding import HANDOVER_BYTES, Handover, Heard, Holding, Step
 from scenefold.wire import MalformedPacket, Member, pack_value, unpack_value
 
 _VERSION = 1

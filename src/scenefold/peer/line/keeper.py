@@ -1,7 +1,7 @@
 """The one place where a node's holding changes: one change at a time, durable before anybody sees it.
 
-Before each change, handovers with incarnations that the log has removed are dropped, so no decision is made beside
-what the log says. The mirror in memory (`holding`, and the arc that this node tells others) follows the disk.
+Before each change, handovers with incarnations that the log has removed are dropped (but for pieces that can be taken
+back), so no decision is made beside what the log says. The mirror in memory (`holding`, and the arc that this node tells others) follows the disk.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Keeper:
         """Make a change durable, and answer the holding after it. What the transition refuses changes nothing."""
         async with self._lock:
             await self._begin()
-            after = transition(self.holding.drop_removed(self._is_removed))
+            after = transition(self.holding.drop_removed(self.is_removed))
             if after != self.holding:
                 await self._keep(after)
             return after
@@ -90,7 +90,8 @@ class Keeper:
         await self._keep(Holding() if arc is None else Holding().found(arc))
         self._is_begun = True
 
-    def _is_removed(self, member: Member) -> bool:
+    def is_removed(self, member: Member) -> bool:
+        """Whether the log, as far as it is known here, has removed this incarnation."""
         # Not "is no current member": a log that is behind does not know its newest members yet.
         return self._cluster_log.registry.removal(member.incarnation) is not None
 

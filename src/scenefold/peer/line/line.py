@@ -16,9 +16,10 @@ from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.adoption import Adoption
 from scenefold.peer.line.budget import Budget
+from scenefold.peer.line.ends import Side
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import Giving
-from scenefold.peer.line.holding import Handover, Side
+from scenefold.peer.line.holding import Handover
 from scenefold.peer.line.keeper import Keeper
 from scenefold.peer.line.parts import KnownScenes, Lease, Owners, Parts
 from scenefold.peer.line.receiving import Receiving
@@ -97,8 +98,8 @@ class Line:
         return self._parts.keeper.holding.on(side) is not None
 
     def settled(self, arc: Arc) -> bool:
-        """Whether nothing in the arc was received within the settling time."""
-        return not self._parts.settling.settles_in_s(arc)
+        """Whether everything in the arc may move on: nothing was received within the settling time, and no giver may still take it back."""
+        return not (self._parts.settling.settles_in_s(arc) or self._parts.keeper.holding.may_be_taken_back(arc))
 
     def open_handovers(self) -> list[tuple[Side, Handover]]:
         """All handovers that have not ended, for reports."""
@@ -163,7 +164,7 @@ class Line:
             task_status.started()
 
     async def _follow_log(self) -> None:
-        """Begin the first holding once this node is registered; drop handovers with nodes that were removed."""
+        """Begin the first holding once this node is registered; drop handovers with nodes that were removed, where they are dropped."""
         while True:
             registry = self._parts.cluster_log.registry
             if registry.is_current(self._parts.own.member):

@@ -19,6 +19,7 @@ from scenefold.peer.line.keeper import Keeper
 from scenefold.peer.line.settling import Settling
 from scenefold.peer.peers import Peers
 from scenefold.peer.status import OwnStatus
+from scenefold.peer.timing import T_WAIT_S
 from scenefold.peer.verification import KnownScene
 from scenefold.store import Store
 from scenefold.wire import HandoverReply
@@ -59,6 +60,10 @@ class Parts:
         """Refused (16) without a lease: who may not speak for its arc moves no bound either."""
         if not self.lease.holds():
             raise Refused(RejectReason.NOT_READY, "this node holds no owner lease at the moment")
+
+    def leases_end_in_s(self, position: int) -> float:
+        """Seconds until nobody holds a lease any more who was removed at this position of the log; a start counts as learning of it."""
+        return max(0.0, self.cluster_log.learnt_at(position) + T_WAIT_S - self.world.clock.now())
 
     @asynccontextmanager
     async def writing(self, locations: Sequence[Location], *, anywhere: bool) -> AsyncIterator[None]:

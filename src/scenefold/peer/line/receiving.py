@@ -18,7 +18,8 @@ from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
 from scenefold.peer.handlers import Handlers, Senders, node_of
-from scenefold.peer.line.holding import Handover, Holding, Side, Step, describe
+from scenefold.peer.line.ends import Side
+from scenefold.peer.line.holding import Handover, Holding, Step, describe
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import side_of_giver

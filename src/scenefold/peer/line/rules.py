@@ -13,7 +13,8 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.line.holding import Holding, Side
+from scenefold.peer.line.ends import Side
+from scenefold.peer.line.holding import Holding
 from scenefold.wire import Member
 
 

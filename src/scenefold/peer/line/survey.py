@@ -11,7 +11,8 @@ from collections.abc import Generator, Sequence
 
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
-from scenefold.peer.line.holding import Holding, Side
+from scenefold.peer.line.ends import Side
+from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.rules import Bound, Standing
 
 Survey = Generator[NodeId, Bound, Arc | None]

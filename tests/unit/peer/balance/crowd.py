@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from scenefold.base.ids import NodeId
 from scenefold.peer.balance.news import News
 from scenefold.peer.balance.policy import Give, NodeFill, gives, imbalance
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 
 SETTLING = 10
 

@@ -21,7 +21,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
 from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.line.holding import Side, touches, without
+from scenefold.peer.line.ends import Side, touches, without
 from scenefold.peer.registry import Registry
 from scenefold.peer.status import OwnStatus
 from scenefold.store.statistics import Counts

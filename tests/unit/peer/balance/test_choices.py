@@ -11,7 +11,7 @@ from scenefold.peer.balance.emptying import DRAIN_FILL_MAX, PORTION_BYTES_MAX, P
 from scenefold.peer.balance.news import News
 from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, half_of, piece_of, up_to
 from scenefold.peer.balance.places import Host, most_loaded, owner_of
-from scenefold.peer.line.holding import Side, is_end_of
+from scenefold.peer.line.ends import Side, is_end_of
 from unit.peer.balance.street import KIB, Street
 
 ME, A, B = NodeId(1), NodeId(2), NodeId(3)

@@ -14,7 +14,7 @@ from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance import NodeDrained
 from scenefold.peer.balance.draining import DRAINED
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
 from unit.peer.balance.street import KIB, House, Street
 from unit.peer.logs_made import member, node

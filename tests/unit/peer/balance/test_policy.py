@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.peer.balance.policy import BYTES_MIN, FILL_MAX, FLOW_TOLERANCE, Give, NodeFill, fair_shares, flow, gives, imbalance
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from unit.peer.balance.crowd import Crowd, needed
 
 MIB = 1 << 20

@@ -15,7 +15,8 @@ from typing import Any
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, arcs_between
-from scenefold.peer.line.holding import Handover, Holding, Side, Step, handover_id
+from scenefold.peer.line.ends import Side
+from scenefold.peer.line.holding import Handover, Holding, Step, handover_id
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.peer.line.rules import Bound, bound_for, neighbour_on, side_of_giver
 from scenefold.peer.line.survey import Unsettled, surveys
@@ -90,20 +91,44 @@ class Model:
         head = self.head
         if len(head.order) < 2:
             return False
-        node = head.order[1 + index % (len(head.order) - 1)]
-        member = head.members[node]
+        return self._remove(head.members[head.order[1 + index % (len(head.order) - 1)]])
+
+    def remove_receiver(self, index: int) -> bool:
+        """Of a piece that is on its way."""
+        steps = [found for node in self.registered() for _, found in node.holding.handovers if found.step is Step.RELEASED]
+        peers = [found.peer for found in steps if self.head.is_current(found.peer) and found.peer.node != self.head.order[0]]
+        return bool(peers) and self._remove(peers[index % len(peers)])
+
+    def _remove(self, member: Member) -> bool:
+        head, node = self.head, member.node
         order = tuple(other for other in head.order if other != node)
         members = {other: known for other, known in head.members.items() if other != node}
         self.views.append(View(head.position + 1, order, members, (*head.removals, member)))
-        # One copy: what it owned, and what was on its way from or to it, may be lost.
-        lost = set(cells_of(self.nodes[member].holding.arc))
-        for other in self.nodes.values():
-            for _, handover in other.holding.handovers:
-                if member in (handover.peer, other.member) and handover.step is not Step.OFFERED:
-                    lost |= set(cells_of(handover.piece))
+        self._lose_with(self.nodes[member])
+        return True
+
+    def _lose_with(self, removed: Node) -> None:
+        """One copy: what it owned may be lost, and what it had released. What others have released to it they keep."""
+        lost = set(cells_of(removed.holding.arc))
+        for _, handover in removed.holding.handovers:
+            taken = self.nodes[handover.peer].holding.find(handover.id)
+            if handover.step is Step.RELEASED and (taken is None or taken[1].step is not Step.TAKEN):
+                lost |= set(cells_of(handover.piece))
+        for giver in self.registered():
+            for _, handover in giver.holding.handovers:
+                if handover.step is Step.RELEASED and handover.peer == removed.member:
+                    self._fall_back(giver, handover)
+                    lost -= set(cells_of(handover.piece))
         for cell in lost:
             self.acknowledged.pop(cell, None)
-        return True
+
+    def _fall_back(self, giver: Node, handover: Handover) -> None:
+        """What the receiver has written there itself may be lost with it; the giver's versions may not."""
+        for cell in set(cells_of(handover.piece)) & set(self.acknowledged):
+            kept = min(self.acknowledged[cell], giver.records.get(cell, 0))
+            self.acknowledged[cell] = kept
+            if not kept:
+                del self.acknowledged[cell]
 
     def learn(self, node: Node, position: int) -> bool:
         reached = min(position, self.head.position)
@@ -190,11 +215,32 @@ class Model:
         answered = node.answered.get(handover.id)
         if answered is None or any((cell, node.records[cell]) not in answered for cell in cells_of(handover.piece) if cell in node.records):
             return False
-        if not self.head.is_current(handover.peer):
-            # Given to a node that was removed, before this node could know: it may be lost with that one.
-            for cell in cells_of(handover.piece):
-                self.acknowledged.pop(cell, None)
         return self.change(node, lambda now: now.release(handover.id))
+
+    def pass_on(self, node: Node, side: Side, count: int) -> bool:
+        """Give an end of the arc, at once up to the release."""
+        if node.holding.on(side) is not None or not self.offer(node, side, count):
+            return False
+        peer = node.holding.on(side)
+        assert peer is not None
+        self.grant(self.nodes[peer.peer])
+        self.prod(node, side)
+        self.deliver(-1, keep=False)
+        self.deliver(-1, keep=False)
+        for cell in range(CELLS):
+            if self.copy(node, side, cell):
+                self.deliver(-1, keep=False)
+                self.deliver(-1, keep=False)
+        self.freeze(node, side)
+        return self.release(node, side)
+
+    def take_back(self, node: Node, side: Side) -> bool:
+        handover = node.holding.on(side)
+        if handover is None or not node.leased or self.nodes[handover.peer].leased:
+            return False
+        done = self.change(node, lambda now: now.take_back(handover.id, self.view(node).removals.__contains__))
+        self.counts["taken back"] = self.counts.get("taken back", 0) + done
+        return done
 
     def delete(self, node: Node, side: Side) -> bool:
         handover = node.holding.on(side)
@@ -336,7 +382,13 @@ class Model:
             self.send(node, message.source, "claimed", handover.id)
 
     def _on_claimed(self, node: Node, message: Message) -> None:
-        self.change(node, lambda now: now.confirm(message.body))
+        found = node.holding.find(message.body)
+        confirmed = self.change(node, lambda now: now.confirm(message.body, self.view(node).removals.__contains__))
+        peer = None if found is None or not confirmed else found[1].peer
+        if found is not None and peer in self.head.removals and peer not in self.view(node).removals:
+            # The receiver was its owner, and was removed before this node could know.
+            for cell in cells_of(found[1].piece):
+                self.acknowledged.pop(cell, None)
 
     def _on_drop(self, node: Node, message: Message) -> None:
         self.change(node, lambda now: now.drop(message.body))
@@ -408,7 +460,8 @@ class Model:
             assert under_way, f"nobody answers for cell {cell}, and nobody was removed"
             for giver, found in under_way:
                 assert giver.records.get(cell, 0) >= version, f"cell {cell} was deleted before it was claimed"
-                assert self.nodes[found.peer].records.get(cell, 0) >= version, f"cell {cell} was released before it was durable"
+                if self.head.is_current(found.peer):
+                    assert self.nodes[found.peer].records.get(cell, 0) >= version, f"cell {cell} was released before it was durable"
 
     # -------------------------------------------------------------------------------------------------------- calm
 
@@ -440,6 +493,8 @@ class Model:
     def _go_on(self, node: Node, side: Side) -> None:
         handover = node.holding.on(side)
         if handover is None:
+            return
+        if self.take_back(node, side):
             return
         self.prod(node, side)
         self._deliver_all()

@@ -219,7 +219,6 @@ class Street:
         self.houses = [House(self, number) for number in range(founders + newcomers)]
         self.kept: set[Location] = set()
         """Places whose records must never be missing from the arc that they lie in."""
-        self.removals = 0
         self.broken: list[str] = []
 
     async def begin(self, nursery: trio.Nursery) -> None:
@@ -266,8 +265,7 @@ class Street:
             for other, another in arcs[index + 1 :]:
                 if arc.intersection(another) is not None:
                     self.broken.append(f"{house.number} and {other.number} own the same places")
-            # Whoever adopts an arc gets what others still hold of it only afterwards, as strays.
-            missing = set() if self.removals else {place for place in self.kept if place in arc} - house.stored()
+            missing = {place for place in self.kept if place in arc} - house.stored()
             if missing:
                 self.broken.append(f"{house.number} lacks {len(missing)} records of its arc")
 
@@ -298,7 +296,6 @@ class Street:
     def remove(self, number: int) -> None:
         member = self.houses[number].durable_member()
         assert member is not None
-        self.removals += 1
         self.log.say(RemoveNode(member, "gone"))
 
     def check(self, lost: Sequence[Location] = ()) -> None:

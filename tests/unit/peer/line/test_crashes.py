@@ -129,24 +129,46 @@ def test_a_crash_at_every_step_of_an_adoption(number: int, point: Point) -> None
     assert crash_everywhere(adopting, number, point, founders=3) >= 1
 
 
-async def losing_the_receiver(street: Street) -> None:
-    await street.fill(0, RECORDS)
-    house = street.houses[1]
+def losing_the_receiver_of(number: int, side: Side, share: float = 0.5, point: Point = Point.BEFORE_COMMIT) -> Story:
+    """The middle one of three is given a piece and dies for good as it claims it: before that is durable, or directly after."""
 
-    def fall() -> None:
-        house.stays_down = True
-        house.crash()
+    async def story(street: Street) -> None:
+        await street.fill(number, RECORDS)
+        house = street.houses[1]
 
-    # The third commit is the claim: noted, copied, taken.
-    street.net.trap(house.address, Point.BEFORE_COMMIT, 3, fall)
-    await give_within(street, 0, Side.RIGHT)
-    await trio.sleep(1.0)
-    street.remove(1)
+        def fall() -> None:
+            house.stays_down = True
+            house.crash()
+
+        # The third commit is the claim: noted, copied, taken.
+        street.net.trap(house.address, point, 3, fall)
+        await give_within(street, number, side, share)
+        await trio.sleep(1.0)
+        street.remove(1)
+
+    return story
+
+
+losing_the_receiver = losing_the_receiver_of(0, Side.RIGHT)
+LOSSES = [
+    pytest.param(losing_the_receiver, 0, id="right"),
+    pytest.param(losing_the_receiver_of(0, Side.RIGHT, point=Point.AFTER_COMMIT), 0, id="right, claimed"),
+    pytest.param(losing_the_receiver_of(0, Side.RIGHT, 1.0), 0, id="all to the right"),
+    pytest.param(losing_the_receiver_of(2, Side.LEFT), 2, id="left"),
+    pytest.param(losing_the_receiver_of(2, Side.LEFT, 1.0, Point.AFTER_COMMIT), 2, id="all to the left, claimed"),
+]
 
 
 @pytest.mark.parametrize("point", list(Point))
-def test_a_receiver_that_dies_before_its_claim_and_a_crash_at_every_step_of_the_giver(point: Point) -> None:
-    crash_everywhere(losing_the_receiver, 0, point, founders=3)
+@pytest.mark.parametrize(("story", "giver"), LOSSES)
+def test_a_receiver_that_dies_as_it_claims_and_a_crash_at_every_step_of_the_giver(story: Story, giver: int, point: Point) -> None:
+    assert crash_everywhere(story, giver, point, founders=3) >= 5
+
+
+@pytest.mark.parametrize("point", list(Point))
+@pytest.mark.parametrize(("story", "giver"), LOSSES)
+def test_a_receiver_that_dies_as_it_claims_and_a_crash_at_every_step_of_the_third_node(story: Story, giver: int, point: Point) -> None:
+    crash_everywhere(story, 2 - giver, point, founders=3)
 
 
 async def both_give_to_one(street: Street) -> None:

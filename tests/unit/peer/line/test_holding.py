@@ -8,13 +8,18 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import WHOLE_LINE, Arc
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.line.holding import Holding, Side, handover_id, without
+from scenefold.peer.line.ends import Side, without
+from scenefold.peer.line.holding import Holding, handover_id
 from scenefold.peer.line.holding_note import decode_holding, encode_holding
 from scenefold.wire import Member, pack_value, unpack_value
 from unit.peer.line.line_nodes import arc_of_cells
 
 LEFT, RIGHT = Member(NodeId(1), b"l" * 16), Member(NodeId(3), b"r" * 16)
 SALT = b"s" * 8
+
+
+def nobody(_member: Member) -> bool:
+    return False
 
 
 def middle() -> Holding:
@@ -71,8 +76,8 @@ def test_each_step_may_be_repeated() -> None:
     released = taken.release(holding.right.id)
     assert released.arc == arc_of_cells(2, 9)
     assert released.release(holding.right.id) == released
-    given = released.confirm(holding.right.id)
-    assert given.confirm(holding.right.id) == given
+    given = released.confirm(holding.right.id, nobody)
+    assert given.confirm(holding.right.id, nobody) == given
     done = given.finish(holding.right.id).drop(holding.left.id)
     assert done.finish(holding.right.id).drop(holding.left.id) == done
     assert done.handovers == []
@@ -87,6 +92,61 @@ def test_what_was_released_cannot_be_withdrawn_nor_claimed_back() -> None:
             transition(holding.right.id)
     with pytest.raises(Refused):
         released.claim(holding.right.id, arc_of_cells(10, 11))
+
+
+def removed(_member: Member) -> bool:
+    return True
+
+
+@pytest.mark.parametrize("order", [(Side.LEFT, Side.RIGHT), (Side.RIGHT, Side.LEFT)])
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_was_released_to_removed_nodes_on_both_sides_comes_back(order: tuple[Side, Side], whole: bool) -> None:
+    before = Holding().found(arc_of_cells(4, 11))
+    pieces = {Side.LEFT: arc_of_cells(4, 7), Side.RIGHT: arc_of_cells(8 if whole else 10, 11)}
+    holding = before
+    for side, peer in ((Side.LEFT, LEFT), (Side.RIGHT, RIGHT)):
+        identity = handover_id(holding.revision + 1, SALT)
+        holding = holding.offer(identity, side, peer, pieces[side]).release(identity)
+    assert holding.arc == (None if whole else arc_of_cells(8, 9))
+    assert holding.drop_removed(removed) == holding
+    for side in order:
+        known = holding.on(side)
+        assert known is not None
+        with pytest.raises(Refused):
+            holding.take_back(known.id, nobody)
+        with pytest.raises(Refused):
+            holding.confirm(known.id, removed)
+        assert holding.is_open(side)
+        holding = decode_holding(encode_holding(holding.take_back(known.id, removed)))
+        assert holding.take_back(known.id, removed) == holding
+    assert holding.arc == before.arc
+    assert holding.handovers == []
+
+
+def test_only_what_was_released_is_taken_back() -> None:
+    holding = middle()
+    assert holding.right is not None
+    assert holding.left is not None
+    for identity in (holding.right.id, holding.left.id):
+        with pytest.raises(Refused):
+            holding.take_back(identity, removed)
+    given = holding.release(holding.right.id).confirm(holding.right.id, nobody)
+    with pytest.raises(Refused):
+        given.take_back(holding.right.id, removed)
+    assert given.drop_removed(removed).handovers == []
+
+
+def test_what_was_taken_is_offered_to_nobody_until_its_giver_has_ended_the_handover() -> None:
+    holding = middle().withdraw(handover_id(2, SALT))
+    assert holding.left is not None
+    taken = holding.claim(holding.left.id, arc_of_cells(2, 3))
+    for first in (2, 3):
+        with pytest.raises(Refused) as refusal:
+            taken.offer(handover_id(taken.revision + 1, SALT), Side.RIGHT, RIGHT, arc_of_cells(first, 11))
+        assert refusal.value.reason is RejectReason.BUSY
+    assert taken.offer(handover_id(taken.revision + 1, SALT), Side.RIGHT, RIGHT, arc_of_cells(4, 11)).right is not None
+    ended = taken.drop(holding.left.id)
+    assert ended.offer(handover_id(ended.revision + 1, SALT), Side.RIGHT, RIGHT, arc_of_cells(2, 11)).right is not None
 
 
 def test_a_gap_is_adopted_only_as_it_was_surveyed_and_beside_nothing_open() -> None:

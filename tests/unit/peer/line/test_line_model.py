@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from scenefold.base.ids import NodeId
-from scenefold.peer.line.holding import Side
+from scenefold.peer.line.ends import Side
 from unit.peer.line.line_model import Model
 from unit.peer.line.line_nodes import CELLS, Node
 
@@ -19,12 +19,12 @@ indexes = st.integers(0, 255)
 sides = st.sampled_from(Side)
 
 
-def step(model: Model, random: Random) -> None:
+def step(model: Model, random: Random, weights: list[int]) -> None:
     """One operation, weighted so that handovers and surveys get somewhere between the faults."""
     nodes = model.alive()
     node = random.choice(nodes if random.random() < 0.3 else model.registered())
     side, number = random.choice(list(Side)), random.randrange(256)
-    match random.choices(OPERATIONS, WEIGHTS)[0]:
+    match random.choices(OPERATIONS, weights)[0]:
         case "deliver":
             model.deliver(number, keep=random.random() < 0.15)
         case "newest":
@@ -45,6 +45,8 @@ def step(model: Model, random: Random) -> None:
             model.freeze(node, side)
         case "release":
             model.release(node, side)
+        case "take back":
+            model.take_back(node, side)
         case "delete":
             model.delete(node, side)
         case "hand":
@@ -63,22 +65,29 @@ def step(model: Model, random: Random) -> None:
             node.crash()
         case "remove":
             model.remove(number)
+        case "pass on":
+            model.pass_on(node, side, number)
+        case "remove receiver":
+            model.remove_receiver(number)
         case "join":
             model.join(NEWCOMERS[number % len(NEWCOMERS)], number // 8)
 
 
 _TABLE = {
     "deliver": 30, "newest": 20, "prod": 24, "copy": 10, "write": 10, "offer": 8, "withdraw": 1, "freeze": 8, "release": 16,
-    "delete": 8, "hand": 3, "seek": 24, "learn": 6, "grant": 12, "lapse": 1, "end leases": 4, "crash": 2, "remove": 1, "join": 2,
+    "take back": 6, "delete": 8, "hand": 3, "seek": 24, "learn": 6, "grant": 12, "lapse": 1, "end leases": 4, "crash": 2, "remove": 1, "join": 2,
+    "pass on": 0, "remove receiver": 0,
 }  # fmt: skip
-OPERATIONS, WEIGHTS = list(_TABLE), list(_TABLE.values())
+_HARSH = {**_TABLE, "pass on": 16, "remove receiver": 6, "remove": 0, "join": 4, "take back": 12, "crash": 1}
+OPERATIONS, WEIGHTS, HARSH = list(_TABLE), list(_TABLE.values()), list(_HARSH.values())
+"""Harsh: receivers are removed while a piece is on its way to them, and others take their places."""
 
 
-def walk(seed: int, steps: int = 400) -> Model:
+def walk(seed: int, steps: int = 400, weights: list[int] = WEIGHTS) -> Model:
     random = Random(seed)
     model = Model(founders=random.randrange(1, 4))
     for _ in range(steps):
-        step(model, random)
+        step(model, random, weights)
         model.check()
     model.calm()
     return model
@@ -88,6 +97,10 @@ def walk(seed: int, steps: int = 400) -> Model:
 def test_random_walks_keep_one_owner_and_lose_nothing(first_seed: int) -> None:
     for seed in range(first_seed, first_seed + 20):
         walk(seed)
+
+
+def test_pieces_of_removed_receivers_are_taken_back_and_lose_nothing() -> None:
+    assert sum(walk(seed, weights=HARSH).counts.get("taken back", 0) for seed in range(100)) >= 30
 
 
 class Line(RuleBasedStateMachine):
@@ -130,6 +143,10 @@ class Line(RuleBasedStateMachine):
     def freeze_and_release(self, index: int, side: Side) -> None:
         self.model.freeze(self.node(index), side)
         self.model.release(self.node(index), side)
+
+    @rule(index=indexes, side=sides)
+    def take_back(self, index: int, side: Side) -> None:
+        self.model.take_back(self.node(index), side)
 
     @rule(index=indexes, side=sides)
     def delete(self, index: int, side: Side) -> None:

@@ -15,7 +15,8 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.line import rules, survey
-from scenefold.peer.line.holding import Holding, Side, handover_id
+from scenefold.peer.line.ends import Side
+from scenefold.peer.line.holding import Holding, handover_id
 from scenefold.peer.line.survey import Unsettled, surveys
 from scenefold.wire import Member
 from unit.peer.line.bent import bend
@@ -47,7 +48,7 @@ def passed(cast: Cast, giver: Member, side: Side, receiver: Member, piece: Arc) 
     identity = begun(cast, giver, side, receiver, piece)
     cast[giver] = cast[giver].release(identity)
     cast[receiver] = cast[receiver].claim(identity, piece)
-    cast[giver] = cast[giver].confirm(identity)
+    cast[giver] = cast[giver].confirm(identity, lambda _member: False)
     cast[receiver] = cast[receiver].drop(identity)
     cast[giver] = cast[giver].finish(identity)
     return identity
@@ -186,7 +187,110 @@ def a_piece_that_is_on_its_way() -> None:
     no_place_twice(cast)
 
 
+PIECE = arc_of_cells(4, 7)
+
+
+def released() -> tuple[Cast, bytes, View]:
+    """FAR has released a piece to the empty node, which is removed before FAR has heard of a claim."""
+    cast = {FAR: owning(0, 7), EMPTY: Holding(), ASKER: owning(8, 15)}
+    identity = begun(cast, FAR, Side.RIGHT, EMPTY, PIECE)
+    cast[FAR] = cast[FAR].release(identity)
+    return cast, identity, view(FAR, ASKER, position=2, removed=(EMPTY,))
+
+
+def learn(cast: Cast, now: View) -> None:
+    for member in [member for member in cast if member not in now.removals]:
+        cast[member] = cast[member].drop_removed(now.removals.__contains__)
+
+
+def a_receiver_that_never_claimed() -> None:
+    """The giver has every record of the piece: nobody else may own it, and it owns it again."""
+    cast, identity, now = released()
+    learn(cast, now)
+    assert surveyed(cast, dict.fromkeys(cast, now)) is None, "whoever adopts the place has no record of it"
+    cast[FAR] = cast[FAR].take_back(identity, now.removals.__contains__)
+    assert cast[FAR].arc == arc_of_cells(0, 7)
+    assert surveyed(cast, dict.fromkeys(cast, now)) is None, "no gap is left"
+
+
+def a_receiver_that_would_pass_on_what_its_giver_may_take_back() -> None:
+    cast, identity, now = released()
+    cast[EMPTY] = cast[EMPTY].claim(identity, PIECE)
+    with suppress(Refused):
+        passed(cast, EMPTY, Side.RIGHT, ASKER, PIECE)
+    del cast[EMPTY]
+    learn(cast, now)
+    cast[FAR] = cast[FAR].take_back(identity, now.removals.__contains__)
+    no_place_twice(cast)
+
+
+def a_confirmation_that_comes_after_the_removal() -> None:
+    cast, identity, now = released()
+    learn(cast, now)
+    with suppress(Refused):
+        cast[FAR] = cast[FAR].confirm(identity, now.removals.__contains__)
+    learn(cast, now)
+    cast[FAR] = cast[FAR].take_back(identity, now.removals.__contains__)
+    assert cast[FAR].arc == arc_of_cells(0, 7), "the records are here, and others may own their places"
+
+
+def a_piece_that_is_taken_back_from_a_member() -> None:
+    cast, identity, _ = released()
+    with suppress(Refused):
+        cast[FAR] = cast[FAR].take_back(identity, lambda _member: False)
+    cast[EMPTY] = cast[EMPTY].claim(identity, PIECE)
+    no_place_twice(cast)
+
+
+def an_empty_giver_that_notes_what_does_not_touch() -> None:
+    """What it has released may come back: then what it has noted on the other side could not be claimed any more."""
+    cast = {FAR: owning(0, 3), NEAR: owning(4, 7), ASKER: owning(10, 15)}
+    identity = begun(cast, NEAR, Side.LEFT, FAR, PIECE)
+    cast[NEAR] = cast[NEAR].release(identity)
+    piece = arc_of_cells(10, 11)
+    with suppress(Refused):
+        other = begun(cast, ASKER, Side.LEFT, NEAR, piece)
+        cast[NEAR] = cast[NEAR].take_back(identity, lambda member: member == FAR)
+        try:
+            cast[NEAR] = cast[NEAR].claim(other, piece)
+        except Refused:
+            raise AssertionError("a released piece has no taker") from None
+
+
 GUARDS = [
+    pytest.param(a_receiver_that_never_claimed, Holding, "drop_removed", "found.step is not Step.RELEASED and ", "", id="released is kept"),
+    pytest.param(
+        a_receiver_that_would_pass_on_what_its_giver_may_take_back,
+        Holding,
+        "offer",
+        "self.may_be_taken_back(piece)",
+        "False",
+        id="taken is not passed on",
+    ),
+    pytest.param(
+        a_confirmation_that_comes_after_the_removal,
+        Holding,
+        "confirm",
+        "is_removed(known.peer)",
+        "False",
+        id="removed peers confirm nothing",
+    ),
+    pytest.param(
+        a_piece_that_is_taken_back_from_a_member,
+        Holding,
+        "take_back",
+        "not is_removed(known.peer)",
+        "False",
+        id="members keep what they get",
+    ),
+    pytest.param(
+        an_empty_giver_that_notes_what_does_not_touch,
+        Holding,
+        "_fits",
+        "(Step.NOTED, Step.RELEASED)",
+        "(Step.NOTED,)",
+        id="released touches",
+    ),
     pytest.param(a_piece_passes_behind_the_askers_back, survey, "_confirmed", "in passed:", "in passed[:0]:", id="second round of asking"),
     pytest.param(
         a_newcomer_that_the_asker_does_not_know, rules, "bound_for", "standing.position != position", "False", id="equal log positions"
@@ -199,19 +303,17 @@ GUARDS = [
         two_givers_that_do_not_touch,
         Holding,
         "_fits",
-        "other is None or other.step is not Step.NOTED or touches(piece, other.piece, side)",
+        "other is None or other.step not in (Step.NOTED, Step.RELEASED) or touches(piece, other.piece, side)",
         "True",
         id="intakes touch",
     ),
-    pytest.param(
-        a_giver_that_was_removed_half_way, Holding, "drop_removed", "if is_removed(found.peer)", "if False", id="removed peers dropped"
-    ),
+    pytest.param(a_giver_that_was_removed_half_way, Holding, "drop_removed", "is_removed(found.peer)", "False", id="removed peers dropped"),
     pytest.param(
         a_claim_by_a_giver_that_was_removed,
         Holding,
         "drop_removed",
-        "if is_removed(found.peer)",
-        "if False",
+        "is_removed(found.peer)",
+        "False",
         id="removed peers claim nothing",
     ),
     pytest.param(a_piece_that_is_on_its_way, rules, "bound_for", "holding.is_open(side)", "False", id="open bounds are told"),

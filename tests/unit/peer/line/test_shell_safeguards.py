@@ -14,7 +14,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.line import Side, giving, receiving
 from scenefold.peer.line.adoption import Adoption
 from scenefold.peer.line.giving import Giving
-from scenefold.peer.line.holding import Handover
+from scenefold.peer.line.holding import Handover, Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.timing import T_LEASE_S
 from scenefold.world.sim import run_simulated
@@ -56,6 +56,39 @@ def test_what_is_not_claimed_is_not_deleted(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(Giving, "_claim", delete_first)
     goes_badly(losing_the_receiver, founders=3)
+
+
+def test_what_was_released_to_a_removed_node_is_taken_back_before_others_adopt_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    bend(monkeypatch, Holding, "drop_removed", "found.step is not Step.RELEASED and ", "")
+    goes_badly(losing_the_receiver, founders=3)
+
+
+def test_a_piece_is_taken_back_only_once_the_leases_of_the_removed_are_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert taken_back_after() >= T_LEASE_S * RATE_ERROR / (2 - RATE_ERROR), "by the fastest clock and the slowest"
+    bend(monkeypatch, Giving, "_take_back", "parts.leases_end_in_s(removal.position)", "0.0")
+    assert taken_back_after() < T_LEASE_S
+
+
+def taken_back_after() -> float:
+    """True seconds between the removal of a receiver and the taking back, by a giver whose clock is fast and that restarts meanwhile."""
+
+    async def main() -> float:
+        street = Street(3)
+        async with trio.open_nursery() as nursery:
+            await street.begin(nursery)
+            giver = street.houses[0]
+            street.net.machine(giver.address).clock.set_rate(RATE_ERROR)
+            await losing_the_receiver(street)
+            removed_at = street.net.now
+            assert giver.durable().right is not None
+            await trio.sleep(5.0)
+            giver.crash()
+            while giver.durable().right is not None:  # noqa: ASYNC110 - the disk is the truth
+                await trio.sleep(0.1)
+            nursery.cancel_scope.cancel()
+            return street.net.now - removed_at
+
+    return run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
 
 
 def test_a_gap_is_adopted_only_once_the_leases_of_the_removed_are_over(monkeypatch: pytest.MonkeyPatch) -> None:
