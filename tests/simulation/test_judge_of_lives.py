@@ -98,7 +98,6 @@ def ended(*ends: BaseException, is_full: bool = False) -> tuple[list[str], Rest]
 
     async def look(rest: Rest) -> None:
         node = rest.cluster.nodes[1]
-        node.is_restored = True
         if is_full:
             node.disk.fill(0)
         rest.cluster._judge_end(node, list(ends))
@@ -134,14 +133,14 @@ def test_a_life_that_ends_by_a_fault_is_a_violation(ends: tuple[BaseException, .
 def test_a_life_that_the_world_ends_is_none(end: BaseException, is_full: bool) -> None:
     said, rest = ended(end, is_full=is_full)
     assert said == []
-    assert rest.cluster.nodes[1].is_wanted and rest.cluster.nodes[1].is_restored
+    assert rest.cluster.nodes[1].is_wanted
 
 
-def test_a_new_incarnation_is_counted_and_its_backup_is_found_out() -> None:
+def test_a_new_incarnation_is_counted_and_no_violation() -> None:
     said, rest = ended(IdentityRenewed("anew"))
     assert said == []
     assert rest.cluster.watch.counts["new incarnations"] == 1
-    assert not rest.cluster.nodes[1].is_restored and rest.cluster.nodes[1].is_wanted
+    assert rest.cluster.nodes[1].is_wanted
 
 
 def test_who_has_drained_is_switched_off() -> None:

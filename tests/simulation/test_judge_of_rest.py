@@ -152,6 +152,21 @@ def test_a_rotten_stray_is_left_in_peace_until_something_else_lies_there() -> No
     at_rest(look)
 
 
+def test_who_left_may_have_an_old_backup() -> None:
+    async def look(rest: Rest) -> None:
+        stray_of_a_spare(rest)
+        spare, incarnation = rest.cluster.nodes[3], incarnation_of(rest.cluster.nodes[3].disk)
+        assert incarnation is not None
+        rest.cluster.watch.put_back[3] = incarnation
+        assert unrest(rest.cluster) != [], "it may still be told to bring them home"
+        spare.has_left = True
+        assert unrest(rest.cluster) == []
+        rest.cluster.watch.put_back[3] = bytes(16)
+        assert unrest(rest.cluster) != [], "it has lived on under another incarnation since"
+
+    at_rest(look)
+
+
 def test_a_cluster_stays_quiet() -> None:
     async def look(rest: Rest) -> None:
         await trio.sleep(20.0)

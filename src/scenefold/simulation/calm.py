@@ -67,6 +67,9 @@ def _member(cluster: Cluster, node: Node) -> list[Unrest]:
 def _leftovers(cluster: Cluster, node: Node, *, is_member: bool) -> list[Unrest]:
     if not node.born.is_set():
         return []
+    if node.has_left and cluster.watch.put_back.get(node.slot) == incarnation_of(node.disk):
+        # It had handed everything over when its disk was put back to an earlier state, and learns only that it has left.
+        return []
     wrong = []
     arc = arc_of(node.disk) if is_member else None
     if has_open_handover(node.disk):

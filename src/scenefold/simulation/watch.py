@@ -58,6 +58,8 @@ class Watch:
         self.reach = Reach()
         self.counts = Counter[str]()
         self.violations: list[Violation] = []
+        self.put_back: dict[int, bytes] = {}
+        """The incarnation of the backup that each slot's disk was last put back to."""
         self.on_handover: Callable[[int], None] | None = None
         """Called with the slot whose open handovers have just changed on its disk."""
         self._now = now
@@ -66,6 +68,7 @@ class Watch:
         self._slot_of = slot_of
         self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
         self.rot = Rot(disks)
+        self._replaced: set[Holder] = set()
 
     # ---------------------------------------------------------------------------------------------------- telling
 
@@ -99,7 +102,10 @@ class Watch:
         """A disk was wiped or rolled back: what only it held is lost, and its incarnation will never own anything again."""
         if incarnation is not None:
             self.lineage.gone(Holder(slot, incarnation))
+            self._replaced.add(Holder(slot, incarnation))
         self._holdings[slot] = holding_of(self._disks[slot])
+        if (backup := incarnation_of(self._disks[slot])) is not None:
+            self.put_back[slot] = backup
         counting = {other: self._sound(other, counted(disk)) for other, disk in self._disks.items()}
         self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
         histories = self.recorder.histories
@@ -228,6 +234,9 @@ class Watch:
         if node is not None and not (node.owns(location) and node.has_lease()):
             what = "has no lease" if node.owns(location) else "does not own it"
             self.violated(laws.RIGHT_TO_ANSWER, f"n{slot} acknowledges {name} and {what}", location=location, slots=(slot,))
+        if Holder(slot, incarnation_of(self._disks[slot]) or b"") in self._replaced:
+            words = f"n{slot} acknowledges {name}, and its disk is a backup of what it was"
+            self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
         arc = arc_of(self._disks[slot])
         if arc is None or location not in arc:
             words = f"n{slot} acknowledges {name} outside of its durable arc"
