@@ -1,8 +1,9 @@
 """Who durably owned each location, and how it came to the next owner (specs/17-simulation.md, Laws). Pure.
 
 Fed with every durable change of a node's arc, in order, it says of each gain whether it was a *handover* (the one before
-had durably let go, in favour of this node), a *founding* (nobody had it yet) or an *adoption* (the one before was removed,
-or let go in favour of a node that was). Anything else is a violation: two owners, or a place that nobody was entitled to.
+had durably let go, in favour of this node), a *founding* (nobody had it yet), an *adoption* (the one before was removed), or
+that it is here *again* (let go in favour of a node that was removed). Anything else is a violation: two owners, or a place
+that nobody was entitled to.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class Way(Enum):
     HANDOVER = "handover"
     ADOPTION = "adoption"
     AGAIN = "again"
-    """The node itself had it before, and had let go of it: an offer that was taken back."""
+    """The node itself had it before, and had let go of it: a piece that was taken back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +115,7 @@ class Lineage:
             return Way.FOUNDING
         if piece.holder == holder:
             return Way.AGAIN
-        if piece.holder in self._gone or (piece.released and piece.towards in self._gone):
+        if piece.holder in self._gone:
             return Way.ADOPTION
         return Way.HANDOVER
 

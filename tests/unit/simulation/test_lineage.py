@@ -55,7 +55,7 @@ def test_a_removed_nodes_arc_is_adopted() -> None:
     assert (ways(gains), gains[0].arc, wrong) == ([Way.ADOPTION], RIGHT, [])
 
 
-def test_what_a_removed_receiver_never_claimed_is_adopted() -> None:
+def test_what_a_removed_receiver_never_claimed_is_its_givers_and_nobody_elses() -> None:
     lineage = founded()
     lineage.changed(B, THIRD, 1.0, lambda _arc: C)
     lineage.gone(C)
@@ -65,7 +65,7 @@ def test_what_a_removed_receiver_never_claimed_is_adopted() -> None:
     lineage.changed(B, None, 1.0, lambda _arc: C)
     lineage.gone(C)
     gains, wrong = lineage.changed(A, WHOLE_LINE, 2.0)
-    assert (ways(gains), wrong) == ([Way.ADOPTION], [])
+    assert wrong == gains != []
 
 
 def test_a_giver_takes_nothing_back_that_its_receiver_may_claim() -> None:
