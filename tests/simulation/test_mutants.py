@@ -16,6 +16,7 @@ SEEDS: dict[str, tuple[str, tuple[int, ...]]] = {
     "last copy": (laws.CARRIED, (26, 33, 35)),
     "left fence": (laws.ONE_OWNER, (0, 1)),
     "owner lease": (laws.ONE_OWNER, (0, 4, 9)),
+    "restored backup": (laws.RIGHT_TO_ANSWER, (2, 5, 7, 8)),
     "settling time": (laws.SETTLED, (0, 1)),
     "version check": (laws.LINEARIZABLE, (0, 1)),
 }

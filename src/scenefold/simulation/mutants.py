@@ -103,6 +103,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "durable before release": (Patch("scenefold.peer.line.receiving", "keep_durably", _hasty_keeping),),
     "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
+    "restored backup": (Patch("scenefold.peer.log_voter", "is_restored", _always(False)),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 
