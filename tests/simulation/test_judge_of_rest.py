@@ -95,11 +95,10 @@ def stray(rest: Rest) -> None:
 
 def stray_of_a_spare(rest: Rest) -> None:
     """It was a member, and has left what it held behind."""
-    key = rest.key(2, 5)
     spare = rest.cluster.nodes[3]
-    spare.disk = rest.cluster.nodes[2].disk
+    spare.disk.restore(rest.cluster.nodes[2].disk.snapshot())
+    overwrite(spare.disk, HOLDING, b"arc", b"")
     spare.born.set()
-    overwrite(spare.disk, RECORDS, key, spare.disk.peek(RECORDS)[key])
 
 
 def wrong_table(rest: Rest) -> None:
