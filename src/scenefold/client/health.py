@@ -106,6 +106,7 @@ def handover_document(handover: HandoverReport) -> dict[str, Any]:
         "step": handover.step,
         "gives": handover.gives,
         "peer": handover.peer,
+        "peer_removed": handover.peer_removed,
         "first": handover.piece.first.hex(),
         "last": handover.piece.last.hex(),
         "seconds": handover.seconds,
@@ -177,7 +178,12 @@ def _own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Con
         behind = newest - report.log_position
         yield Concern("behind", f"{address} lacks the last {behind} entries of the cluster's log", False, address)
     for handover in report.handovers:
-        if handover.gives and handover.seconds >= HANDOVER_LONG_S:
+        if handover.step == "released" and handover.peer_removed:
+            text = (
+                f"{address} is about to take back a piece that it had let go of: {handover.peer} was removed before it said that it has it"
+            )
+            yield Concern("handover", text, True, address)
+        elif handover.gives and handover.seconds >= HANDOVER_LONG_S:
             text = f"{address} has been giving a piece to {handover.peer} for {handover.seconds:.0f} s: it is {handover.step}"
             yield Concern("handover", text, handover.step == "released", address)
     if report.strays:

@@ -32,6 +32,8 @@ class HandoverReport:
     records: int
     """At the giver what lies in the piece, at the receiver what has arrived."""
     bytes: int
+    peer_removed: bool = False
+    """The other node is no member any more; what was released to it is taken back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +173,7 @@ def _handover(found: Mapping[str, Any]) -> HandoverReport:
         seconds=float(found["seconds"]),
         records=int(found["records"]),
         bytes=int(found["bytes"]),
+        peer_removed=bool(found.get("peer_removed", False)),
     )
 
 

@@ -95,7 +95,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "log_head": registry.head.hex()[:16],
         "arc": _arc_document(moment.arc),
         "gap": _arc_document(moment.gap),
-        "handovers": [_handover_document(side, handover, moment, memory) for side, handover in moment.handovers],
+        "handovers": [_handover_document(side, handover, moment, memory, registry) for side, handover in moment.handovers],
         "strays": moment.strays,
         "damaged": moment.damaged,
         "records": moment.statistics.records,
@@ -128,7 +128,7 @@ def _arc_document(arc: Arc | None) -> dict[str, str] | None:
     return None if arc is None else {"first": arc.first.hex(), "last": arc.last.hex()}
 
 
-def _handover_document(side: Side, handover: Handover, moment: Moment, memory: Memory) -> dict[str, Any]:
+def _handover_document(side: Side, handover: Handover, moment: Moment, memory: Memory, registry: Registry) -> dict[str, Any]:
     counts = moment.pieces.get(handover.id, Counts())
     return {
         "id": handover.id.hex(),
@@ -136,6 +136,8 @@ def _handover_document(side: Side, handover: Handover, moment: Moment, memory: M
         "step": str(handover.step),
         "gives": handover.gives,
         "peer": address_of(handover.peer.node),
+        # Whom the log has removed claims nothing: what was released to it is about to be taken back.
+        "peer_removed": registry.removal(handover.peer.incarnation) is not None,
         "first": handover.piece.first.hex(),
         "last": handover.piece.last.hex(),
         "open": handover.is_open,

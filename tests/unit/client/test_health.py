@@ -142,6 +142,7 @@ def test_a_founder_that_never_came_is_awaited() -> None:
         ({"stalls": {"count": 2, "last_s": 300.0, "ago_s": 12.0}}, "stalled", False),
         ({"handovers": [handover(arc(0.2, 0.25), ADDRESSES[1], seconds=61)]}, "handover", False),
         ({"handovers": [handover(arc(0.2, 0.25), ADDRESSES[1], step="released", seconds=61)]}, "handover", True),
+        ({"handovers": [{**handover(arc(0.2, 0.25), ADDRESSES[1], step="released"), "peer_removed": True}]}, "handover", True),
         ({"peers": [{"address": ADDRESSES[1], "heard_s": 50.0, "alive": False}]}, "deaf", False),
     ],
 )

@@ -14,7 +14,7 @@ from scenefold.peer.reporting import LOOK_S, Memory, Moment, report_of, role_of
 from scenefold.peer.roster import Roster
 from scenefold.store import StoreStatistics
 from scenefold.store.statistics import Counts
-from scenefold.wire import pack_value
+from scenefold.wire import RemoveNode, pack_value
 from unit.peer.logs_made import add, folded, found, member, node
 
 HALF = Arc(FIRST, Location.from_number(LAST.number // 2))
@@ -63,8 +63,17 @@ def test_a_client_reads_what_a_node_writes() -> None:
     (handover,) = read.handovers
     assert (handover.gives, handover.open, handover.peer, handover.piece) == (True, True, address_of(node(1)), PIECE)
     assert (handover.seconds, handover.records, handover.bytes) == (4.0, 7, 700)
+    assert not handover.peer_removed
     assert list(read.peers) == [address_of(node(1)), address_of(node(2))]
     assert all(peer.heard_s is None and not peer.alive for peer in read.peers.values())
+
+
+def test_a_piece_that_is_about_to_be_taken_back_is_told_apart() -> None:
+    registry = folded(found(3), add(0), add(1), RemoveNode(GIVEN.peer, "gone"))
+    (handover,) = read_report(
+        pack_value(report_of(moment(), registry, roster_of(registry), Memory(NOW, NOW))), address_of(node(0))
+    ).handovers
+    assert handover.peer_removed
 
 
 def test_a_report_of_the_largest_cluster_fits_its_packet() -> None:
