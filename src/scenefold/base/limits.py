@@ -136,6 +136,10 @@ assert STORE_BATCH_BYTES_MAX >= FRAME_BYTES_MAX
 # Client (client/).
 CLIENT_REQUEST_S = 30.0
 """Seconds that a node may take to answer: a durable write behind a full queue on an old disk."""
+CLIENT_NEXT_S = 2.0
+"""Seconds of silence of one node after which another one is asked as well, where any may answer."""
+CLIENT_ASKED_MAX = 3
+"""Nodes that are asked one question at a time, where any may answer."""
 CLIENT_STATUS_S = 5.0
 """Seconds after which a node counts as missing when its status is asked for."""
 CLIENT_TRIES_MAX = 4

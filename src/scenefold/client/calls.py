@@ -8,6 +8,7 @@ bounded; then the last error is the caller's, in words.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import TypeVar
 
 import trio
@@ -15,12 +16,15 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import (
+    CLIENT_ASKED_MAX,
     CLIENT_FRAMES_IN_FLIGHT,
     CLIENT_FRAMES_PER_NODE,
+    CLIENT_NEXT_S,
     CLIENT_REQUEST_S,
     CLIENT_STATUS_S,
 )
 from scenefold.base.location import even_right_bounds
+from scenefold.client.hedging import first_answer
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.wire import Fault, Packet, RequestTable, RespondTable, Status
@@ -104,17 +108,14 @@ class Calls:
         priority: Priority = Priority.HIGH,
         timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
-        """Ask one node after the other, `first` or a random one first, until one answers."""
+        """Ask any node, `first` or a random one first; while one says nothing, others are asked as well, a few at a time."""
 
         async def round_of_all() -> Answer:
-            last: Unreachable | None = None
-            for address in self._addresses_from(first):
-                try:
-                    return await self.ask(address, packet, answer, priority=priority, timeout_s=timeout_s)
-                except Unreachable as error:
-                    last = error
-            assert last is not None
-            raise last
+            tries = [
+                partial(self.ask, address, packet, answer, priority=priority, timeout_s=timeout_s)
+                for address in self._addresses_from(first)
+            ]
+            return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX)
 
         try:
             return await self.patiently(round_of_all, refresh=False)

@@ -101,6 +101,8 @@ class FakeNodes:
     before_proposals: list[Callable[[], Any]] = field(default_factory=list)
     """Done, one for each proposal, before it is looked at: what somebody else does at that moment."""
     away: set[str] = field(default_factory=set)
+    hung: set[str] = field(default_factory=set)
+    """They take requests and never answer."""
     busy: Counter[str] = field(default_factory=Counter)
     """How many requests of each node are still answered with busy."""
     lost_replies: int = 0
@@ -131,10 +133,13 @@ class FakeNodes:
         return Calls(make_world(), links, self.addresses, [node_id_of(address) for address in self.addresses])
 
     async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
-        del priority, timeout
+        del priority
         packet = decode_packet(encode_packet(replace(packet, request_id=7)))
         self.asked.append((address, packet))
         await trio.lowlevel.checkpoint()
+        if address in self.hung:
+            await trio.sleep(timeout)
+            raise Unreachable("it does not answer", where=address)
         if address in self.away:
             raise Unreachable("nobody there", where=address)
         if self.busy[address]:

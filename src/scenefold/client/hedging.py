@@ -1,0 +1,47 @@
+"""Hedged requests: whoever hangs does not hold up a question that others can answer.
+
+One node after the other is asked: the next one as soon as one cannot be reached, or has said nothing for a while, and
+then both may still answer. The first answer, or refusal, is what counts. So only for what may be asked twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TypeVar
+
+import trio
+
+from scenefold.base.errors import ScenefoldError, Unreachable
+from scenefold.world import background_tasks
+
+T = TypeVar("T")
+
+
+async def first_answer(tries: Sequence[Callable[[], Awaitable[T]]], *, next_after_s: float, at_a_time: int) -> T:
+    """What the first of the tries returns or raises, but for Unreachable; that of the last one if all raise it."""
+    assert tries and at_a_time >= 1
+    ended, ends = trio.open_memory_channel[T | ScenefoldError](len(tries))
+
+    async def attempt(call: Callable[[], Awaitable[T]]) -> None:
+        end: T | ScenefoldError
+        try:
+            end = await call()
+        except ScenefoldError as error:
+            end = error
+        ended.send_nowait(end)
+
+    begun = over = 0
+    async with background_tasks() as nursery:
+        while True:
+            if begun < len(tries) and begun - over < at_a_time:
+                nursery.start_soon(attempt, tries[begun])
+                begun += 1
+            may_begin_another = begun < len(tries) and begun - over < at_a_time
+            with trio.move_on_after(next_after_s if may_begin_another else math.inf):
+                end = await ends.receive()
+                over += 1
+                if not isinstance(end, ScenefoldError):
+                    return end
+                if over == len(tries) or not isinstance(end, Unreachable):
+                    raise end
