@@ -153,7 +153,14 @@ class Strays:
                 outcomes.append(PutOutcome(0, item.location, NodeId(0)))
             except Refused as refusal:
                 outcomes.append(PutOutcome(int(refusal.reason), item.location, self._parts.own.me))
-        return PutManyReply(tuple(outcomes))
+        return PutManyReply(tuple(map(self._still_so, outcomes)))
+
+    def _still_so(self, outcome: PutOutcome) -> PutOutcome:
+        """What is said of an item at this very moment: while later ones waited, the place or the lease may have gone."""
+        parts = self._parts
+        if outcome.reason or (parts.keeper.holding.owns(outcome.location) and parts.lease.holds()):
+            return outcome
+        return PutOutcome(int(RejectReason.BUSY), outcome.location, parts.own.me)
 
     async def _take(self, item: HandItem, put: Put) -> None:
         """Own this version or a newer one, durably, when this returns."""
