@@ -67,7 +67,7 @@ def join(
     seed: AddressOption,
     /,
     *,
-    address: Annotated[AddressOption, Parameter(env_var="SCENEFOLD_ADDRESS")],
+    address: Annotated[AddressOption | None, Parameter(env_var="SCENEFOLD_ADDRESS")] = None,
     data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
     place: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
     capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
@@ -80,14 +80,14 @@ def join(
 
     Its keys are those that `cluster init --spares` made. Later starts may as well use `node run`, which knows more options.
 
-    Example: scenectl cluster join 192.168.1.11 --address 192.168.1.14 --profile studio
+    Example: scenectl cluster join 192.168.1.11 --profile studio
 
     Parameters
     ----------
     seed
         IPv4 address of a node of the cluster that runs.
     address
-        The joining node's own IPv4 address.
+        The joining node's own IPv4 address; by default that of the one spare whose keys are in the profile.
     data
         Folder for what the node stores; by default one in the user's data folder.
     place
@@ -111,12 +111,15 @@ def join(
     from scenefold.node import NodeSettings, default_extensions
     from scenefold.node.logs import set_up_logs
     from scenefold.peer.settings import place_of
+    from scenefold.world.profile import ClusterProfile
 
-    if seed.text == address.text:
+    folder = profile_folder(output.profile)
+    own = ClusterProfile.load(folder).spare_here(besides=seed.text) if address is None else address.text
+    if seed.text == own:
         raise UsageFault("a node cannot join through itself", where=seed.text, remedy="name a node that is a member already")
     set_up_logs("json" if output.json else "console", log_level)
     settings = replace(
-        NodeSettings.for_member(profile_folder(output.profile), address.text, data=data, threads=threads),
+        NodeSettings.for_member(folder, own, data=data, threads=threads),
         seeds=(seed.text,),
         seed_wait_s=seed_wait,
         capacity_bytes=capacity,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -44,8 +45,10 @@ def check_readable(profile: str) -> None:
 
 
 @contextmanager
-def joining(profile: str, address: str, data: Path, *options: str) -> Iterator[subprocess.Popen[bytes]]:
-    arguments = ["cluster", "join", FOUNDERS[0], "--address", address, "--data", str(data), "--json", *options]
+def joining(profile: str, address: str, data: Path, *options: str, named: bool = True) -> Iterator[subprocess.Popen[bytes]]:
+    """A node that joins; `named`: its address is said, and not found out."""
+    who = ["--address", address] if named else []
+    arguments = ["cluster", "join", FOUNDERS[0], *who, "--data", str(data), "--json", *options]
     with running(*arguments, profile=profile) as (process, ready):
         assert ready == {"event": "ready", "address": address, "data": str(data)}
         yield process
@@ -63,7 +66,11 @@ def event(process: subprocess.Popen[bytes], name: str) -> Any:
 
 def test_a_spare_joins_is_listed_and_leaves(profile: str, tmp_path: Path) -> None:
     spare = SPARES[0]
-    with joining(profile, spare, tmp_path / "data", "--place", "c0") as process:
+    # What its machine is given: of all nodes' keys, its own.
+    machine = Path(shutil.copytree(profile, tmp_path / "machine"))
+    for other in (*FOUNDERS, SPARES[1]):
+        shutil.rmtree(machine / "nodes" / other)
+    with joining(str(machine), spare, tmp_path / "data", "--place", "c0", named=False) as process:
         member = event(process, "member")
         assert member["members"] == 3 and {member["left"], member["right"]} == set(FOUNDERS)
         arrived = event(process, "arrived")
@@ -134,6 +141,7 @@ def test_top_compares_two_looks(profile: str) -> None:
     "arguments, code, words",
     [
         (["cluster", "join", FOUNDERS[0], "--address", FOUNDERS[0]], 2, "through itself"),
+        (["cluster", "join", FOUNDERS[0]], 2, f"choose with --address, of {', '.join(SPARES)}"),
         (["cluster", "join", "kitchen", "--address", SPARES[0]], 2, "no IPv4 address"),
         (["cluster", "join", FOUNDERS[0], "--address", "127.0.0.99"], 1, "no node of this cluster"),
         (["cluster", "join", FOUNDERS[0], "--address", SPARES[0], "--place", "middle"], 2, "no place on the line"),

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.errors import DamagedData, LocalFault, UsageFault
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
@@ -133,6 +133,19 @@ class ClusterProfile:
                 return member
         known = ", ".join(member.address for member in self.members)
         raise LocalFault(f"{address} is no node of this cluster", where=f"{self.folder}", remedy=f"choose of {known}")
+
+    def spare_here(self, *, besides: str) -> str:
+        """The address of the one node whose keys lie here, that is no founder and not `besides`; UsageFault if there is not one."""
+        spares = [member for member in self.members if member.node_id not in self.founders and member.address != besides]
+        here = [member.address for member in spares if self._node_folder(member.address).is_dir()]
+        if len(here) == 1:
+            return here[0]
+        where = str(self.folder / "nodes")
+        if here:
+            raise UsageFault("keys of several spares are here", where=where, remedy=f"choose with --address, of {', '.join(here)}")
+        known = ", ".join(member.address for member in spares)
+        remedy = f"copy the folder of one of {known} there" if known else "make the cluster with --spares, or name a node with --address"
+        raise UsageFault("no keys of a spare are here", where=where, remedy=remedy)
 
     def authority(self) -> Authority:
         """The authority with its key, to admit others; absent from most machines."""

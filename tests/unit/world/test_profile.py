@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import stat
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import address_of
 from scenefold.world import Ports
 from scenefold.world.keyring import SceneKeys
@@ -169,6 +170,31 @@ def test_another_nodes_seed_is_noticed(tmp_path: Path) -> None:
 def test_a_stranger_is_no_member(profile: ClusterProfile) -> None:
     with pytest.raises(LocalFault, match="is no node of this cluster"):
         profile.node_identity("127.0.0.9")
+
+
+def test_the_one_spare_with_keys_here_is_meant(tmp_path: Path) -> None:
+    spares = ["127.0.0.4", "127.0.0.5", "127.0.0.6"]
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"], spares=spares)
+    nodes = profile.folder / "nodes"
+
+    def problem(besides: str = "127.0.0.2") -> tuple[str, str | None]:
+        with pytest.raises(UsageFault) as caught:
+            profile.spare_here(besides=besides)
+        assert caught.value.where == str(nodes)
+        return caught.value.what, caught.value.remedy
+
+    assert problem() == ("keys of several spares are here", f"choose with --address, of {', '.join(spares)}")
+    shutil.rmtree(nodes / "127.0.0.5")
+    assert problem()[1] == "choose with --address, of 127.0.0.4, 127.0.0.6"
+    assert profile.spare_here(besides="127.0.0.6") == "127.0.0.4"
+    shutil.rmtree(nodes / "127.0.0.4")
+    assert profile.spare_here(besides="127.0.0.2") == "127.0.0.6"
+    shutil.rmtree(nodes / "127.0.0.6")
+    assert problem() == ("no keys of a spare are here", f"copy the folder of one of {', '.join(spares)} there")
+    alone = ClusterProfile.create(tmp_path / "alone", "alone", ["127.0.0.2"])
+    with pytest.raises(UsageFault, match="no keys of a spare are here") as caught:
+        alone.spare_here(besides="127.0.0.2")
+    assert "--spares" in str(caught.value.remedy)
 
 
 def test_a_scene_is_kept_and_found_again(profile: ClusterProfile) -> None:
