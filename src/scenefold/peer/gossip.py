@@ -27,7 +27,7 @@ from scenefold.peer.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
 from scenefold.peer.pages import Pages
 from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus, arc_of_status
+from scenefold.peer.status import TELL_S, OwnStatus, arc_of_status, is_news
 from scenefold.peer.waiters import Waiters
 from scenefold.wire import MalformedPacket, PingBroadcast, RequestState, Status
 from scenefold.world import Datagrams, Priority, World
@@ -35,8 +35,6 @@ from scenefold.world.facts import ClusterFacts
 
 ROUND_S = 1.0
 """Time between two throws of the dice (thesis B.2.2)."""
-TELL_ARC_S = 0.02
-"""For each member, between two statuses that tell all of a changed arc: 50 small datagrams a second at most."""
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
 ANSWER_S_MIN = 0.05
@@ -175,11 +173,12 @@ class Gossip:
         roster.set_members(registry, now)
         is_large = had_log and roster.count > KNOCKS_MAX
         come = [node for node in roster.unheard() if node not in had] if is_large else []
-        self._knocks.spare(come, now + roster.count * TELL_ARC_S + 2 * ROUND_S, roster.unheard())
+        self._knocks.spare(come, now + roster.count * TELL_S + 2 * ROUND_S, roster.unheard())
 
     async def _speak(self) -> None:
-        """Throw the dice, once a second; and say at once, within bounds, that the own arc has changed."""
+        """Throw the dice, once a second; and say at once, within bounds, that the own arc or fill has changed."""
         said: Arc | None = None
+        said_used = 0
         tell_from: float | None = None
         while True:
             await self._world.clock.sleep(ROUND_S)
@@ -188,17 +187,17 @@ class Gossip:
             now = self._world.clock.now()
             if tell_from is None:
                 # All nodes of a cluster may have started at once: in a large one, the first telling comes at a moment of chance.
-                tell_from = now - ROUND_S + self._world.entropy.uniform() * self._roster.count * TELL_ARC_S
+                tell_from = now - ROUND_S + self._world.entropy.uniform() * self._roster.count * TELL_S
             if self._world.entropy.uniform() * self._roster.count < 1:
                 self._roster.count_broadcast(())
                 data = self._pages.page(0)
-            elif self._own.arc != said and now >= tell_from:
+            elif now >= tell_from and (self._own.arc != said or is_news(said_used, self._own.load.disk_used_bytes)):
                 # Under another request id than 0, since it is no throw of the dice.
                 data = self._pages.sealed(PingBroadcast((self._own.signed(),), request_id=1))
-                tell_from = now + self._roster.count * TELL_ARC_S
+                tell_from = now + self._roster.count * TELL_S
             else:
                 continue
-            said = self._own.arc
+            said, said_used = self._own.arc, self._own.load.disk_used_bytes
             for member in list(self._roster.peers):
                 await self._send(data, address_of(member))
 

@@ -16,6 +16,11 @@ from scenefold.base.location import FIRST, Arc, Location
 from scenefold.crypto import STATUS_DOMAIN, SigningKey
 from scenefold.wire import Member, MiniStatus, Status
 
+TELL_S = 0.02
+"""For each member, between two statuses that tell all of a changed arc or fill: 50 small datagrams a second at most."""
+TELL_BYTES_MIN = 64 * 1024
+TELL_FILL = 1 / 64
+"""A fill that has changed by so much, of itself, is told: less than what balance leaves alone."""
 _BLOCK_BYTES = 4096
 _FRACTION_ONE = 1 << 32
 _U32_MAX = _FRACTION_ONE - 1
@@ -139,3 +144,8 @@ def _fence_before(arc: Arc | None) -> Location | None:
     if arc is None or arc.first == FIRST:
         return None
     return Location.from_number(arc.first.number - 1)
+
+
+def is_news(said: int, used: int) -> bool:
+    """Whether a fill differs so much from what was said of it last that balance would not be found."""
+    return abs(used - said) >= max(TELL_BYTES_MIN, max(used, said) * TELL_FILL)

@@ -69,12 +69,12 @@ def fill_tables(cluster: Cluster) -> None:
 @contextmanager
 def nothing_told_at_start() -> Iterator[None]:
     """Nodes that start meanwhile do not tell all others of themselves: they did so before the restart."""
-    before = gossip.TELL_ARC_S
-    gossip.TELL_ARC_S = NEVER_S
+    module: Any = gossip
+    before, module.TELL_S = module.TELL_S, NEVER_S
     try:
         yield
     finally:
-        gossip.TELL_ARC_S = before
+        module.TELL_S = before
 
 
 @contextmanager

@@ -104,6 +104,34 @@ async def test_a_changed_arc_is_told_at_once_but_not_as_a_throw_of_the_dice(auto
         assert len(many) <= 16, "once a second at most"
 
 
+async def test_a_changed_fill_is_told_at_once_and_one_that_is_about_the_same_is_not(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(200) as them:
+        await them.start(0)
+        await them.start(1)
+        own = them.of(1).own
+        own.update(disk_used_bytes=32 << 20, disk_total_bytes=1 << 30)
+
+        def fractions() -> set[float]:
+            """What was told to one that asked for nothing."""
+            told = [opened(source, data) for source, target, data in them.ether.sent if (source, target) == ("127.0.0.3", "127.0.0.9")]
+            return {
+                packet.statuses[0].offline_fraction / 2**32
+                for packet in told
+                if isinstance(packet, PingBroadcast)
+                if packet.request_id == 1
+            }
+
+        with trio.fail_after(10.0):
+            await until(lambda: 1 / 32 in fractions())
+        them.ether.sent.clear()
+        own.update(disk_used_bytes=(32 << 20) + (400 << 10))
+        await trio.sleep(30.0)
+        assert fractions() <= {1 / 32}, "balance does not care"
+        own.update(disk_used_bytes=33 << 20)
+        with trio.fail_after(10.0):
+            await until(lambda: 33 / 1024 in fractions())
+
+
 # ----------------------------------------------------------------------------------------------------------- the log
 
 

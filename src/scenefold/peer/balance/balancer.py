@@ -22,7 +22,7 @@ from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
 from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.status import TELL_S, OwnStatus
 from scenefold.world import QuietLog, World
 
 LOOK_S = 1.0
@@ -31,6 +31,8 @@ NODES_A_LOOK = 64
 """Among more, looks are rarer by as much: each goes through all of them, and their news come more slowly, too."""
 RELAY_S = 10.0
 """A status that others pass on is usually not older: the table goes round in about that time in a cluster of fifty."""
+TOLD_S = 5.0
+"""A fill that has changed is measured and told within it, if few nodes are to be told."""
 REFUSED_S_MIN, REFUSED_S_MAX = 5.0, 60.0
 """How long a neighbour that refused is left alone: twice as long each time."""
 HALVINGS_MAX = 3
@@ -109,7 +111,7 @@ class Balancer:
         for side, state in self._sides.items():
             if state.peer != neighbours[side]:
                 self._sides[side] = _SideState(state.under_way, peer=neighbours[side])
-        self._wanted = gives([self._fill(node, now) for node in nodes], me, self._news.changes(nodes))
+        self._wanted = gives([self._fill(node, now) for node in nodes], me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
         if self.paused or self._line.refuses:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]

@@ -4,7 +4,8 @@ Statuses of different nodes are of different age. If A gave B ten and we have he
 too many: whoever acts on that gives too much, and takes it back later. What is stored does not change by moving, so such
 an error can be seen: everything that was heard before the oldest news of all is whole; what has changed since then, added up
 over one side of a bound, may be half of a story. That sum is the *doubt* of the side. Changes that belong together
-cancel in it as soon as both have been heard, and all of it is gone once everybody has been heard again.
+cancel in it as soon as both have been heard. All of it is gone once everybody has been heard again, or after the time in
+which everybody whose fill had changed has said so.
 
 What passed between us and a neighbour is known at both ends at once, so it is booked on both, past and present.
 """
@@ -99,8 +100,11 @@ class News:
         known = self._known.get(node)
         return NodeFill(0, 0, open=False) if known is None else NodeFill(known.used, known.capacity, open=takes)
 
-    def changes(self, nodes: Sequence[NodeId]) -> list[int]:
-        """For each of these nodes: how much its news have changed since the oldest of them all; 0 for one never heard."""
+    def changes(self, nodes: Sequence[NodeId], told_until: float) -> list[int]:
+        """For each of these nodes: how much its news have changed since the oldest of them all; 0 for one never heard.
+
+        `told_until`: what had changed by then, its node has told since, so nobody's news are older than that.
+        """
         heard = [self._known[node].heard_at for node in nodes if node in self._known]
-        whole = min(heard, default=0.0) - self._relay_s
+        whole = max(min(heard, default=0.0), told_until) - self._relay_s
         return [known.used - known.as_of(whole) if (known := self._known.get(node)) is not None else 0 for node in nodes]

@@ -2,7 +2,8 @@
 
 Each node holds runs of bytes from left to right, each with the time from which it may move again. In each second a node
 looks at what it believes of the others and gives what the policy says, as far as its outermost runs have settled. News
-of a node reach another one by chance, so that no two are equally old; neighbours in a handover hear of each other.
+of a node reach another one by chance, so that no two are equally old, and when its fill has changed; neighbours in a
+handover hear of each other.
 """
 
 from __future__ import annotations
@@ -16,18 +17,24 @@ from scenefold.base.ids import NodeId
 from scenefold.peer.balance.news import News
 from scenefold.peer.balance.policy import Give, NodeFill, gives, imbalance
 from scenefold.peer.line.ends import Side
+from scenefold.peer.status import is_news
 
 SETTLING = 10
+TOLD_S = 5
 
 
 @dataclass
 class Crowd:
-    """Times are seconds; `news` is the chance that a node hears of another one within a second, as it was up to `age` ago."""
+    """Times are seconds; `news` is the chance that a node hears of another one within a second, as it was up to `age` ago.
+
+    Besides, whose fill has changed tells everybody at once; `loss` is the chance that one of them does not hear it.
+    """
 
     used: Sequence[int]
     capacity: Sequence[int]
     news: float = 1.0
     age: int = 0
+    loss: float = 0.0
     seed: int = 0
     bytes_per_s: int = 1 << 60
     now: int = 0
@@ -45,6 +52,7 @@ class Crowd:
         for news in self._news:
             for node, fill in enumerate(self.truth()):
                 news.hear(NodeId(node), 0, fill.used, fill.capacity, 0.0)
+        self._said = list(self.used)
         self._busy_until = [0] * (count + 1)
         self.crossed = [0] * max(0, count - 1)
 
@@ -69,13 +77,23 @@ class Crowd:
                     back = self._dice.randrange(len(self._past))
                     fill = self._past[-1 - back][node]
                     news.hear(node, self.now - back, fill.used, fill.capacity, self.now)
+        self._tell()
         order = list(range(len(nodes)))
         self._dice.shuffle(order)
         for me in order:
             news = self._news[me]
             news.measure(sum(size for size, _ in self._runs[me]), self.capacity[me], self.now)
-            for give in gives([news.fill(node, takes=True) for node in nodes], me, news.changes(nodes)):
+            for give in gives([news.fill(node, takes=True) for node in nodes], me, news.changes(nodes, self.now - TOLD_S)):
                 self._hand_over(me, give)
+
+    def _tell(self) -> None:
+        for node, fill in enumerate(self.truth()):
+            if not is_news(self._said[node], fill.used):
+                continue
+            self._said[node] = fill.used
+            for me, news in enumerate(self._news):
+                if me != node and self._dice.random() >= self.loss:
+                    news.hear(NodeId(node), self.now, fill.used, fill.capacity, self.now)
 
     def _hand_over(self, me: int, give: Give) -> None:
         bound = me if give.side is Side.RIGHT else me - 1

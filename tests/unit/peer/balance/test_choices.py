@@ -22,6 +22,9 @@ def place(number: int) -> Location:
     return Location.from_number(number)
 
 
+LONG_AGO = 0.0
+
+
 def heard_at_one() -> News:
     news = News(ME, 0.0)
     for node in NODES:
@@ -32,12 +35,19 @@ def heard_at_one() -> News:
 def test_a_change_is_whole_once_all_have_been_heard_since() -> None:
     news = heard_at_one()
     news.hear(A, 2, 90, 100, 2.0)
-    assert news.changes(NODES) == [0, 40, 0]
+    assert news.changes(NODES, LONG_AGO) == [0, 40, 0]
     news.hear(B, 2, 10, 100, 3.0)
-    assert news.changes(NODES) == [0, 40, -40], "they cancel"
+    assert news.changes(NODES, LONG_AGO) == [0, 40, -40], "they cancel"
     news.measure(50, 100, 4.0)
     news.hear(A, 3, 90, 100, 4.0)
-    assert news.changes(NODES) == [0, 0, 0], "everybody was heard at 3 or later"
+    assert news.changes(NODES, LONG_AGO) == [0, 0, 0], "everybody was heard at 3 or later"
+
+
+def test_a_change_is_whole_once_others_would_have_told_of_theirs() -> None:
+    news = heard_at_one()
+    news.hear(A, 2, 90, 100, 2.0)
+    assert news.changes(NODES, 1.9) == [0, 40, 0]
+    assert news.changes(NODES, 2.0) == [0, 0, 0]
 
 
 def test_older_statuses_and_strangers_do_not_count() -> None:
@@ -48,7 +58,7 @@ def test_older_statuses_and_strangers_do_not_count() -> None:
     assert not news.fill(NodeId(9), takes=True).open
     news.keep_only([ME, B])
     assert not news.fill(A, takes=True).open
-    assert news.changes(NODES)[1] == 0
+    assert news.changes(NODES, LONG_AGO)[1] == 0
 
 
 def test_what_passed_between_us_raises_no_doubt() -> None:
@@ -58,11 +68,11 @@ def test_what_passed_between_us_raises_no_doubt() -> None:
     news.book(ME, A, 20)
     news.measure(30, 100, 4.0)
     assert news.fill(A, takes=True).used == 72
-    assert news.changes(NODES) == [0, 2, 0]
+    assert news.changes(NODES, LONG_AGO) == [0, 2, 0]
     news.measure(40, 100, 5.0)
     news.book(B, ME, 10)
     news.measure(40, 100, 6.0)
-    assert news.changes(NODES) == [0, 2, 0], "it was measured before it was booked"
+    assert news.changes(NODES, LONG_AGO) == [0, 2, 0], "it was measured before it was booked"
 
 
 @given(st.sets(st.integers(0, 1000), min_size=1, max_size=30), st.integers(0, 40), st.sampled_from(Side))

@@ -130,11 +130,11 @@ def test_with_fresh_news_every_byte_crosses_a_bound_once_and_each_bound_is_moved
     assert crowd.handovers - quiet <= nodes
 
 
-@pytest.mark.parametrize("news", [(0.5, 0), (0.3, 3), (0.1, 0), (0.1, 10)])
+@pytest.mark.parametrize("news", [(0.5, 0, 0.0), (0.3, 3, 0.0), (0.1, 0, 0.02), (0.1, 10, 0.1)])
 @pytest.mark.parametrize(("nodes", "seed"), [(2, 0), (3, 1), (5, 2), (8, 3)])
-def test_old_news_delay_but_do_not_send_records_to_and_fro(nodes: int, seed: int, news: tuple[float, int]) -> None:
+def test_old_news_delay_but_do_not_send_records_to_and_fro(nodes: int, seed: int, news: tuple[float, int, float]) -> None:
     used, capacity = loaded(nodes, seed)
-    crowd = Crowd(used, capacity, news=news[0], age=news[1], seed=seed)
+    crowd = Crowd(used, capacity, news=news[0], age=news[1], loss=news[2], seed=seed)
     settle(crowd, 200 + 80 * nodes)
     assert crowd.moved <= 1.7 * sum(needed(used, capacity))
     before = crowd.moved
@@ -148,8 +148,8 @@ def test_old_news_delay_but_do_not_send_records_to_and_fro(nodes: int, seed: int
 @pytest.mark.slow
 def test_fifty_nodes_with_the_news_that_gossip_brings() -> None:
     used, capacity = loaded(50, 3)
-    crowd = Crowd(used, capacity, news=0.3, age=3, seed=3)
-    settle(crowd, 1500)
+    crowd = Crowd(used, capacity, news=1 / 50, age=10, loss=0.02, seed=3)
+    settle(crowd, 800)
     assert crowd.moved <= 1.5 * sum(needed(used, capacity))
 
 
