@@ -22,7 +22,7 @@ class QuietLog:
     def __init__(self, log: logging.Logger, level: int = logging.WARNING) -> None:
         self._log = log
         self._level = level
-        self._said: OrderedDict[tuple[str, str], tuple[float, int]] = OrderedDict()
+        self._said: OrderedDict[tuple[str, str], tuple[float | None, int]] = OrderedDict()
         self._minute_began: float | None = None
         self._lines = 0
         self._left_out = 0
@@ -30,8 +30,8 @@ class QuietLog:
     def say(self, now: float, source: str, kind: str, text: str) -> bool:
         """Log "source: text" unless that is too much by the two bounds. True if it was logged."""
         self._begin_minute(now)
-        said_at, skipped = self._said.pop((source, kind), (now - SILENCE_S, 0))
-        if now - said_at < SILENCE_S:
+        said_at, skipped = self._said.pop((source, kind), (None, 0))
+        if said_at is not None and now - said_at < SILENCE_S:
             self._remember(source, kind, said_at, skipped + 1)
             return False
         if self._lines >= LINES_MAX:
@@ -51,7 +51,8 @@ class QuietLog:
             self._log.log(self._level, "%d complaints like these, of many sources, were left out", self._left_out)
         self._minute_began, self._lines, self._left_out = now, 0, 0
 
-    def _remember(self, source: str, kind: str, said_at: float, skipped: int) -> None:
+    def _remember(self, source: str, kind: str, said_at: float | None, skipped: int) -> None:
+        """`said_at` None: it was never said, only left out."""
         self._said[source, kind] = (said_at, skipped)
         if len(self._said) > SOURCES_MAX:
             self._said.popitem(last=False)
