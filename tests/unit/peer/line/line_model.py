@@ -2,19 +2,18 @@
 
 Only what a node keeps durably survives its crash: its holding and its records (a version for each of sixteen cells).
 Each operation is one atomic step of one node, so every interleaving of steps is a run of this model. `check` states the
-invariants of specs/12-line.md; `calm` ends all faults and asks for a tiled line.
+invariants of specs/12-line.md; line_calm ends all faults and asks for a tiled line.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
-from scenefold.base.location import FIRST, LAST, arcs_between
+from scenefold.base.location import arcs_between
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Handover, Holding, Step, handover_id
 from scenefold.peer.line.holding_note import encode_holding
@@ -462,62 +461,3 @@ class Model:
                 assert giver.records.get(cell, 0) >= version, f"cell {cell} was deleted before it was claimed"
                 if self.head.is_current(found.peer):
                     assert self.nodes[found.peer].records.get(cell, 0) >= version, f"cell {cell} was released before it was durable"
-
-    # -------------------------------------------------------------------------------------------------------- calm
-
-    def calm(self, rounds: int = 60) -> None:
-        """No more faults: everybody learns, is leased, goes on. The line must be tiled and quiet in bounded time."""
-        self.messages.clear()
-        self.end_leases()
-        for _ in range(rounds):
-            for node in self.registered():
-                self.learn(node, self.head.position)
-                self.grant(node)
-                for side in Side:
-                    self._go_on(node, side)
-                for which in range(len(Side)):
-                    node.search = None
-                    for _ in range(2 * len(self.head.order) + 2):
-                        self.seek(node, which)
-                        self._deliver_all()
-            if self._is_quiet():
-                break
-        self.check()
-        arcs = [node.holding.arc for node in self.registered() if node.holding.arc is not None]
-        assert arcs, "nobody owns anything"
-        assert arcs[0].first == FIRST, "the line has no beginning"
-        assert arcs[-1].last == LAST, "the line has no end"
-        assert all(left.last.next() == right.first for left, right in pairwise(arcs)), "the line has a gap"
-        assert self._is_quiet(), "a handover never ends"
-
-    def _go_on(self, node: Node, side: Side) -> None:
-        handover = node.holding.on(side)
-        if handover is None:
-            return
-        if self.take_back(node, side):
-            return
-        self.prod(node, side)
-        self._deliver_all()
-        if handover.step is Step.OFFERED:
-            peer = self.nodes[handover.peer].holding.find(handover.id)
-            if peer is None:
-                self.withdraw(node, side)
-            else:
-                for cell in cells_of(handover.piece):
-                    self.copy(node, side, cell)
-                    self._deliver_all()
-                node.frozen.add(handover.id)
-                self.release(node, side)
-        elif handover.step is Step.GIVEN:
-            while self.delete(node, side):
-                pass
-        self._deliver_all()
-
-    def _deliver_all(self) -> None:
-        while self.messages:
-            self.deliver(0, keep=False)
-
-    def _is_quiet(self) -> bool:
-        nodes = self.registered()
-        tiled = sum(len(cells_of(node.holding.arc)) for node in nodes) == CELLS
-        return tiled and not any(node.holding.handovers for node in nodes)

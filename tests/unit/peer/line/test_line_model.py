@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from scenefold.base.ids import NodeId
 from scenefold.peer.line.ends import Side
+from unit.peer.line.line_calm import calm
 from unit.peer.line.line_model import Model
 from unit.peer.line.line_nodes import CELLS, Node
 
@@ -89,7 +90,7 @@ def walk(seed: int, steps: int = 400, weights: list[int] = WEIGHTS) -> Model:
     for _ in range(steps):
         step(model, random, weights)
         model.check()
-    model.calm()
+    calm(model)
     return model
 
 
@@ -190,7 +191,7 @@ class Line(RuleBasedStateMachine):
         self.model.check()
 
     def teardown(self) -> None:
-        self.model.calm()
+        calm(self.model)
 
 
 TestLine = Line.TestCase
