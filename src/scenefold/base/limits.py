@@ -18,6 +18,8 @@ GROUP_TRIANGLES_TARGET = 8_000
 """Triangles of a group, the unit of paging and of what a cell holds."""
 SPACE_DIMENSIONS_MAX = 8
 """Three bits on the wire hold dimensions minus one."""
+SPACE_PLACE_BITS = 24
+"""2 to this: places along an axis of a space that numbers must tell apart, wherever the space is moved to; as many as float32 has."""
 NODES_MAX = 1_024
 """Registered nodes of one cluster, and statuses in a routing table: what the simulation covers."""
 POOL_NODES_MAX = 127

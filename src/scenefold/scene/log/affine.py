@@ -5,12 +5,16 @@
 `home` is where a point lay when the space was created, in the box of its lattice; `world` is where it lies now.
 Every step is monotone in every coordinate, in float64 too: a point inside a box is carried to a point inside the
 carried box. So a query that carries its box back finds whatever was put with the very same arithmetic.
+
+Steps are composed exactly and rounded once, so there and back again is where it began, however far it went.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
+
+from scenefold.scene.log.dyadic import Dyadic
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,6 +27,8 @@ class Affine:
 
     factor: float
     offset: tuple[float, ...]
+    exact: tuple[Dyadic, ...] = field(default=(), repr=False, compare=False)
+    """Factor and offset before they were rounded; by default as they stand here."""
 
     @classmethod
     def identity(cls, dimensions: int) -> Self:
@@ -34,11 +40,16 @@ class Affine:
 
     def translated(self, by: tuple[float, ...]) -> Affine:
         """This, and then a translation."""
-        return Affine(self.factor, tuple(here + step for here, step in zip(self.offset, by, strict=True)))
+        factor, *offset = self._exactly()
+        return _rounded(factor, *(here.plus(Dyadic.of(step)) for here, step in zip(offset, by, strict=True)))
 
     def scaled(self, by: float) -> Affine:
         """This, and then a scale about the world's origin."""
-        return Affine(self.factor * by, tuple(here * by for here in self.offset))
+        step = Dyadic.of(by)
+        return _rounded(*(here.times(step) for here in self._exactly()))
+
+    def _exactly(self) -> tuple[Dyadic, ...]:
+        return self.exact or tuple(map(Dyadic.of, (self.factor, *self.offset)))
 
     def apply(self, points: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
         """World positions float64[..., D] of home positions."""
@@ -55,3 +66,7 @@ class Affine:
         with np.errstate(over="ignore", invalid="ignore"):
             found: npt.NDArray[np.float64] = (np.asarray(points, np.float64) - np.asarray(self.offset)) / self.factor
         return found
+
+
+def _rounded(factor: Dyadic, *offset: Dyadic) -> Affine:
+    return Affine(factor.rounded(), tuple(here.rounded() for here in offset), (factor, *offset))

@@ -17,6 +17,7 @@ from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.limits import SPACES_PER_SCENE_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.affine import Affine
+from scenefold.scene.log.resolution import lost_by
 from scenefold.scene.log.space import LoggedSpace, Step
 from scenefold.wire import (
     NO_RECORD,
@@ -174,15 +175,17 @@ class SceneLog:
             created=position,
         )
         if entry.parent:
-            self._check_shadow(created)
-        return replace(self, spaces=_with(self.spaces, entry.space, created))
+            created = self._shadow(created)
+        return replace(self, spaces=_with(self.spaces, entry.space, _resolved(created)))
 
-    def _check_shadow(self, shadow: LoggedSpace) -> None:
+    def _shadow(self, shadow: LoggedSpace) -> LoggedSpace:
         parent = self.spaces.get(shadow.parent)
         if parent is None or parent.parent:
             raise _ill_formed(f"space {shadow.id} cannot be a shadow of space {shadow.parent}")
-        if (parent.dimensions, parent.curve, parent.node_managed) != (shadow.dimensions, shadow.curve, shadow.node_managed):
-            raise _ill_formed(f"a shadow has the dimensions, curve and management of its parent, space {parent.id}")
+        if _shape(parent) != _shape(shadow):
+            raise _ill_formed(f"a shadow has the dimensions, curve, management and box of its parent, space {parent.id}")
+        # It holds what its parent holds, so it lies where that lies.
+        return replace(shadow, transform=parent.transform, steps=parent.steps)
 
     def _moved(self, space: SpaceId) -> LoggedSpace:
         found = self.spaces.get(space)
@@ -195,13 +198,11 @@ class SceneLog:
         return found
 
     def _stepped(self, space: LoggedSpace, step: Step) -> SceneLog:
-        moved = space.stepped(step)
-        low, high = moved.world_box
-        if not all(map(math.isfinite, (moved.transform.factor, *moved.transform.offset, *low, *high))):
-            raise _ill_formed(f"space {space.id} would leave the range of numbers")
-        if not all(first < last for first, last in zip(low, high, strict=True)):
-            raise _ill_formed(f"space {space.id} would have no extent left")
-        return replace(self, spaces=_with(self.spaces, space.id, moved))
+        moved = _resolved(space.stepped(step))
+        spaces = _with(self.spaces, space.id, moved)
+        for shadow in [other for other in spaces.values() if other.parent == space.id]:
+            spaces = _with(spaces, shadow.id, replace(shadow, transform=moved.transform, steps=moved.steps))
+        return replace(self, spaces=spaces)
 
 
 def _joined(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:
@@ -218,6 +219,18 @@ def _left(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:
 
 def _with(mapping: Mapping[Key, Value], key: Key, value: Value) -> Mapping[Key, Value]:
     return MappingProxyType({**mapping, key: value})
+
+
+def _shape(space: LoggedSpace) -> tuple[object, ...]:
+    return space.dimensions, space.curve, space.node_managed, space.low, space.high
+
+
+def _resolved(space: LoggedSpace) -> LoggedSpace:
+    """The space; Refused if its places cannot be told apart where it lies. Where nodes choose, there are none."""
+    lost = None if space.node_managed else lost_by(space)
+    if lost is not None:
+        raise _ill_formed(lost)
+    return space
 
 
 def _ill_formed(what: str) -> Refused:

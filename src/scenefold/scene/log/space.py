@@ -238,7 +238,8 @@ class LoggedSpace:
 
 
 def _after(transform: Affine, step: Step) -> Affine:
-    return transform.scaled(step.factor).translated(step.offset)
+    # A scale leaves the offset of its step at 0, a translation the factor at 1: one of the two is nothing.
+    return transform.scaled(step.factor) if step.factor != 1.0 else transform.translated(step.offset)
 
 
 def _text(corner: Sequence[float]) -> str:

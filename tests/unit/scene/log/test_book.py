@@ -85,6 +85,15 @@ def test_members_come_and_go() -> None:
 SHADOW = space(space=SpaceId(12), name="shade", parent=HALL)
 
 
+def test_a_shadow_lies_where_its_parent_lies() -> None:
+    later = replace(SHADOW, space=SpaceId(13), name="later")
+    log = with_entries(space(), SHADOW, TranslateSpace(HALL, (1.0, 2.0, 3.0)), later, ScaleSpace(HALL, 2.0))
+    hall, shade, latest = (log.named(name) for name in ("hall", "shade", "later"))
+    assert hall.world_box == shade.world_box == latest.world_box == ((2.0, 4.0, 6.0), (18.0, 20.0, 22.0))
+    assert shade.transform_since(3) == latest.transform_since(3) == hall.transform_since(3)
+    assert (shade.created, latest.created) == (3, 5)
+
+
 @pytest.mark.parametrize(
     "entries",
     [
@@ -96,6 +105,7 @@ SHADOW = space(space=SpaceId(12), name="shade", parent=HALL)
         [space(parent=SpaceId(99))],
         [SHADOW],
         [space(), replace(SHADOW, dimensions=2, low=(0.0,) * 2, high=(1.0,) * 2)],
+        [space(), replace(SHADOW, high=(9.0,) * 3)],
         [space(), SHADOW, replace(SHADOW, space=SpaceId(13), name="deeper", parent=SpaceId(12))],
         [space(), SHADOW, TranslateSpace(SpaceId(12), (0.0,) * 3)],
         [TranslateSpace(HALL, (0.0,) * 3)],

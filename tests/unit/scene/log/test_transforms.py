@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -9,10 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenefold.base.ids import SpaceId
-from scenefold.base.location import Location
-from scenefold.scene.log import Affine, LoggedSpace, SpaceFault
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.location import FIRST, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.scene.log import Affine, LoggedSpace, SceneLog, SpaceFault
 from scenefold.scene.log.space import Step
+from scenefold.wire import CreateSpace, CurveKind, LogEntry, ScaleSpace, TranslateSpace
 
 KINDS = st.sampled_from(["hilbert", "z-order"])
 NUMBERS = st.floats(-1e3, 1e3)
@@ -153,3 +158,107 @@ def test_where_nodes_choose_the_places_there_are_no_positions() -> None:
         space.box_arcs((0.0,), (1.0,), 4)
     with pytest.raises(SpaceFault, match="nodes choose"):
         space.world_of([Location(bytes(20))])
+
+
+def logged(*entries: LogEntry, low: float = 0.0, high: float = 1.0, dimensions: int = 3) -> LoggedSpace:
+    """The space 11 by the log, which refuses what it must."""
+    made = CreateSpace(
+        SpaceId(11), dimensions, CurveKind.HILBERT, False, SpaceId(0), FIRST, 1, 1, False, "hall", (low,) * dimensions, (high,) * dimensions
+    )
+    log = SceneLog()
+    for entry in (made, *entries):
+        log = log.apply(log.next_record(entry, log.position.to_bytes(16, "big"), NodeId(1)))
+    return log.space(SpaceId(11))
+
+
+def moved(*by: float) -> TranslateSpace:
+    return TranslateSpace(SpaceId(11), by)
+
+
+def grown(by: float) -> ScaleSpace:
+    return ScaleSpace(SpaceId(11), by)
+
+
+def test_a_way_far_out_and_back_costs_no_digit() -> None:
+    steps = (Step(2, 1.0, (0.3,)), Step(3, 1.0, (1e15,)), Step(4, 1.0, (-1e15,)))
+    assert space_of(1, steps=steps).transform == Affine(1.0, (0.3,))
+    assert space_of(1, steps=steps).transform_since(2).is_identity
+
+
+@given(st.data(), st.integers(1, 8))
+def test_translations_there_and_back_are_no_translation(data: st.DataObject, dimensions: int) -> None:
+    far = st.floats(-1e15, 1e15)
+    way = data.draw(st.lists(st.tuples(*[far] * dimensions), min_size=1, max_size=6))
+    back = data.draw(st.permutations([tuple(-step for step in by) for by in way]))
+    start = data.draw(steps_of(dimensions))
+    steps = (*start, *(Step(9 + index, 1.0, by) for index, by in enumerate([*way, *back])))
+    assert space_of(dimensions, steps=steps).transform == space_of(dimensions, steps=start).transform
+
+
+@given(st.lists(st.one_of(FACTORS, st.floats(1e-100, 1e100)), min_size=1, max_size=8), st.lists(NUMBERS, min_size=8, max_size=8))
+def test_a_transform_is_the_exact_one_rounded_once(factors: list[float], offsets: list[float]) -> None:
+    transform, factor, offset = Affine.identity(1), Fraction(1), Fraction(0)
+    for by, along in zip(factors, offsets, strict=False):
+        transform = transform.scaled(by).translated((along,))
+        factor, offset = factor * Fraction(by), offset * Fraction(by) + Fraction(along)
+        assert transform == Affine(rounded(factor), (rounded(offset),))
+
+
+def rounded(exact: Fraction) -> float:
+    try:
+        return exact.numerator / exact.denominator
+    except OverflowError:
+        return float("inf") if exact > 0 else float("-inf")
+
+
+@given(st.integers(1, 8), st.data())
+@settings(max_examples=80, deadline=None)
+def test_what_a_log_accepts_keeps_its_places_apart(dimensions: int, data: st.DataObject) -> None:
+    """Of 2^24 places along each axis (fewer where there are fewer cells), neighbours stay two, and each is found where it is shown."""
+    entry = st.one_of(
+        st.floats(-1e9, 1e9).map(lambda by: moved(*[by] * dimensions)),
+        st.floats(1e-160, 1e160).map(grown),
+        st.sampled_from([grown(1e-150), grown(2.0**-500), moved(*[1e300] * dimensions), moved(*[1e-300] * dimensions)]),
+    )
+    low = data.draw(st.sampled_from([0.0, -1.0, 1e6, -3e7]))
+    entries: list[LogEntry] = []
+    for candidate in data.draw(st.lists(entry, max_size=5)):
+        with suppress(Refused):
+            logged(*entries, candidate, low=low, high=low + 1.0, dimensions=dimensions)
+            entries.append(candidate)
+    space = logged(*entries, low=low, high=low + 1.0, dimensions=dimensions)
+    curve = space.lattice.curve
+    bits = min(curve.cell_bits, 24)
+    # The middle of a place, so that what rounding does never puts it across an edge.
+    middle, step = (1 << curve.cell_bits - bits) >> 1, 1 << curve.cell_bits - bits
+    numbers = [0, 1, *data.draw(st.lists(st.integers(1, (1 << bits) - 2), max_size=4)), (1 << bits) - 2, (1 << bits) - 1]
+    cells = np.array([[number * step + middle] * dimensions for number in numbers], np.uint64)
+    there = space.world_of(curve.encode(cells))
+    again = curve.decode(space.locations_of(there))
+    assert (again >> np.uint64(curve.cell_bits - bits)).tolist() == [[number] * dimensions for number in numbers]
+    assert (there[0] < there[1]).all() and (there[-2] < there[-1]).all()
+
+
+@pytest.mark.parametrize(
+    ("entries", "complaint"),
+    [
+        ([moved(0.3, 0.0, 0.0), moved(1e15, 0.0, 0.0)], "from 1e\\+15 to 1e\\+15 on axis 0, so far off for its size"),
+        ([moved(0.0, 0.0, -1e9)], "on axis 2, so far off"),
+        ([grown(1e-320)], "scaled by 9.99989e-321 in all, less than numbers hold"),
+        ([grown(1e-200), grown(1e-110)], "less than numbers hold"),
+        ([grown(1e200), grown(1e200)], "leave the range of numbers"),
+        ([grown(1e300), moved(1e307, 0.0, 0.0), grown(100.0)], "leave the range of numbers"),
+        ([grown(1e-9), moved(1.0, 1.0, 1.0)], "so far off"),
+    ],
+)
+def test_where_numbers_lose_places_no_space_goes(entries: list[LogEntry], complaint: str) -> None:
+    logged(*entries[:-1])
+    with pytest.raises(Refused, match=complaint) as refused:
+        logged(*entries)
+    assert refused.value.reason is RejectReason.ILL_FORMED
+
+
+@pytest.mark.parametrize(("low", "high"), [(1e15, 1e15 + 1), (0.0, 1e-318), (1.0, 1.0 + 2**-40)])
+def test_no_space_is_made_where_numbers_have_no_places(low: float, high: float) -> None:
+    with pytest.raises(Refused, match="so far off"):
+        logged(low=low, high=high)
