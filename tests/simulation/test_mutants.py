@@ -12,7 +12,7 @@ from scenefold.simulation.run import run
 SEEDS: dict[str, tuple[str, tuple[int, ...]]] = {
     "durable before ack": (laws.DURABLE, (0, 1)),
     "durable before release": (laws.CARRIED, (7, 8, 0)),
-    "indirect probe": (laws.REMOVED_RIGHTLY, (7, 1, 3, 9)),
+    "indirect probe": (laws.REMOVED_RIGHTLY, (43, 7, 1)),
     "last copy": (laws.CARRIED, (0, 26, 33)),
     "left fence": (laws.ONE_OWNER, (0, 1)),
     "owner lease": (laws.ONE_OWNER, (0, 4, 9)),
