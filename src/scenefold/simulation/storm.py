@@ -25,8 +25,8 @@ from scenefold.world.sim import CALM, Point, Weather, dice
 
 RESERVE_LEFT_BYTES = 128 << 20
 """Half of a store's reserve: new records are refused, what may use the reserve goes on."""
-RECORDED_S = 5.0
-"""A node that was restarted has asked for a lease by then, so that the voter knows of its start."""
+RECORDED_LOOK_S, RECORDED_LOOKS_MAX = 0.5, 40
+"""For a node that was restarted to be granted a lease: it may be cut off, or the voter down."""
 
 _POINTS = {
     Kind.CRASH_BEFORE_COMMIT: Point.BEFORE_COMMIT,
@@ -244,23 +244,27 @@ class Storm:
         node is started again right after the backup; the passing of a minute does, too.
         """
         node = self._node(fault)
-        if not node.is_wanted:
+        if node.has_left or incarnation_of(node.disk) is None:
             return
         backup, incarnation, lives = node.disk.snapshot(), incarnation_of(node.disk), lives_of(node.disk)
-        if fault.begin_s % 1 < 0.5:
-            self._cluster.crash(node.slot)
+        if fault.begin_s % 1 < 0.5 and self._cluster.crash(node.slot):
             await self._cluster.restart(node.slot, 0.2)
-        await trio.sleep_until(max(fault.end_s, self._net.now + RECORDED_S))
+        await trio.sleep_until(fault.end_s)
         if not (self._is_over or self._has_lived_on(node, incarnation, lives)) and self._cluster.crash(node.slot):
             await self._cluster.restart(node.slot, 0.2)
-            await trio.sleep(RECORDED_S)
-        if self._is_over or not self._has_lived_on(node, incarnation, lives) or not self._cluster.crash(node.slot):
+            for _ in range(RECORDED_LOOKS_MAX):
+                if self._has_lived_on(node, incarnation, lives):
+                    break
+                await trio.sleep(RECORDED_LOOK_S)
+        if self._is_over or node.has_left or not self._has_lived_on(node, incarnation, lives):
             return
+        was_up = self._cluster.crash(node.slot)
         self._begins(fault)
         before = self._watch.records(node.slot)
         node.disk.restore(backup)
         self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
-        await self._cluster.restart(node.slot, 0.5)
+        if was_up:
+            await self._cluster.restart(node.slot, 0.5)
 
     def _has_lived_on(self, node: Node, incarnation: bytes | None, lives: Lives) -> bool:
         """Whether the node was granted a life that is not among these, and is still of this incarnation."""
