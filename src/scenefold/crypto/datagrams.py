@@ -1,6 +1,6 @@
 """Signed datagrams: who sent it, to whom, and which one it was (specs/03-wire.md, Datagrams).
 
-     0  magic      "SFD1"                   8  target     u32, node id; 0: whoever hears it
+     0  magic      "SFD", "1"                8  target     u32, node id; 0: whoever hears it
      4  sender     u32, node id            12  counter    u64, rises over the sender's life
                                            20  signature  64 bytes, over all the rest
                                            84  packet
@@ -18,11 +18,17 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import NodeId
 from scenefold.crypto.keys import DATAGRAM_DOMAIN, SIGNATURE_BYTES, PublicKey, SigningKey
 
-_MAGIC = b"SFD1"
+DATAGRAM_VERSION = 1
+_FAMILY = b"SFD"
+_MAGIC = b"%b%d" % (_FAMILY, DATAGRAM_VERSION)
 _HEAD = struct.Struct(">4sIIQ")
 DATAGRAM_OVERHEAD_BYTES = _HEAD.size + SIGNATURE_BYTES
 EVERYBODY = NodeId(0)
 WINDOW_BITS = 64
+
+
+class StrangeVersion(DamagedData):
+    """A datagram of a version of the protocol that this program does not take, or one that says so: nothing of it is verified."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +58,19 @@ def sign_datagram(signing_key: SigningKey, sender: NodeId, counter: int, payload
 
 
 def parse_datagram(data: bytes) -> SignedDatagram:
-    """Takes a datagram apart, so that the sender's key can be looked up; DamagedData if it is none of ours."""
+    """Takes a datagram apart, so that the sender's key can be looked up; DamagedData if it is none of ours.
+
+    StrangeVersion if it is one of another version.
+    """
+    data = bytes(data)
+    if data[: len(_MAGIC)] != _MAGIC and data.startswith(_FAMILY) and data[len(_FAMILY) : len(_MAGIC)].isdigit():
+        version = data[len(_FAMILY) : len(_MAGIC)].decode()
+        raise StrangeVersion(
+            f"it is of version {version} of the protocol, this node takes version {DATAGRAM_VERSION}",
+            remedy="let all nodes run the same version of scenefold",
+        )
     if len(data) < DATAGRAM_OVERHEAD_BYTES:
         raise DamagedData(f"a datagram of {len(data)} bytes is too short to be ours")
-    data = bytes(data)
     magic, sender, target, counter = _HEAD.unpack_from(data)
     if magic != _MAGIC:
         raise DamagedData("a datagram that is not ours")

@@ -18,7 +18,7 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, ReplayWindow, parse_datagram, sign_datagram, verify_datagram
+from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, ReplayWindow, StrangeVersion, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.ranges import Ranges, range_rejection
 from scenefold.peer.registry import Registry
 from scenefold.peer.status import OwnStatus
@@ -73,7 +73,9 @@ class RangeDatagrams:
             try:
                 sender, packet = self._opened(data)
             except (DamagedData, MalformedPacket) as problem:
-                self._drop(source.address, "forged", f"a datagram is dropped: {problem}")
+                self._drop(
+                    source.address, "version" if isinstance(problem, StrangeVersion) else "forged", f"a datagram is dropped: {problem}"
+                )
                 continue
             if isinstance(packet, QueryRange):
                 try:

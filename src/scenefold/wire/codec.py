@@ -24,7 +24,7 @@ from scenefold.wire.table import RESERVED, ROWS
 from scenefold.wire.tokens import TRUNCATED, read_array_head, read_uint
 
 PROTOCOL_VERSION = 1
-"""Of what this module speaks; negotiated when a connection opens."""
+"""Of what this module speaks; the handshake of each connection agrees on one (world/versions.py)."""
 
 _HEAD_FIELDS = 3
 _PING_BROADCAST = 1
@@ -82,7 +82,7 @@ def _pack(packet: Packet) -> Any:
 def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOCOL_VERSION) -> Packet:
     """The packet that `data` is, wholly. MalformedPacket, with the field's name, is all that it raises.
 
-    `version` is the sender's, as negotiated: a later one may append fields that we do not know.
+    `version` is the connection's: a later one than ours may append fields that we do not know.
     """
     if len(data) > FRAME_BYTES_MAX:
         raise MalformedPacket("frame", f"{len(data)} bytes, at most {FRAME_BYTES_MAX} are allowed")
@@ -99,7 +99,7 @@ def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOC
         name = "request_id" if layout is None else layout.name
         request_id = _peek_request_id(data, at)
         if layout is None:
-            raise _unknown(number, request_id)
+            raise _unknown(number, request_id, version)
         _check_count(count, len(layout.fields) + 1, version)
         (packet_id, mini_status, *values), at = layout.read_fields(data, at)
         for _ in range(count - len(layout.fields) - 1):
@@ -126,12 +126,14 @@ def _peek_request_id(data: bytes, at: int) -> int | None:
     return value if value <= U32.most else None
 
 
-def _unknown(number: int, request_id: int | None) -> MalformedPacket:
+def _unknown(number: int, request_id: int | None, version: int) -> MalformedPacket:
     if number in RESERVED:
         return UnsupportedPacket(number, RESERVED[number], request_id=request_id)
+    if version > PROTOCOL_VERSION:
+        return UnsupportedPacket(number, f"is no packet of version {PROTOCOL_VERSION}", request_id=request_id)
     return MalformedPacket("type", f"{number} is no packet", request_id=request_id)
 
 
 def _check_count(count: int, expected: int, version: int) -> None:
     if count < expected or (count > expected and version <= PROTOCOL_VERSION):
-        raise Misfit(f"{count} fields, {expected} were expected")
+        raise Misfit(f"{count} fields, {expected} were expected in version {min(version, PROTOCOL_VERSION)}")

@@ -142,7 +142,7 @@ class Channel:
         number: int | None
         answer: Packet | Exception
         try:
-            answer = decode_packet(frame)
+            answer = decode_packet(frame, version=self._connection.version)
             number = answer.request_id
         except MalformedPacket as error:
             self._complain("malformed", str(error))

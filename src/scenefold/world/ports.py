@@ -110,6 +110,11 @@ class Connection(Protocol):
         """The name in the peer's certificate: "node:<id>" or "user:<name>"."""
         ...
 
+    @property
+    def version(self) -> int:
+        """The version of the protocol that both ends have agreed on."""
+        ...
+
     async def send(self, data: bytes | memoryview) -> None:
         """Send everything; ConnectionLost if that is impossible. Cancelled, it leaves the stream unusable."""
         ...
@@ -160,7 +165,10 @@ class Network(Protocol):
         ...
 
     async def connect(self, address: str, priority: Priority) -> Connection:
-        """Connect to the node at an address, and see that it is the node that it should be; else Unreachable."""
+        """Connect to the node at an address, and see that it is the node that it should be; else Unreachable.
+
+        Also if no version of the protocol is common: then both sides say which ones they take.
+        """
         ...
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> Datagrams:

@@ -17,7 +17,7 @@ import trio
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.limits import BULK_ANSWERS_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
+from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, UnsupportedPacket, decode_packet, encode_frame
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost
 from scenefold.world.quiet import QuietLog
@@ -112,13 +112,14 @@ class _Serving:
         """The answer to a packet. `held` keeps what must stay taken until the answer has left."""
         number = 0
         try:
-            packet = decode_packet(frame)
+            packet = decode_packet(frame, version=self._connection.version)
             number = packet.request_id
             if packet.BULK_ANSWER:
                 await held.enter_async_context(self._bulk_slots)
             answer = await self._handler(packet, self._connection.peer)
         except MalformedPacket as error:
-            self._malformed += 1
+            # A packet of a later version is no sign of a broken peer.
+            self._malformed += not isinstance(error, UnsupportedPacket)
             self._complain("malformed", str(error))
             # Id 0 would end the connection at the other side; but whoever waits there has a timeout.
             number = number or error.request_id or 0

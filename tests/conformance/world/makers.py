@@ -20,6 +20,7 @@ from scenefold.store import LmdbDisk
 from scenefold.store.lmdb_disk import DATA_NAME
 from scenefold.world import Ports, World, real_world
 from scenefold.world.sim import SimNet
+from scenefold.world.versions import TAKEN, Versions
 
 DESCRIPTORS = Path("/proc/self/fd")
 """The open files of this process, where the system shows them."""
@@ -34,9 +35,11 @@ class Worlds(Protocol):
         """The address of a node of this cluster, 0 <= number < 100."""
         ...
 
-    def node(self, number: int) -> World: ...
+    def node(self, number: int, versions: Versions = TAKEN) -> World: ...
 
-    def user(self, name: str) -> World: ...
+    def user(self, name: str, versions: Versions = TAKEN) -> World:
+        """`versions` of the protocol that its program takes."""
+        ...
 
     def stranger(self) -> World:
         """A user of another cluster, at the same place."""
@@ -72,11 +75,11 @@ class RealWorlds:
         address = self.address(number)
         return self.authority.issue(f"node:{node_id_of(address)}", [address])
 
-    def node(self, number: int) -> World:
-        return self._world(self.identity(number), self.authority)
+    def node(self, number: int, versions: Versions = TAKEN) -> World:
+        return self._world(self.identity(number), self.authority, versions)
 
-    def user(self, name: str) -> World:
-        return self._world(self.authority.issue(f"user:{name}", []), self.authority)
+    def user(self, name: str, versions: Versions = TAKEN) -> World:
+        return self._world(self.authority.issue(f"user:{name}", []), self.authority, versions)
 
     def stranger(self) -> World:
         # It trusts the cluster that it wants into, and has a certificate of its own cluster.
@@ -115,8 +118,9 @@ class RealWorlds:
                 os.close(whole)
             os.close(unwritable)
 
-    def _world(self, identity: Identity, authority: Authority) -> World:
-        return real_world(identity, authority.certificate, ports=self.ports, disk=LmdbDisk(map_bytes_first=1 << 20))
+    def _world(self, identity: Identity, authority: Authority, versions: Versions = TAKEN) -> World:
+        disk = LmdbDisk(map_bytes_first=1 << 20)
+        return real_world(identity, authority.certificate, ports=self.ports, disk=disk, versions=versions)
 
 
 class SimWorlds:
@@ -128,11 +132,11 @@ class SimWorlds:
     def address(self, number: int) -> str:
         return f"10.0.0.{number + 1}"
 
-    def node(self, number: int) -> World:
-        return self.net.world(f"node:{node_id_of(self.address(number))}", self.address(number))
+    def node(self, number: int, versions: Versions = TAKEN) -> World:
+        return self.net.world(f"node:{node_id_of(self.address(number))}", self.address(number), versions=versions)
 
-    def user(self, name: str) -> World:
-        return self.net.world(f"user:{name}")
+    def user(self, name: str, versions: Versions = TAKEN) -> World:
+        return self.net.world(f"user:{name}", versions=versions)
 
     def stranger(self) -> World:
         return self.net.world("user:mallory", authority="other")

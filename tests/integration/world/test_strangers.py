@@ -12,6 +12,7 @@ import trio
 from conformance.world.logs import logged
 from conformance.world.makers import RealWorlds
 from scenefold.base.limits import PENDING_HANDSHAKES_MAX
+from scenefold.crypto import client_context
 from scenefold.world import Connection, Priority
 from scenefold.world.real.network import RealNetwork
 
@@ -107,3 +108,57 @@ async def test_a_stranger_with_an_older_tls() -> None:
             await stream.do_handshake()
         await trio.aclose_forcefully(stream)
         await is_served(worlds)
+
+
+@asynccontextmanager
+async def member_that_offers(worlds: RealWorlds, *names: str) -> AsyncIterator[trio.SSLStream[trio.SocketStream]]:
+    """A member's program of another make, after its handshake."""
+    context = client_context(worlds.authority.issue("user:odd", []), worlds.authority.certificate)
+    if names:
+        context.set_alpn_protocols(list(names))
+    stream = trio.SSLStream(await knock(worlds), context, server_hostname=worlds.address(0))
+    await stream.do_handshake()
+    yield stream
+    await trio.aclose_forcefully(stream)
+
+
+@pytest.mark.expect_log("connection refused: user:odd names no version of the protocol, this program takes version 1: upgrade")
+@pytest.mark.parametrize("names", [(), ("http/1.1",), ("scenefold/0", "scenefold/01", "scenefold/1 ")])
+async def test_a_program_that_agrees_on_no_name_is_refused(names: tuple[str, ...]) -> None:
+    worlds = RealWorlds()
+    async with serving(worlds):
+        async with logged("names no version"), member_that_offers(worlds, *names) as stream:
+            with suppress(trio.BrokenResourceError):
+                assert await stream.receive_some() == b""
+        await is_served(worlds)
+
+
+@pytest.mark.expect_log("connection refused: user:odd (names|takes)")
+@pytest.mark.parametrize(
+    ("sent", "said"),
+    [
+        (b"SFDV\x00\x05\x00\x07", "takes versions 5 to 7 of the protocol, this program version 1: upgrade this program"),
+        (b"SFDV\x00\x07\x00\x05", "names no version"),
+        (b"SFDV\x00\x00\x00\x00", "names no version"),
+        (b"XXXX\x00\x05\x00\x07", "names no version"),
+        (b"GET / HTTP/1.0\r\n\r\n" * 1000, "names no version"),
+    ],
+)
+async def test_forged_ranges_of_versions(sent: bytes, said: str) -> None:
+    worlds = RealWorlds()
+    async with serving(worlds):
+        async with logged(said), member_that_offers(worlds, "scenefold/9", "scenefold") as stream:
+            assert stream.selected_alpn_protocol() == "scenefold"
+            assert await stream.receive_some() == b"SFDV\x00\x01\x00\x01"
+            await stream.send_all(sent)
+        await is_served(worlds)
+
+
+@pytest.mark.expect_log("connection refused: made no TLS handshake within")
+async def test_who_has_no_version_and_says_nothing_is_closed_in_time() -> None:
+    worlds = RealWorlds()
+    async with serving(worlds, handshake_s_max=0.3):
+        async with logged("no TLS handshake within"), member_that_offers(worlds, "scenefold") as stream:
+            with suppress(trio.BrokenResourceError):
+                while await stream.receive_some():
+                    pass

@@ -13,6 +13,7 @@ from scenefold.crypto import (
     InvalidSignature,
     ReplayWindow,
     SigningKey,
+    StrangeVersion,
     datagram_counter,
     parse_datagram,
     sign_datagram,
@@ -45,6 +46,27 @@ def test_any_changed_byte_is_noticed() -> None:
 def test_any_bytes(data: bytes) -> None:
     with pytest.raises(DamagedData):
         verify_datagram(parse_datagram(data), KEY.public)
+
+
+@given(st.binary(min_size=4, max_size=4))
+def test_only_its_own_version_passes_and_others_of_the_family_are_named(head: bytes) -> None:
+    whole = sign_datagram(KEY, SENDER, 5, b"status")
+    for magic in (head, b"SFD" + head[:1]):
+        data = magic + whole[4:]
+        if data == whole:
+            continue
+        with pytest.raises(DamagedData) as caught:
+            parse_datagram(data)
+        assert isinstance(caught.value, StrangeVersion) == (magic[:3] == b"SFD" and magic[3:].isdigit())
+
+
+@pytest.mark.parametrize("digit", [b"0", b"2", b"9"])
+def test_a_forged_version_is_not_verified_but_told(digit: bytes) -> None:
+    """Also without its end: a later version may be shorter than ours."""
+    whole = sign_datagram(KEY, SENDER, 5, b"status")
+    for data in (b"SFD" + digit + whole[4:], b"SFD" + digit):
+        with pytest.raises(StrangeVersion, match=f"of version {digit.decode()} of the protocol, this node takes version 1"):
+            parse_datagram(data)
 
 
 def test_another_key_and_a_cut() -> None:

@@ -186,6 +186,18 @@ def test_strangers_repetitions_and_other_packets_are_dropped() -> None:
     asking(test)
 
 
+@pytest.mark.expect_log("a datagram is dropped: it is of version 3 of the protocol, this node takes version 1")
+def test_a_question_of_a_later_version_is_dropped_and_its_version_named(caplog: pytest.LogCaptureFixture) -> None:
+    async def test(asker: Asker, _owner: Node, answering: RangeDatagrams) -> None:
+        later = [b"SFD3" + asker.sealed(question_of(RIGHT))[4:] for _ in range(4)]
+        await asker.send(*later, asker.sealed(question_of(RIGHT)))
+        assert isinstance(await asker.answer(), ReturnRange)
+        assert answering.dropped == 4
+        assert sum("of version 3" in record.getMessage() for record in caplog.records) == 1
+
+    asking(test)
+
+
 @pytest.mark.expect_log("there are too many")
 def test_more_questions_than_can_wait_are_dropped_and_the_others_answered(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test(asker: Asker, owner: Node, answering: RangeDatagrams) -> None:

@@ -18,6 +18,7 @@ class Wire:
     """A connection that only sends, piece by piece, as fast as it is allowed to."""
 
     peer = "node:1"
+    version = 1
 
     def __init__(self) -> None:
         self.sent = b""

@@ -23,6 +23,7 @@ from scenefold.world.real.binding import bind_fault
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
 from scenefold.world.real.handshakes import PendingHandshakes
 from scenefold.world.real.tls import TlsConnection, shake_hands
+from scenefold.world.versions import TAKEN, NoCommonVersion, Versions
 
 _log = logging.getLogger("scenefold.world.network")
 
@@ -30,10 +31,20 @@ _log = logging.getLogger("scenefold.world.network")
 class RealNetwork:
     """Sockets under the identity of one node or user."""
 
-    def __init__(self, identity: Identity, authority_cert: bytes, ports: Ports, *, handshake_s_max: float = HANDSHAKE_S_MAX) -> None:
+    def __init__(
+        self,
+        identity: Identity,
+        authority_cert: bytes,
+        ports: Ports,
+        *,
+        versions: Versions = TAKEN,
+        handshake_s_max: float = HANDSHAKE_S_MAX,
+    ) -> None:
         self._identity = identity
         self._authority_cert = authority_cert
+        self._versions = versions
         self._client_context = client_context(identity, authority_cert)
+        self._client_context.set_alpn_protocols(versions.names)
         self._ports = ports
         self._handshake_s_max = handshake_s_max
 
@@ -52,7 +63,8 @@ class RealNetwork:
             raise bind_fault(error, "TCP", address, port) from error
         # Made here and not at the start: a client's identity cannot serve.
         context = server_context(self._identity, self._authority_cert)
-        door = _Door(context, serve, self._handshake_s_max)
+        context.set_alpn_protocols(self._versions.names)
+        door = _Door(context, serve, self._versions, self._handshake_s_max)
         async with trio.open_nursery() as nursery:
             await nursery.start(trio.serve_listeners, door.receive, listeners)
             task_status.started()
@@ -68,6 +80,8 @@ class RealNetwork:
             raise _unreachable(where, os.strerror(error.errno) if error.errno else str(error)) from error
         except trio.TooSlowError:
             raise _unreachable(where, f"no answer within {self._handshake_s_max:g} s") from None
+        except NoCommonVersion as error:
+            raise _unreachable(where, error.what, error.remedy) from error
         except (ConnectionLost, PeerFault) as error:
             raise _unreachable(where, str(error)) from error
         expected = f"node:{node_id_of(address)}"
@@ -85,7 +99,7 @@ class RealNetwork:
             raise
         stream = trio.SocketStream(socket)
         try:
-            return await shake_hands(stream, self._client_context, dialled=address)
+            return await shake_hands(stream, self._client_context, self._versions, dialled=address)
         except BaseException:
             await trio.aclose_forcefully(stream)
             raise
@@ -97,8 +111,9 @@ class RealNetwork:
 class _Door:
     """Lets authenticated peers in and keeps strangers from standing in their way."""
 
-    def __init__(self, context: ssl.SSLContext, serve: Serve, handshake_s_max: float) -> None:
+    def __init__(self, context: ssl.SSLContext, serve: Serve, versions: Versions, handshake_s_max: float) -> None:
         self._context = context
+        self._versions = versions
         self._serve = serve
         self._handshake_s_max = handshake_s_max
         self._quiet = QuietLog(_log)
@@ -127,19 +142,21 @@ class _Door:
             await connection.aclose()
 
     async def _authenticate(self, stream: trio.SocketStream, source: str) -> TlsConnection | None:
-        why = f"made no TLS handshake within {self._handshake_s_max:g} s"
+        kind, why = "stranger", f"made no TLS handshake within {self._handshake_s_max:g} s"
         with trio.move_on_after(self._handshake_s_max) as scope:
             self._pending.admit(scope, source)
             try:
-                return await shake_hands(stream, self._context)
+                return await shake_hands(stream, self._context, self._versions)
+            except NoCommonVersion as error:
+                kind, why = "version", str(error)
             except (ConnectionLost, PeerFault, OSError) as error:
                 why = str(error)
             finally:
                 self._pending.leave(scope)
-        self._quiet.say(time.monotonic(), source, "stranger", f"connection refused: {why}")
+        self._quiet.say(time.monotonic(), source, kind, f"connection refused: {why}")
         return None
 
 
-def _unreachable(where: str, why: str) -> Unreachable:
-    remedy = "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
+def _unreachable(where: str, why: str, remedy: str = "") -> Unreachable:
+    remedy = remedy or "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
     return Unreachable(f"no connection to the node: {why}", where=where, remedy=remedy)

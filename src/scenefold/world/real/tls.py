@@ -11,8 +11,10 @@ import ssl
 
 import trio
 
+from scenefold.base.errors import DamagedData
 from scenefold.crypto import peer_name
 from scenefold.world.ports import ConnectionLost
+from scenefold.world.versions import RANGE_BYTES, NoCommonVersion, Versions
 
 SEND_PIECE_BYTES = 256 * 1024
 CLOSE_S_MAX = 1.0
@@ -23,9 +25,10 @@ TlsStream = trio.SSLStream[trio.SocketStream]
 class TlsConnection:
     """A connection whose handshake has ended."""
 
-    def __init__(self, stream: TlsStream, peer: str) -> None:
+    def __init__(self, stream: TlsStream, peer: str, version: int) -> None:
         self._stream = stream
         self.peer = peer
+        self.version = version
 
     async def send(self, data: bytes | memoryview) -> None:
         view = memoryview(data)
@@ -52,13 +55,16 @@ class TlsConnection:
         await trio.lowlevel.checkpoint()
 
 
-async def shake_hands(stream: trio.SocketStream, context: ssl.SSLContext, *, dialled: str | None = None) -> TlsConnection:
+async def shake_hands(
+    stream: trio.SocketStream, context: ssl.SSLContext, versions: Versions, *, dialled: str | None = None
+) -> TlsConnection:
     """The handshake on a fresh TCP stream; the caller bounds its time, and closes the stream if this raises.
 
     `dialled` is the address that we connected to, which the peer's certificate must contain; None on the side that
-    accepts.
+    accepts. `context` offers the names of `versions`.
 
-    ConnectionLost if the peer cuts it, or shows no certificate of our authority; PeerFault if it names no one.
+    ConnectionLost if the peer cuts it, or shows no certificate of our authority; PeerFault if it names no one;
+    NoCommonVersion.
     """
     stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     stream.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -67,7 +73,27 @@ async def shake_hands(stream: trio.SocketStream, context: ssl.SSLContext, *, dia
         await secure.do_handshake()
     except trio.BrokenResourceError as error:
         raise ConnectionLost(why_broken(error)) from error
-    return TlsConnection(secure, peer_name(secure))
+    peer, name = peer_name(secure), secure.selected_alpn_protocol()
+    if name is None:
+        raise versions.apart_from_nothing(peer)
+    version = versions.named(name)
+    if version is None:
+        raise await _apart(secure, peer, versions)
+    return TlsConnection(secure, peer, version)
+
+
+async def _apart(secure: TlsStream, peer: str, ours: Versions) -> NoCommonVersion:
+    """Tell each other what we take."""
+    data = b""
+    try:
+        await secure.send_all(ours.pack())
+        while len(data) < RANGE_BYTES and (more := await secure.receive_some(RANGE_BYTES - len(data))):
+            data += more
+        return ours.apart_from(Versions.unpack(data), peer)
+    except trio.BrokenResourceError as error:
+        raise ConnectionLost(why_broken(error)) from error
+    except DamagedData:
+        return ours.apart_from_nothing(peer)
 
 
 def why_broken(error: Exception) -> str:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from scenefold.crypto import Identity
 from scenefold.world.ports import Disk, Environment, Network, Ports, World
 from scenefold.world.real.clock import RealClock
 from scenefold.world.real.entropy import RealEntropy
 from scenefold.world.real.workers import RealWorkers
+
+if TYPE_CHECKING:
+    from scenefold.world.versions import Versions
 
 _CORES = os.cpu_count() or 1
 
@@ -33,14 +36,16 @@ def real_world(
     ports: Ports | None = None,
     disk: Disk | None = None,
     lanes: Mapping[str, int] | None = None,
+    versions: Versions | None = None,
 ) -> World:
     """The world of one node, or of a client (which needs no disk), under its identity.
 
-    `lanes` overrides entries of DEFAULT_LANES. The disk comes from a floor above: `scenefold.store.LmdbDisk()`.
+    `lanes` overrides entries of DEFAULT_LANES. `versions` of the protocol: what this program takes, if not said otherwise. The disk comes from a floor above: `scenefold.store.LmdbDisk()`.
     """
     from scenefold.world.real.network import RealNetwork
+    from scenefold.world.versions import TAKEN
 
-    return _world(RealNetwork(identity, authority_cert, ports or Ports()), disk, lanes)
+    return _world(RealNetwork(identity, authority_cert, ports or Ports(), versions=versions or TAKEN), disk, lanes)
 
 
 def offline_world(*, disk: Disk | None = None, lanes: Mapping[str, int] | None = None) -> World:

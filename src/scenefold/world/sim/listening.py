@@ -97,6 +97,10 @@ class Listener:
         """A client found somebody else here than it wanted."""
         self._complain("stranger", "connection refused: the connection was cut")
 
+    def speaks_otherwise(self, client: Process) -> None:
+        """A client takes no version of the protocol that the process here takes."""
+        self._complain("version", f"connection refused: {self.process.versions.apart_from(client.versions, client.name)}")
+
     def _complain(self, kind: str, text: str) -> None:
         self._quiet.say(self._net.now, self._where.address, kind, text)
 
@@ -111,10 +115,11 @@ class Dial:
     done: trio.Event = field(default_factory=trio.Event)
     connection: SimConnection | None = None
     failure: str = ""
+    remedy: str = ""
     is_abandoned: bool = False
 
-    def finish(self, connection: SimConnection | None, failure: str = "") -> None:
-        self.connection, self.failure = connection, failure
+    def finish(self, connection: SimConnection | None, failure: str = "", remedy: str = "") -> None:
+        self.connection, self.failure, self.remedy = connection, failure, remedy
         self.done.set()
 
 
@@ -132,7 +137,7 @@ async def connect(net: SimNet, process: Process, address: str, port: int) -> Sim
     finally:
         dial.is_abandoned = dial.connection is None
     if dial.connection is None:
-        raise _unreachable(where, dial.failure or f"no answer within {HANDSHAKE_S_MAX:g} s")
+        raise _unreachable(where, dial.failure or f"no answer within {HANDSHAKE_S_MAX:g} s", dial.remedy)
     return dial.connection
 
 
@@ -154,8 +159,9 @@ def _knock(net: SimNet, dial: Dial) -> None:
         net.after_trips((there, here), 1, dial.finish, None, "connection refused")
         return
     there_pipe, back_pipe = net.pipes(dial.process, listener.process, (here, there))
-    node_side = SimConnection(net, listener.process, dial.process.name, back_pipe, there_pipe)
-    client_side = SimConnection(net, dial.process, listener.process.name, there_pipe, back_pipe)
+    version = dial.process.versions.common(listener.process.versions) or 0
+    node_side = SimConnection(net, listener.process, dial.process.name, version, back_pipe, there_pipe)
+    client_side = SimConnection(net, dial.process, listener.process.name, version, there_pipe, back_pipe)
     net.after_trips((there, here), 1, _meet, dial, listener, client_side, node_side)
 
 
@@ -172,12 +178,18 @@ def _meet(dial: Dial, listener: Listener, client_side: SimConnection, node_side:
         client_side.abort()
         node_side.abort()
         dial.finish(None, f"{client_side.peer} answers there instead of {expected}")
+    elif not client_side.version:
+        listener.speaks_otherwise(dial.process)
+        client_side.abort()
+        node_side.abort()
+        problem = dial.process.versions.apart_from(listener.process.versions, client_side.peer)
+        dial.finish(None, problem.what, problem.remedy)
     else:
         client_stranger = dial.process.authority != listener.process.trusts
         client_side.introduce(lambda node_side: listener.admit(node_side, client_stranger))
         dial.finish(client_side)
 
 
-def _unreachable(where: str, why: str) -> Unreachable:
-    remedy = "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
+def _unreachable(where: str, why: str, remedy: str = "") -> Unreachable:
+    remedy = remedy or "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
     return Unreachable(f"no connection to the node: {why}", where=where, remedy=remedy)

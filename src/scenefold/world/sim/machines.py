@@ -18,6 +18,7 @@ from trio.lowlevel import Abort, Task
 
 from scenefold.world.sim.clock import SimClock
 from scenefold.world.sim.disk import SimDisk
+from scenefold.world.versions import TAKEN, Versions
 
 if TYPE_CHECKING:
     from scenefold.world.sim.datagrams import SimDatagrams
@@ -86,6 +87,7 @@ class Process:
     machine: Machine
     authority: str
     trusts: str
+    versions: Versions = TAKEN
     is_alive: bool = True
     connections: dict[SimConnection, None] = field(default_factory=dict)
     sockets: dict[SimDatagrams, None] = field(default_factory=dict)

@@ -26,6 +26,7 @@ from scenefold.world.sim.time import VirtualTime, current_time_of_simulation
 from scenefold.world.sim.trace import Trace
 from scenefold.world.sim.weather import CALM, Delay, Weather, fate_of_datagram
 from scenefold.world.sim.workers import COSTS, SimWorkers
+from scenefold.world.versions import TAKEN, Versions
 
 CLIENT_NETWORK = "10.255."
 EPHEMERAL_PORT = 40_000
@@ -68,18 +69,19 @@ class SimNet(Faults):
         *,
         authority: str = "cluster",
         trusts: str = "cluster",
+        versions: Versions = TAKEN,
     ) -> World:
         """The world of a new process: "node:<id>" at its address, or "user:<name>" without one.
 
         A machine is made when it is first named, with `disk` or an empty one; a later `disk` is put into it. A process
         named like an earlier one draws other randomness. `authority` issued its certificate, and it believes in those
-        that `trusts` issued.
+        that `trusts` issued. Its program takes these `versions` of the protocol.
         """
         machine = self.machine(address or name) if (address or name) in self._machines else self._new_machine(name, address)
         if disk is not None:
             machine.disk = disk
         machine.lives += 1
-        process = Process(name, machine, authority, trusts)
+        process = Process(name, machine, authority, trusts, versions)
         machine.processes.append(process)
         self._come_up(machine)
         entropy = SimEntropy(self.seed, f"entropy of life {machine.lives} at {machine.name} of {name}")

@@ -19,8 +19,9 @@ PIECE_BYTES_MAX = 64 * 1024
 class SimConnection:
     """One end of a connection, in the hands of a process."""
 
-    def __init__(self, net: SimNet, process: Process, peer: str, outgoing: Pipe, incoming: Pipe) -> None:
+    def __init__(self, net: SimNet, process: Process, peer: str, version: int, outgoing: Pipe, incoming: Pipe) -> None:
         self.peer = peer
+        self.version = version
         self._net = net
         self._process = process
         self._out = outgoing
