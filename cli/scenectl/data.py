@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text
-from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceOption, whole
+from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceName, SpaceOption, whole
+
+if TYPE_CHECKING:
+    from scenefold.client import Scene, Space
 
 app = App(name="data", help="Read and write single records of a scene.", help_format="plaintext")
 
@@ -34,7 +37,7 @@ def put(
     Parameters
     ----------
     space
-        Number of the space, or its name: meta, geometry, materials, textures, cameras, lights, instances, groups, renders, files.
+        Number or name of the space: yours, or meta, geometry, materials, textures, cameras, lights, instances, groups, files.
     location
         Up to 40 hexadecimal digits; missing ones are 0.
     file
@@ -55,13 +58,15 @@ def put(
             "the file does not fit one record", where=str(file), remedy=f"split it into parts of up to {PAYLOAD_BYTES_MAX} bytes"
         )
 
-    async def work() -> None:
+    async def work() -> int:
         async with connect(output.profile) as cluster:
-            target = (await cluster.scenes.open(scene)).space(space.number)
+            target = await _space(await cluster.scenes.open(scene), space)
+            await _check_fixed(target, space)
             await target.put(location.first, payload, expect=ABSENT if new else None)
+            return target.id
 
-    run(work)
-    document = {"scene": scene, "space": space.number, "location": location.first.hex(), "bytes": len(payload)}
+    number = run(work)
+    document = {"scene": scene, "space": number, "location": location.first.hex(), "bytes": len(payload)}
     emit(output, document, f"{size_text(len(payload))} stored at {location.first.hex()}.")
 
 
@@ -94,15 +99,16 @@ def get(
     from scenefold.base.errors import LocalFault
     from scenefold.client import connect
 
-    async def work() -> bytes | None:
+    async def work() -> tuple[int, bytes | None]:
         async with connect(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).space(space.number).get(location.first)
+            asked = await _space(await cluster.scenes.open(scene), space)
+            return asked.id, await asked.get(location.first)
 
-    payload = run(work)
+    number, payload = run(work)
     if payload is None:
         place = f"scene {scene}, space {space}, {location.first.hex()}"
         raise LocalFault("there is no record", where=place, remedy="`scenectl data ls` lists those that are there")
-    document: dict[str, Any] = {"scene": scene, "space": space.number, "location": location.first.hex(), "bytes": len(payload)}
+    document: dict[str, Any] = {"scene": scene, "space": number, "location": location.first.hex(), "bytes": len(payload)}
     if to is not None:
         to.write_bytes(payload)
         emit(output, document | {"file": str(to)}, f"{size_text(len(payload))} written to {to}.")
@@ -140,20 +146,21 @@ def delete(
     from scenefold.base.errors import LocalFault
     from scenefold.client import connect
 
-    async def work() -> bool:
+    async def work() -> tuple[int, bool]:
         async with connect(output.profile) as cluster:
-            target = (await cluster.scenes.open(scene)).space(space.number)
+            target = await _space(await cluster.scenes.open(scene), space)
             [found] = await target.read([location.first])
             if found is None or found.deleted:
-                return False
+                return target.id, False
             # Exactly what was found goes, not what somebody else puts there in this moment.
             await target.delete(location.first, expect=found.digest)
-            return True
+            return target.id, True
 
-    if not run(work):
+    number, was_there = run(work)
+    if not was_there:
         place = f"scene {scene}, space {space}, {location.first.hex()}"
         raise LocalFault("there is no record", where=place, remedy="`scenectl data ls` lists those that are there")
-    emit(output, {"scene": scene, "space": space.number, "location": location.first.hex()}, f"{location.first.hex()} deleted.")
+    emit(output, {"scene": scene, "space": number, "location": location.first.hex()}, f"{location.first.hex()} deleted.")
 
 
 @app.command
@@ -191,20 +198,36 @@ def ls(
     if first.first > last.last:
         raise UsageFault("the first location lies behind the last", where=f"--first {first} --last {last}", remedy="exchange them")
 
-    async def work() -> tuple[list[str], bool]:
+    async def work() -> tuple[int, list[str], bool]:
         found: list[str] = []
         async with connect(output.profile) as cluster:
-            async for location in (await cluster.scenes.open(scene)).space(space.number).query(first.first, last.last):
+            asked = await _space(await cluster.scenes.open(scene), space)
+            async for location in asked.query(first.first, last.last):
                 if len(found) == limit:
-                    return found, True
+                    return asked.id, found, True
                 found.append(location.hex())
-        return found, False
+        return asked.id, found, False
 
-    locations, more = run(work)
+    number, locations, more = run(work)
     text = "\n".join(locations)
     if more and not output.json:
         print(f"more than {limit}: go on with --first, or raise --limit", file=sys.stderr)
-    emit(output, {"scene": scene, "space": space.number, "locations": locations, "more": more}, text)
+    emit(output, {"scene": scene, "space": number, "locations": locations, "more": more}, text)
+
+
+async def _space(scene: Scene, space: SpaceName) -> Space:
+    """The space; only of one that has a name of its own the log is asked, whose keeper may be away."""
+    return await scene.space_named(space.text) if space.number is None else scene.space(space.number)
+
+
+async def _check_fixed(target: Space, space: SpaceName) -> None:
+    from scenefold.base.errors import UsageFault
+    from scenefold.scene.layout import SPACES
+
+    by_nodes = [one.id for one in SPACES if one.node_managed]
+    if target.id in by_nodes or (space.number is None and (await target.info()).node_managed):
+        remedy = "use `put_managed` of the Python client"
+        raise UsageFault("the nodes choose the places in this space", where=f"space {space}", remedy=remedy)
 
 
 def _read(file: Path, count: int) -> bytes:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
-from scenectl.positions import Box, BoxOption, PositionOption
-from scenectl.values import whole
+from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
+from scenectl.values import PlaceOption, name_or_number, whole
 
 if TYPE_CHECKING:
     from scenefold.client import Scene, Space
@@ -28,13 +29,19 @@ def create(
     scene: SceneOption,
     box: BoxOption | None = None,
     dimensions: Annotated[int | None, whole(1, 8)] = None,
-    curve: Literal["hilbert", "z-order"] = "hilbert",
+    curve: Literal["hilbert", "z-order"] | None = None,
     managed: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    parent: str | None = None,
+    offset: PlaceOption | None = None,
+    copies: Annotated[int, whole(1, 255)] = 1,
+    copies_min: Annotated[int | None, whole(1, 255)] = None,
     render_output: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     number: Annotated[int | None, whole(1, 8191)] = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Make a space; it is there for ever, and nodes know of it from the next record on.
+
+    Copies and shadows are noted and listed only: for now nodes keep one copy of each record, whatever is said here.
 
     Example: scenectl space create particles --box 0,0,0:4,3,5 --scene kitchen --profile studio
 
@@ -49,9 +56,17 @@ def create(
     dimensions
         1 to 8; by default as many as the box has, or 3.
     curve
-        The curve that maps positions to the line.
+        The curve that maps positions to the line; by default hilbert.
     managed
-        The nodes choose where records lie; they have ids instead of positions.
+        The nodes choose where records lie; they have ids instead of positions, so there is no box.
+    parent
+        Name or number of a space that this one shall be a shadow of, with the same box, dimensions, curve and management.
+    offset
+        How far along the line from a record the shadow's copy lies, in hexadecimal: 80 is half of the line.
+    copies
+        How many nodes shall hold each record.
+    copies_min
+        How many must hold a record before it counts as stored; by default 2, or as many as there are copies.
     render_output
         The space may be written while the scene is being rendered.
     number
@@ -59,9 +74,17 @@ def create(
     """
     from scenectl.running import run
 
-    options: dict[str, Any] = {"curve": curve, "node_managed": managed, "render_output": render_output, "space_id": number}
-    if dimensions is not None:
-        options["dimensions"] = dimensions
+    options: dict[str, Any] = {
+        "dimensions": dimensions,
+        "curve": curve,
+        "node_managed": managed or None,
+        "parent": None if parent is None else name_or_number(parent),
+        "offset": None if offset is None else offset.first,
+        "copies": copies,
+        "copies_min": copies_min,
+        "render_output": render_output,
+        "space_id": number,
+    }
     corners = None if box is None else (box.low, box.high)
 
     async def make(opened: Scene) -> LoggedSpace:
@@ -89,9 +112,10 @@ def list_(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> Non
         return opened.access.identity.position, spaces
 
     position, spaces = run(_in_scene, output.profile, scene, ask)
-    titles = ("number", "name", "D", "curve", "places", "box in the world", "scaled by", "moved by")
+    titles = ("number", "name", "D", "curve", "places", "copies", "box in the world", "scaled by", "moved by")
     document = {"scene": scene, "position": position, "spaces": [space.document() for space in spaces]}
-    emit(output, document, table(titles, map(_row, spaces)))
+    names = {space.id: space.name for space in spaces}
+    emit(output, document, table(titles, (_row(space, names) for space in spaces)))
 
 
 @app.command
@@ -119,7 +143,10 @@ def translate(
     from scenectl.running import run
 
     async def move(opened: Scene) -> LoggedSpace:
-        return await (await opened.space_named(_name_or_number(space))).translate(by.coordinates)
+        moved = await opened.space_named(name_or_number(space))
+        dimensions = (await moved.info()).dimensions
+        check_dimensions(len(by.coordinates), dimensions, "an offset", f"space {space}")
+        return await moved.translate(by.coordinates)
 
     _emit_moved(output, scene, run(_in_scene, output.profile, scene, move))
 
@@ -129,7 +156,7 @@ def scale(
     space: str,
     /,
     *,
-    by: float,
+    by: FactorOption,
     scene: SceneOption,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -149,7 +176,7 @@ def scale(
     from scenectl.running import run
 
     async def grow(opened: Scene) -> LoggedSpace:
-        return await (await opened.space_named(_name_or_number(space))).scale(by)
+        return await (await opened.space_named(name_or_number(space))).scale(by)
 
     _emit_moved(output, scene, run(_in_scene, output.profile, scene, grow))
 
@@ -182,7 +209,7 @@ def query(
     from scenectl.running import run
 
     async def ask(opened: Scene) -> tuple[dict[str, Any], list[dict[str, Any]], bool]:
-        asked = await opened.space_named(_name_or_number(space))
+        asked = await opened.space_named(name_or_number(space))
         return await _records(asked, box, limit)
 
     about, records, more = run(_in_scene, output.profile, scene, ask)
@@ -197,6 +224,8 @@ def query(
 async def _records(space: Space, box: Box | None, limit: int) -> tuple[dict[str, Any], list[dict[str, Any]], bool]:
     """What was asked, at most `limit` records, and whether there are more."""
     known = await space.info()
+    if box is not None and not known.node_managed:
+        check_dimensions(len(box.low), known.dimensions, "a corner of the box", f"space {known.name}")
     records: list[dict[str, Any]] = []
     if known.node_managed and box is None:
         about: dict[str, Any] = {"space": space.id, "low": None, "high": None}
@@ -231,18 +260,19 @@ def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace) -> None:
     emit(output, {"scene": scene, **space.document()}, text)
 
 
-def _row(space: LoggedSpace) -> tuple[object, ...]:
+def _row(space: LoggedSpace, names: Mapping[int, str]) -> tuple[object, ...]:
     low, high = space.world_box
+    places = "nodes choose" if space.node_managed else "fixed"
+    if space.parent:
+        places = f"shadow of {names[space.parent]}"
+    copies = "1" if space.copies == 1 else f"{space.copies}, at least {space.copies_min}"
+    known = space.id, space.name, space.dimensions, space.curve, places, copies
     if space.node_managed:
-        return space.id, space.name, space.dimensions, space.curve, "nodes choose", "-", "-", "-"
+        return *known, "-", "-", "-"
     moved = _corner(space.transform.offset) if any(space.transform.offset) else "-"
     factor = f"{space.transform.factor:g}" if space.transform.factor != 1.0 else "-"
-    return space.id, space.name, space.dimensions, space.curve, "fixed", f"{_corner(low)} to {_corner(high)}", factor, moved
+    return *known, f"{_corner(low)} to {_corner(high)}", factor, moved
 
 
 def _corner(corner: tuple[float, ...]) -> str:
     return "(" + ", ".join(f"{part:g}" for part in corner) + ")"
-
-
-def _name_or_number(text: str) -> str | int:
-    return int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else text

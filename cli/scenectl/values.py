@@ -205,23 +205,33 @@ LINE_END = Place("f")
 
 
 @dataclass(frozen=True)
-class SpaceNumber:
-    """A space by number, 1 to 8191, or by name, such as geometry."""
+class SpaceName:
+    """A space by number, 1 to 8191, or by name, such as geometry; whether the scene has it, its log says."""
 
-    number: int
+    text: str
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        if _is_digits(text):
-            if not 1 <= int(text) <= SPACE_ID_MAX:
-                raise ValueError(f"a space has a number from 1 to {SPACE_ID_MAX}, not {text}")
-            return cls(int(text))
-        if text.lower() not in SPACE_NAMES:
-            raise ValueError(f"no space is called {text!r}: {', '.join(SPACE_NAMES)}, or a number")
-        return cls(SPACE_NAMES.index(text.lower()) + 1)
+        if not text:
+            raise ValueError(f"a space has a name, such as {SPACE_NAMES[0]}, or a number")
+        if text.isascii() and text.isdigit() and not (_is_digits(text) and 1 <= int(text) <= SPACE_ID_MAX):
+            raise ValueError(f"a space has a number from 1 to {SPACE_ID_MAX}, not {text[:80]}")
+        return cls(text)
+
+    @property
+    def number(self) -> int | None:
+        """Its number, where that is known without the scene's log: given, or that of a space that every scene has."""
+        if self.text in SPACE_NAMES:
+            return SPACE_NAMES.index(self.text) + 1
+        return int(self.text) if _is_digits(self.text) else None
 
     def __str__(self) -> str:
-        return str(self.number)
+        return self.text
+
+
+def name_or_number(text: str) -> str | int:
+    """A space as the client takes it."""
+    return int(text) if _is_digits(text) else text
 
 
 HD_QUARTER = Size(640, 360)
@@ -234,7 +244,7 @@ AddressesOption = Annotated[Addresses, _ONE_WORD]
 PortsOption = Annotated[PortPair, _ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
 NodeCountsOption = Annotated[NodeCounts, _ONE_WORD]
 PlaceOption = Annotated[Place, _ONE_WORD]
-SpaceOption = Annotated[SpaceNumber, _ONE_WORD]
+SpaceOption = Annotated[SpaceName, _ONE_WORD]
 
 
 def whole(least: int, most: int, *, env_var: str | None = None) -> Parameter:

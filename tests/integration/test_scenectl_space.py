@@ -76,6 +76,10 @@ def test_a_managed_space_lists_ids(profile: str) -> None:
     made(profile, "results", "--managed")
     assert space(profile, "query", "results").json["records"] == []
     assert "nodes choose" in space(profile, "query", "results", "--box", "0,0,0:1,1,1").refusal(1)
+    assert "no box" in space(profile, "create", "sums", "--managed", "--box", "0,0,0:1,1,1").refusal(2)
+    for managed in ("results", "renders"):
+        refused = scenectl("data", "put", managed, "0a", "-", "--scene", "kitchen", profile=profile, stdin=b"x")
+        assert "nodes choose" in refused.refusal(2)
     assert "no positions" in space(profile, "scale", "results", "--by", "2").refusal(1)
 
 
@@ -93,23 +97,64 @@ def test_imported_geometry_is_asked_by_box_and_stays_where_it_is(profile: str, t
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["query", "hall", "--box", ",".join("0" * 17) + ":" + ",".join("1" * 17)], "3 coordinates here, not 17"),
-        (["query", "hall", "--box", "0,2,0:1,1,1"], "ends at 1 before it begins at 2 on axis 1"),
         (["query", "hall", "--box", "5,5,5:6,6,6"], "lies outside of the space"),
-        (["query", "hall", "--box", "0,nan,0:1,1,1"], "not a number"),
         (["query", "attic", "--box", "0:1"], "no space 'attic'"),
         (["query", "999"], "no such space"),
-        (["translate", "hall", "--by", "1,2"], "offset of 2 coordinates in a space of 3"),
-        (["translate", "hall", "--by", "inf,0,0"], "moved by finite numbers"),
-        (["scale", "hall", "--by", "0"], "factor above 0"),
-        (["scale", "hall", "--by", "-2"], "factor above 0"),
+        (["translate", "hall", "--by", "1e15,0,0"], "so far off for its size"),
+        (["scale", "hall", "--by", "1e-320"], "less than numbers hold"),
         (["create", "hall"], "needs a name of its own"),
-        (["create", "deep", "--box", ",".join("0" * 17) + ":" + ",".join("1" * 17)], "1 to 8 dimensions, not 17"),
-        (["create", "flat", "--box", "0,0:1,0"], "ends at 0 where it begins at 0 on axis 1"),
+        (["create", "shade", "--parent", "attic"], "no space 'attic'"),
     ],
 )
 def test_what_cannot_be_is_one_line(profile: str, hall: str, arguments: list[str], complaint: str) -> None:
     assert complaint in space(profile, *arguments).refusal(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["query", "hall", "--box", ",".join("0" * 17) + ":" + ",".join("1" * 17)], "1 to 8 dimensions"),
+        (["query", "hall", "--box", "0,0:1,1"], "3 coordinates here, not 2"),
+        (["query", "hall", "--box", "0,2,0:1,1,1"], "ends at 1 before it begins at 2 on axis 1"),
+        (["query", "hall", "--box", "0,nan,0:1,1,1"], "not a number"),
+        (["translate", "hall", "--by", "1,2"], "3 coordinates here, not 2"),
+        (["create", "flat", "--box", "0,0:1,0"], "ends at 0 where it begins at 0 on axis 1"),
+        (["create", "endless", "--box", "0:inf"], "finite"),
+        (["create", "deep", "--box", "0:1", "--dimensions", "2"], "has 2 coordinates, not 1"),
+        (["create", "shade", "--parent", "hall", "--box", "0,0,0:1,1,1"], "of its parent"),
+        (["create", "shade", "--offset", "80"], "only a shadow has an offset"),
+        (["create", "few", "--copies", "2", "--copies-min", "3"], "not 3 of 2"),
+        (["create", "12"], "not all of them digits"),
+    ],
+)
+def test_what_is_malformed_is_wrong_usage(profile: str, hall: str, arguments: list[str], complaint: str) -> None:
+    assert complaint in space(profile, *arguments).refusal(2)
+
+
+def test_records_are_named_by_the_space_that_holds_them(profile: str) -> None:
+    number = made(profile, "sparks")
+    kitchen = ("--scene", "kitchen", "--json")
+    done = scenectl("data", "put", "sparks", "0a", "-", *kitchen, profile=profile, stdin=b"a spark")
+    assert done.code == 0 and done.json["space"] == number, done.err
+    assert scenectl("data", "get", "sparks", "0a", "--scene", "kitchen", profile=profile).out == b"a spark"
+    for name in ("sparks", str(number)):
+        listed = scenectl("data", "ls", name, *kitchen, profile=profile).json
+        assert (listed["space"], [location[:2] for location in listed["locations"]]) == (number, ["0a"])
+    assert scenectl("data", "delete", "sparks", "0a", *kitchen, profile=profile).json["space"] == number
+    assert "there is no record" in scenectl("data", "get", "sparks", "0a", "--scene", "kitchen", profile=profile).refusal(1)
+    assert "no space 'attic'" in scenectl("data", "ls", "attic", *kitchen, profile=profile).refusal(1)
+
+
+def test_shadows_and_copies_are_noted_and_listed(profile: str) -> None:
+    parent = made(profile, "safe", "--box", "0,0:4,4", "--curve", "z-order", "--copies", "3")
+    made(profile, "shade", "--parent", "safe", "--offset", "80")
+    assert space(profile, "translate", "safe", "--by", "1,2").code == 0
+    safe, shade = space(profile, "list").json["spaces"][-2:]
+    assert (safe["copies"], safe["copies_min"], safe["parent"]) == (3, 2, 0)
+    assert (shade["copies"], shade["parent"], shade["copy_offset"]) == (1, parent, "80" + "00" * 19)
+    assert (shade["dimensions"], shade["curve"], shade["world_low"]) == (2, "z-order", [1, 2])
+    text = scenectl("space", "list", "--scene", "kitchen", profile=profile).out.decode()
+    assert "shadow of safe" in text and "3, at least 2" in text
 
 
 @pytest.fixture(scope="module")

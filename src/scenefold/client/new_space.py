@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TypedDict
+from typing import NamedTuple, Self, TypeAlias, TypedDict
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import UsageFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
-from scenefold.base.location import FIRST
+from scenefold.base.location import FIRST, Location
 from scenefold.curve import CurveKind
-from scenefold.scene.log import SceneLog
+from scenefold.scene.log import LoggedSpace, SceneLog
+from scenefold.scene.log.space import NO_SPACE
 from scenefold.wire import CreateSpace
 from scenefold.wire import CurveKind as CurveNumber
 
+Box: TypeAlias = tuple[Sequence[float], Sequence[float]]
+COPIES_MAX = 255
+"""One byte on the wire."""
 _NUMBERS = {"hilbert": CurveNumber.HILBERT, "z-order": CurveNumber.Z_ORDER}
 
 
@@ -24,64 +28,107 @@ class SpaceOptions(TypedDict, total=False):
     dimensions: int
     """1 to 8; by default 3, or as many as the box has."""
     curve: CurveKind
-    """hilbert, or z-order."""
+    """hilbert (by default), or z-order."""
     node_managed: bool
-    """The nodes choose where records lie, and take them along when bounds move."""
+    """The nodes choose where records lie, and take them along when bounds move. There is no box then."""
     render_output: bool
     """May be written while the scene is being rendered."""
     space_id: int
     """By default the next one that was never used."""
+    parent: str | int
+    """Makes a shadow of the space of this name or number, with its dimensions, curve, management and box: those are not given then."""
+    offset: Location
+    """Where a shadow holds the copy of a record: at its location plus this, round the end of the line."""
+    copies: int
+    """How many nodes shall hold each record, the owner among them; by default 1. For now it is only noted: nodes keep one."""
+    copies_min: int
+    """How many must hold it before a write counts as done; by default 2, or `copies` if that is less."""
 
 
 def new_space(
     name: str,
-    box: tuple[Sequence[float], Sequence[float]] | None = None,
+    box: Box | None = None,
     *,
     dimensions: int | None = None,
-    curve: CurveKind = "hilbert",
-    node_managed: bool = False,
+    curve: CurveKind | None = None,
+    node_managed: bool | None = None,
     render_output: bool = False,
     space_id: int | None = None,
+    parent: str | int | None = None,
+    offset: Location | None = None,
+    copies: int = 1,
+    copies_min: int | None = None,
 ) -> Callable[[SceneLog], CreateSpace]:
-    """The entry that creates the space, once it is known which number is free. LocalFault for what cannot be."""
+    """The entry that creates the space, once it is known what the log says. UsageFault for what cannot be."""
     where = f"space {name[:SPACE_NAME_BYTES_MAX]}"
     if not name or len(name.encode("utf-8", "surrogatepass")) > SPACE_NAME_BYTES_MAX or not name.isprintable() or name.isdecimal():
         remedy = f"use 1 to {SPACE_NAME_BYTES_MAX} printable characters, not all of them digits"
-        raise LocalFault(f"{name[:SPACE_NAME_BYTES_MAX]!r} cannot be the name of a space", where="space name", remedy=remedy)
-    if curve not in _NUMBERS:
-        raise LocalFault(f"there is no curve {curve!r}", where=where, remedy="use hilbert or z-order")
-    count = dimensions if dimensions is not None else 3 if box is None else len(box[0])
-    if not 1 <= count <= SPACE_DIMENSIONS_MAX:
-        raise LocalFault(
-            f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {count}",
-            where=where,
-            remedy="choose as many as positions have coordinates",
-        )
-    low, high = ((0.0,) * count, (1.0,) * count) if box is None else (tuple(map(float, corner)) for corner in box)
-    if not len(low) == len(high) == count:
-        what = f"a corner of the box has {count} coordinates, not {len(low)} and {len(high)}"
-        raise LocalFault(what, where=where, remedy="give one for each dimension")
-    if not all(map(math.isfinite, (*low, *high))):
-        raise LocalFault("the box of a space is finite", where=where, remedy="it can be scaled later")
-    for axis, (first, last) in enumerate(zip(low, high, strict=True)):
-        if not first < last:
-            what = f"the box ends at {last:g} where it begins at {first:g} on axis {axis}"
-            raise LocalFault(what, where=where, remedy="give its low corner first, and some extent along every axis")
+        raise UsageFault(f"{name[:SPACE_NAME_BYTES_MAX]!r} cannot be the name of a space", where="space name", remedy=remedy)
+    if parent is not None and not (box is dimensions is curve is node_managed is None):
+        what = "a shadow has the box, dimensions, curve and management of its parent"
+        raise UsageFault(what, where=where, remedy="leave them out")
+    if parent is None and offset is not None:
+        raise UsageFault("only a shadow has an offset", where=where, remedy="name its parent, or leave the offset out")
+    least = min(2, copies) if copies_min is None else copies_min
+    if not 1 <= least <= copies <= COPIES_MAX:
+        what = f"a space has 1 to {COPIES_MAX} copies, and from 1 to all of them must be there, not {least} of {copies}"
+        raise UsageFault(what, where=where, remedy="choose copies_min no larger than copies")
+    shape = _Shape.of(where, box, dimensions, curve, node_managed=bool(node_managed))
 
     def entry(log: SceneLog) -> CreateSpace:
+        of = shape if parent is None else _Shape.like(log.space(SpaceId(parent)) if isinstance(parent, int) else log.named(parent))
         return CreateSpace(
             space=log.free_id() if space_id is None else SpaceId(space_id),
-            dimensions=count,
-            curve=_NUMBERS[curve],
-            node_managed=node_managed,
-            parent=SpaceId(0),
-            offset=FIRST,
-            copies=1,
-            copies_min=1,
+            dimensions=of.dimensions,
+            curve=_NUMBERS[of.curve],
+            node_managed=of.node_managed,
+            parent=of.id,
+            offset=offset or FIRST,
+            copies=copies,
+            copies_min=least,
             render_output=render_output,
             name=name,
-            low=low,
-            high=high,
+            low=of.low,
+            high=of.high,
         )
 
     return entry
+
+
+class _Shape(NamedTuple):
+    """What a space and its shadows have in common. `id`: of the space that it is taken from, 0 if it is its own."""
+
+    dimensions: int
+    curve: CurveKind
+    node_managed: bool
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    id: SpaceId = NO_SPACE
+
+    @classmethod
+    def like(cls, space: LoggedSpace) -> Self:
+        return cls(space.dimensions, space.curve, space.node_managed, space.low, space.high, space.id)
+
+    @classmethod
+    def of(cls, where: str, box: Box | None, dimensions: int | None, curve: CurveKind | None, *, node_managed: bool) -> Self:
+        curve = curve or "hilbert"
+        if curve not in _NUMBERS:
+            raise UsageFault(f"there is no curve {curve!r}", where=where, remedy="use hilbert or z-order")
+        if box is not None and node_managed:
+            what = "where the nodes choose the places there are no positions, and no box"
+            raise UsageFault(what, where=where, remedy="leave the box out, or let the space be managed by its users")
+        count = dimensions if dimensions is not None else 3 if box is None else len(box[0])
+        if not 1 <= count <= SPACE_DIMENSIONS_MAX:
+            what = f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {count}"
+            raise UsageFault(what, where=where, remedy="choose as many as positions have coordinates")
+        low, high = ((0.0,) * count, (1.0,) * count) if box is None else (tuple(map(float, corner)) for corner in box)
+        if not len(low) == len(high) == count:
+            what = f"a corner of the box has {count} coordinates, not {len(low)} and {len(high)}"
+            raise UsageFault(what, where=where, remedy="give one for each dimension")
+        if not all(map(math.isfinite, (*low, *high))):
+            raise UsageFault("the box of a space is finite", where=where, remedy="it can be scaled later")
+        for axis, (first, last) in enumerate(zip(low, high, strict=True)):
+            if not first < last:
+                what = f"the box ends at {last:g} where it begins at {first:g} on axis {axis}"
+                raise UsageFault(what, where=where, remedy="give its low corner first, and some extent along every axis")
+        return cls(count, curve, node_managed, low, high)

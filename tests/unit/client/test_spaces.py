@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable, UsageFault
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
@@ -238,3 +238,48 @@ async def test_a_header_that_was_not_signed_by_the_scene_is_not_believed(autojum
     nodes.headers[scene.id] = replace(header, signature=WRITER.sign(HEADER_DOMAIN, header.signable()))
     with pytest.raises(DamagedData):
         await scene.access.change_log(lambda _: ScaleSpace(GEOMETRY, 2.0))
+
+
+async def test_a_space_is_told_of_its_copies_and_shadows(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX, curve="z-order", copies=3, render_output=True)
+    half = Location(b"\x80" + bytes(19))
+    for name, parent in (("shade", "hall"), ("umbra", hall.id)):
+        await scene.create_space(name, parent=parent, offset=half)
+    known = {space.name: space for space in await (await scene_of(nodes, tmp_path)).spaces()}
+    assert (known["hall"].copies, known["hall"].copies_min) == (3, 2)
+    for name in ("shade", "umbra"):
+        shade = known[name]
+        assert (shade.parent, shade.offset, shade.copies, shade.copies_min) == (hall.id, half, 1, 1)
+        assert (shade.dimensions, shade.curve, shade.low, shade.high) == (3, "z-order", *BOX)
+    (header,) = {header.signature: header for header in nodes.headers.values()}.values()
+    assert [(entry.copies, entry.parent) for entry in header.spaces][-3:] == [(3, 0), (1, hall.id), (1, hall.id)]
+
+
+@pytest.mark.parametrize(
+    ("box", "options", "complaint"),
+    [
+        (BOX, {"node_managed": True}, "no box"),
+        (BOX, {"parent": "hall"}, "of its parent"),
+        (None, {"parent": "hall", "dimensions": 3}, "of its parent"),
+        (None, {"offset": Location(bytes(20))}, "only a shadow"),
+        (None, {"copies": 0}, "copies"),
+        (None, {"copies": 256}, "1 to 255 copies"),
+        (None, {"copies": 2, "copies_min": 3}, "not 3 of 2"),
+        (None, {"copies_min": 0}, "not 0 of 1"),
+        (None, {"dimensions": 17}, "1 to 8 dimensions, not 17"),
+        (((0.0,) * 2, (1.0,) * 3), {}, "coordinates"),
+        (((0.0, 2.0), (1.0, 1.0)), {}, "begins at 2"),
+        (((0.0,), (float("nan"),)), {}, "finite"),
+    ],
+)
+async def test_what_no_space_can_be_is_said_before_anything_is_sent(
+    autojump_clock: MockClock, tmp_path: Path, box: Any, options: Any, complaint: str
+) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    before = len(nodes.asked)
+    with pytest.raises(UsageFault, match=complaint):
+        await scene.create_space("attic", box, **options)
+    assert len(nodes.asked) == before

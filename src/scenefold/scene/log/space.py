@@ -226,6 +226,7 @@ class LoggedSpace:
             "curve": self.curve,
             "node_managed": self.node_managed,
             "parent": self.parent,
+            "copy_offset": self.offset.hex(),
             "copies": self.copies,
             "copies_min": self.copies_min,
             "render_output": self.render_output,
