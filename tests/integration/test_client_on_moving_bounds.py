@@ -52,7 +52,8 @@ class DirectLinks:
     def _status(self, node: Node) -> Status:
         self._lamport += 1
         held = node.line.arc
-        bounds = {} if held is None else {"left_fence": None, "right_bound": held.last}
+        fence = None if held is None or held.first == FIRST else Location.from_number(held.first.number - 1)
+        bounds = {} if held is None else {"left_fence": fence, "right_bound": held.last}
         return Status(lamport=self._lamport, node=node.me, incarnation=bytes(16), boot=1, address=address_of(node.me), **bounds)  # type: ignore[arg-type]
 
 

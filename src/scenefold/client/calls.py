@@ -7,7 +7,7 @@ bounded; then the last error is the caller's, in words.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Container, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -23,7 +23,7 @@ from scenefold.base.limits import (
     CLIENT_REQUEST_S,
     CLIENT_STATUS_S,
 )
-from scenefold.base.location import even_right_bounds
+from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
 from scenefold.client.hedging import first_answer
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
@@ -61,19 +61,31 @@ class Calls:
 
         The even bounds between founders only tell whom to ask first; the first call takes the table of a node.
         """
-        bounds = even_right_bounds(len(node_ids))
+        arcs = arcs_between(even_right_bounds(len(node_ids)))
         self.world = world
-        self.table = RoutingTable([*map(Owner, node_ids, addresses, bounds), *(Owner(node, address, None) for node, address in spares)])
+        founders = [Owner(node, address, arc.last, 0, arc.first) for node, address, arc in zip(node_ids, addresses, arcs, strict=True)]
+        self.table = RoutingTable([*founders, *(Owner(node, address, None) for node, address in spares)])
         self._learning = trio.Lock()
         self._has_asked = False
         self._links = links
         self._slots = trio.CapacityLimiter(CLIENT_FRAMES_IN_FLIGHT)
         self._node_slots: dict[str, trio.CapacityLimiter] = {}
+        self._silent: dict[str, None] = {}
+        """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
 
     def address_of(self, node_id: NodeId) -> str:
         """Where to reach a node; one that the table does not know yet is taken by its id."""
         owner = self.table.by_id(node_id)
         return address_of(node_id) if owner is None else owner.address
+
+    def to_ask(self, location: Location, passed_over: Container[NodeId] = ()) -> list[Owner]:
+        """Whom to ask for a location, one after the other: who may own it, those that did not answer lately last.
+
+        `passed_over`: who has said meanwhile that it is not the owner. If they all have, they are asked again.
+        """
+        candidates = self.table.candidates(location)
+        left = [owner for owner in candidates if owner.node_id not in passed_over] or list(candidates)
+        return sorted(left, key=lambda owner: owner.address in self._silent)
 
     async def ask(
         self,
@@ -85,7 +97,12 @@ class Calls:
         timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
         """One request, one try. Unreachable if there is no reply; a Fault becomes Refused, another type PeerFault."""
-        reply = await self._links.request(address, priority, packet, timeout_s)
+        try:
+            reply = await self._links.request(address, priority, packet, timeout_s)
+        except Unreachable:
+            self._silent[address] = None
+            raise
+        self._silent.pop(address, None)
         self._notice(reply)
         if isinstance(reply, Fault):
             raise Refused(reply.reason, f"the node refused {type(packet).__name__}: {reply.text}", where=address)
@@ -142,7 +159,7 @@ class Calls:
                     continue
 
     def _take(self, reply: RespondTable) -> None:
-        owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport) for status in reply.statuses]
+        owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses]
         # A node that has just begun knows nobody yet: then what we know is better.
         if any(owner.right_bound is not None for owner in owners):
             self.table = RoutingTable(owners)
@@ -178,7 +195,16 @@ class Calls:
         news = reply.mini_status
         # A node that owns nothing keeps its old place until the table is asked for again; until then it forwards.
         if news is not None and news.right_bound is not None:
-            self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport))
+            known = self.table.by_id(news.node)
+            first = None if known is None or known.first is None or known.first > news.right_bound else known.first
+            self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport, first))
+
+
+def _first_of(status: Status) -> Location | None:
+    """Where the arc of a status begins."""
+    if status.right_bound is None:
+        return None
+    return FIRST if status.left_fence is None else status.left_fence.next()
 
 
 def _place_of(status: Status) -> str:

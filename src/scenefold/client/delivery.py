@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.limits import CLIENT_GET_KEYS
+from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.patience import Patience, is_passing
 from scenefold.client.sealing import Key
-from scenefold.client.split import by_owner, frames
+from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.wire import GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
 
@@ -45,6 +45,7 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
     outcomes: list[Delivered | None] = [None] * len(items)
     sizes = [len(item.ciphertext) + len(item.header) + len(item.signature) + 48 for item in items]
     hints: dict[int, NodeId] = {}
+    elsewhere: dict[int, set[NodeId]] = {}
     doubtful: set[int] = set()
 
     async def send(node: NodeId, frame: list[int]) -> None:
@@ -59,7 +60,9 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
             raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
         for index, outcome in zip(frame, reply.outcomes, strict=True):
             if outcome.reason == RejectReason.NOT_MY_LOCATION:
-                if outcome.owner:
+                passed = elsewhere.setdefault(index, set())
+                passed.add(node)
+                if outcome.owner and outcome.owner not in passed:
                     hints[index] = outcome.owner
             elif not is_passing(outcome.reason):
                 outcomes[index] = Delivered(outcome.reason, node, outcome.location, index in doubtful)
@@ -68,7 +71,7 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
                 doubtful.add(index)
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
-        routed = _routed(calls, locations, pending, hints)
+        routed = _routed(calls, locations, pending, hints, elsewhere)
         hints.clear()
         return [(node, frame) for node, indices in routed.items() for frame in frames(indices, sizes)]
 
@@ -92,9 +95,12 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
 
     async def ask(node: NodeId, frame: list[int]) -> None:
         address = calls.address_of(node)
+        # One that hangs must not hold up what another one that may have the place can answer.
+        is_one_of_two = any(len(calls.to_ask(locations[index])) > 1 for index in frame)
+        timeout_s = CLIENT_STATUS_S if is_one_of_two else CLIENT_REQUEST_S
         while frame:
             packet = GetMany(scene, position, tuple(RecordKey(*keys[index]) for index in frame))
-            reply = await calls.ask_in_turn(address, packet, GetManyReply)
+            reply = await calls.ask_in_turn(address, packet, GetManyReply, timeout_s=timeout_s)
             if not 1 <= len(reply.records) <= len(frame):
                 raise PeerFault(f"{len(reply.records)} records for {len(frame)} keys", where=address)
             if reply.stale and not stale_ok:
@@ -105,7 +111,7 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
         ones = [1] * len(keys)
-        routed = _routed(calls, locations, pending, {})
+        routed = _routed(calls, locations, pending, {}, {})
         return [(node, frame) for node, indices in routed.items() for frame in frames(indices, ones, CLIENT_GET_KEYS)]
 
     def pending() -> list[int]:
@@ -152,12 +158,19 @@ async def _rounds(
         await calls.refresh()
 
 
-def _routed(calls: Calls, locations: Sequence[Location], pending: list[int], hints: dict[int, NodeId]) -> dict[NodeId, list[int]]:
+def _routed(
+    calls: Calls, locations: Sequence[Location], pending: list[int], hints: dict[int, NodeId], elsewhere: dict[int, set[NodeId]]
+) -> dict[NodeId, list[int]]:
+    """What goes to which node. Who said that a place is not its own is passed over, until all candidates have; then they begin anew."""
     routed: dict[NodeId, list[int]] = {}
-    for node, positions in by_owner([locations[index] for index in pending], calls.table).items():
-        for position in positions:
-            index = pending[position]
-            routed.setdefault(hints.get(index, node), []).append(index)
+    for index in pending:
+        passed = elsewhere.get(index, set())
+        node = hints.get(index)
+        if node is None:
+            node = calls.to_ask(locations[index], passed)[0].node_id
+            if node in passed:
+                passed.clear()
+        routed.setdefault(node, []).append(index)
     return routed
 
 

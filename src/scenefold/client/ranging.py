@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from itertools import repeat
 
-from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import stale_answer
 from scenefold.client.patience import is_passing
+from scenefold.client.table import Owner
 from scenefold.wire import QueryRange, RejectRange, ReturnRange
 
 
@@ -40,9 +42,19 @@ async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool) -> 
     """The owner's answer for the beginning of the question; a RejectRange only for reasons that last."""
 
     async def ask() -> ReturnRange | RejectRange:
-        owner, end = calls.table.holder_of(question.first)
-        packet = QueryRange(question.scene, question.space, question.first, min(question.last, end))
-        reply = await calls.ask(owner.address, packet, (ReturnRange, RejectRange))
+        # Where claims overlap one of them is old; which one, only those know who are asked.
+        *others, last = calls.to_ask(question.first)
+        for owner in others:
+            try:
+                return await ask_one(owner, CLIENT_STATUS_S)
+            except (Unreachable, Refused) as problem:
+                if isinstance(problem, Refused) and not is_passing(problem.reason):
+                    raise
+        return await ask_one(last, CLIENT_REQUEST_S)
+
+    async def ask_one(owner: Owner, timeout_s: float) -> ReturnRange | RejectRange:
+        packet = QueryRange(question.scene, question.space, question.first, min(question.last, calls.table.end_of(question.first)))
+        reply = await calls.ask(owner.address, packet, (ReturnRange, RejectRange), timeout_s=timeout_s)
         if isinstance(reply, RejectRange):
             if reply.reason == RejectReason.OUTSIDE_BOUNDS or is_passing(reply.reason):
                 # Our table is old, or the owner cannot speak just now: patiently() asks again, with a newer table.

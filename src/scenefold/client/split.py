@@ -1,21 +1,10 @@
-"""Many records cut into requests: by the owner of each, then into frames that are not too large. Pure functions."""
+"""Many records cut into frames that are not too large. Pure functions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS
-from scenefold.base.location import Location
-from scenefold.client.table import RoutingTable
-
-
-def by_owner(locations: Sequence[Location], table: RoutingTable) -> dict[NodeId, list[int]]:
-    """Indices of the locations that each node owns, in their given order."""
-    parts: dict[NodeId, list[int]] = {}
-    for index, location in enumerate(locations):
-        parts.setdefault(table.owner_of(location).node_id, []).append(index)
-    return parts
 
 
 def frames(

@@ -1,8 +1,9 @@
-"""Who owns what, as the client knows it: right bounds of all nodes, looked up by location (storage.md, *The line*).
+"""Who owns what, as the client knows it: arcs that all nodes claim, looked up by location (storage.md, *The line*).
 
-A client is no member: it asks a node for the table and keeps it fresh from the MiniStatus on every reply. Its
-table may be old; then the node that it asks says who owns the location (reason 10), and the table is asked
-for again. So nothing here must be right for data to be right, only for it to be fast.
+A client is no member: it asks a node for the table and keeps it fresh from the MiniStatus on every reply. What nodes say of
+their arcs is of different moments, so two may claim a place; then there is a second one to ask. The table may be old; then the
+node that is asked says so (reasons 7 and 10), and the table is asked for again. So nothing here must be right for data to be
+right, only for it to be fast.
 """
 
 from __future__ import annotations
@@ -11,19 +12,28 @@ from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from scenefold.base.cover import Cover, runs
 from scenefold.base.ids import NodeId
-from scenefold.base.location import FIRST, LAST, Arc, Location
+from scenefold.base.location import LAST, Arc, Location
 
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """A node with the last location that it owns; a higher lamport is newer news of it."""
+    """A node with the arc that it claims; a higher lamport is newer news of it."""
 
     node_id: NodeId
     address: str
     right_bound: Location | None
     """None: it owns nothing."""
     lamport: int = 0
+    first: Location | None = None
+    """Where the arc begins; None if that is not known: behind whatever is claimed on its left."""
+
+    @property
+    def claim(self) -> Arc | None:
+        if self.right_bound is None:
+            return None
+        return Arc(self.right_bound if self.first is None else min(self.first, self.right_bound), self.right_bound)
 
 
 class RoutingTable:
@@ -33,44 +43,38 @@ class RoutingTable:
         self._by_id = {owner.node_id: owner for owner in owners}
         nodes = [self._by_id[node_id] for node_id in sorted(self._by_id)]
         bounds = sorted((owner.right_bound, owner.node_id) for owner in nodes if owner.right_bound is not None)
-        self._bounds = [bound for bound, _ in bounds]
-        self._owning = [self._by_id[node_id] for _, node_id in bounds]
-        self.owners: Sequence[Owner] = (*self._owning, *(owner for owner in nodes if owner.right_bound is None))
+        owning = [self._by_id[node_id] for _, node_id in bounds]
+        self._cover = Cover([(claim, owner) for owner in owning if (claim := owner.claim) is not None])
+        self._arcs = runs([(arc, held[0]) for arc, held in self._cover.stretches() if held])
+        self._ends = [arc.last for arc, _ in self._arcs]
+        self.owners: Sequence[Owner] = (*owning, *(owner for owner in nodes if owner.right_bound is None))
         """All nodes: first those that own something, in the order of the line."""
         assert self.owners, "a routing table needs a node"
 
-    def owner_of(self, location: Location) -> Owner:
-        """The node whose arc holds the location; behind the last bound it is the last node that owns anything.
+    def candidates(self, location: Location) -> tuple[Owner, ...]:
+        """The nodes to ask for a location: those that claim it; else those beside the gap, the right one first.
 
-        If none does, as in a cluster that begins, it is any node: it knows better.
+        If nobody owns anything, as in a cluster that begins, it is any node: it knows better.
         """
-        owning = self._owning or self.owners
-        return owning[min(bisect_left(self._bounds, location), len(owning) - 1)]
+        return self._cover.at(location) or (self.owners[0],)
 
-    def holder_of(self, location: Location) -> tuple[Owner, Location]:
-        """The owner of a location, and the last location from there on that is its, too."""
-        owner = self.owner_of(location)
-        bound = owner.right_bound
-        return owner, LAST if bound is None or owner is self._owning[-1] else bound
+    def owner_of(self, location: Location) -> Owner:
+        """The first of the candidates."""
+        return self.candidates(location)[0]
+
+    def end_of(self, location: Location) -> Location:
+        """The last location from there on that has the same first candidate."""
+        return self._ends[bisect_left(self._ends, location)] if self._ends else LAST
 
     def by_id(self, node_id: NodeId) -> Owner | None:
         return self._by_id.get(node_id)
 
     def arcs(self) -> list[tuple[Owner, Arc]]:
-        """Every owner with its arc, in the order of the line. Owners of nothing are left out."""
-        found, first = [], FIRST
-        for index, (owner, bound) in enumerate(zip(self._owning, self._bounds, strict=True)):
-            last = LAST if index == len(self._owning) - 1 else bound
-            if last >= first:
-                found.append((owner, Arc(first, last)))
-                following = last.next()
-                if following is None:
-                    break
-                first = following
-        return found
+        """The line in order, each stretch with its first candidate. Empty if nobody owns anything."""
+        return [(owner, arc) for arc, owner in self._arcs]
 
     def updated(self, news: Owner) -> RoutingTable:
-        """The table with newer news of one node; itself if it knows as much already."""
+        """The table with newer news of one node's bound; itself if it knows as much already."""
         known = self._by_id.get(news.node_id)
         if known is not None and known.lamport >= news.lamport:
             return self

@@ -2,7 +2,8 @@
 
 A status speaks for the node that it describes, whoever passes it on, so it is judged by that node's key. What a node
 claims to own cannot be proven by gossip; but what is ours, we know. A claim on it by somebody who knows no more of the
-cluster's log than we do is old news, or wrong. One who knows more may be right: we may have been removed.
+cluster's log than we do is old news, or wrong. One who says that he knows more may be right, since we may have been removed:
+so nothing of what he claims counts before we know as much ourselves, and if nobody can show us that log, it never does.
 """
 
 from __future__ import annotations
@@ -37,9 +38,12 @@ def problems_of(statuses: Sequence[tuple[Status, PublicKey | None]]) -> list[str
     return [problem_of(status, key) for status, key in statuses]
 
 
-def claims_what_is_ours(status: Status, own_arc: Arc | None, own_log_position: int) -> bool:
-    """Whether a status contradicts what this node durably owns, without knowing better."""
+def is_early(status: Status, log_position: int) -> bool:
+    """Whether a status speaks of a cluster's log that is not known here yet, so that its claims cannot be judged."""
+    return status.log_position > log_position
+
+
+def claims_what_is_ours(status: Status, own_arc: Arc | None) -> bool:
+    """Whether a status contradicts what this node durably owns."""
     claimed = arc_of_status(status)
-    if own_arc is None or claimed is None or status.log_position > own_log_position:
-        return False
-    return claimed.intersection(own_arc) is not None
+    return own_arc is not None and claimed is not None and claimed.intersection(own_arc) is not None

@@ -171,6 +171,7 @@ class Gossip:
         roster, now = self._roster, self._world.clock.now()
         had_log, had = roster.position > 0, set(roster.unheard())
         roster.set_members(registry, now)
+        self._hearing.log_grew()
         is_large = had_log and roster.count > KNOCKS_MAX
         come = [node for node in roster.unheard() if node not in had] if is_large else []
         self._knocks.spare(come, now + roster.count * TELL_S + 2 * ROUND_S, roster.unheard())
@@ -191,13 +192,15 @@ class Gossip:
             if self._world.entropy.uniform() * self._roster.count < 1:
                 self._roster.count_broadcast(())
                 data = self._pages.page(0)
-            elif now >= tell_from and (self._own.arc != said or is_news(said_used, self._own.load.disk_used_bytes)):
+            elif now >= tell_from and (
+                self._own.arc != said or self._hearing.is_contested or is_news(said_used, self._own.load.disk_used_bytes)
+            ):
                 # Under another request id than 0, since it is no throw of the dice.
                 data = self._pages.sealed(PingBroadcast((self._own.signed(),), request_id=1))
                 tell_from = now + self._roster.count * TELL_S
             else:
                 continue
-            said, said_used = self._own.arc, self._own.load.disk_used_bytes
+            said, said_used, self._hearing.is_contested = self._own.arc, self._own.load.disk_used_bytes, False
             for member in list(self._roster.peers):
                 await self._send(data, address_of(member))
 

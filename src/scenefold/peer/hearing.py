@@ -3,7 +3,8 @@
 A datagram counts if it is signed with the key of its sender, and a status in it if it is signed with that of the node
 that it describes, and of the incarnation that the cluster's log names. All else is dropped, counted, and logged at
 most once a minute. There is no replay window: a status that does not rise has no effect, and an incarnation that is not
-registered is nobody.
+registered is nobody. A status that names a position of the cluster's log that is not known here is a sign of life, and
+waits: what it claims is judged once the log has come so far.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Sequence
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import EVERYBODY, PublicKey, parse_datagram, verify_datagram
-from scenefold.peer.claims import claims_what_is_ours, problem_of, problems_of
+from scenefold.peer.claims import claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
@@ -40,6 +41,10 @@ class Hearing:
         self._quiet = QuietLog(_log)
         self._quiet_claims = QuietLog(_log, logging.INFO)
         self._claimed_since: dict[NodeId, float] = {}
+        self._early: dict[NodeId, tuple[Status, NodeId]] = {}
+        """The newest status of each peer that names a log position above ours, and who told it."""
+        self.is_contested = False
+        """Somebody has claimed what is ours since this was last set to False: others may believe it until we speak."""
         self.dropped = 0
         """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
 
@@ -81,14 +86,29 @@ class Hearing:
         if problem:
             self.drop(address_of(sender), "status", f"a status of {address_of(node)} is dropped: {problem}")
             return False
-        if claims_what_is_ours(status, self._own.arc, self._own.log_position):
+        is_contest, early = claims_what_is_ours(status, self._own.arc), is_early(status, self._roster.position)
+        if is_contest:
+            self.is_contested = True
             since = self._claimed_since.setdefault(node, now)
             quiet = self._quiet_claims if now - since < CLAIM_PATIENCE_S else self._quiet
-            self.drop(address_of(sender), "claim", f"a status of {address_of(node)} is dropped: it claims places that are ours", quiet)
-            return False
-        if node == sender:
+            why = f", by position {status.log_position} of the cluster's log, and nobody has shown us that" if early else ""
+            text = f"a status of {address_of(node)} is dropped: it claims places that are ours{why}"
+            self.drop(address_of(sender), "claim", text, quiet)
+        elif node == sender:
             self._claimed_since.pop(node, None)
-        return self._roster.hear(status, now, relayed=node != sender)
+        if early:
+            self._early[node] = status, sender
+            return self._roster.note_life(status, now, relayed=node != sender)
+        return not is_contest and self._roster.hear(status, now, relayed=node != sender)
+
+    def log_grew(self) -> None:
+        """The roster has taken a newer log: what was early may be judged now."""
+        due = [heard for heard in self._early.values() if not is_early(heard[0], self._roster.position)]
+        self._early = {node: heard for node, heard in self._early.items() if is_early(heard[0], self._roster.position)}
+        for status, sender in due:
+            # Its key may have been revoked, or its incarnation removed, since it was verified.
+            if self._roster.rises(status):
+                self._take(status, sender, problem_of(status, self._key_of(status.node)))
 
     async def take_table(self, statuses: Sequence[Status], source: NodeId) -> int:
         """Take a whole table that a member has sent; the number of signs of life in it."""

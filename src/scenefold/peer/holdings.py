@@ -16,6 +16,9 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 
+CANDIDATES_MAX = 3
+"""Nodes that one read is forwarded to, one after the other: more than two claim a place only if one of them lies."""
+
 
 class Holdings(Protocol):
     """This node's part of the line, as it is durable (peer/line)."""
@@ -40,7 +43,11 @@ class Owners(Protocol):
     """Who owns what, as far as this node knows (peer/routing)."""
 
     def owner_of(self, location: Location) -> NodeId:
-        """Refused (16) while nothing is known."""
+        """Whom to ask first. Refused (16) while nothing is known."""
+        ...
+
+    def candidates(self, location: Location) -> Sequence[NodeId]:
+        """Whom to ask, one after the other. Refused (16) while nothing is known."""
         ...
 
 
@@ -50,6 +57,14 @@ def other_owner(owners: Owners, location: Location, me: NodeId) -> NodeId:
     if owner == me:
         raise Refused(RejectReason.NOT_READY, "the place is changing hands")
     return owner
+
+
+def other_candidates(owners: Owners, location: Location, me: NodeId) -> tuple[NodeId, ...]:
+    """The other nodes that may own a place that is not ours; Refused (16) if there are none."""
+    found = tuple(node for node in owners.candidates(location) if node != me)
+    if not found:
+        raise Refused(RejectReason.NOT_READY, "the place is changing hands")
+    return found[:CANDIDATES_MAX]
 
 
 def no_lease() -> Refused:

@@ -20,7 +20,7 @@ from scenefold.base.limits import BULK_BYTES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordPlace
 from scenefold.peer.handlers import Handlers, node_of
-from scenefold.peer.holdings import Holdings, Lease, Owners, no_lease, other_owner, silent_owner
+from scenefold.peer.holdings import Holdings, Lease, Owners, no_lease, other_candidates, silent_owner
 from scenefold.peer.peers import Peers
 from scenefold.peer.scenes import Scenes
 from scenefold.store import Spot, Store
@@ -30,6 +30,8 @@ from scenefold.world import Priority
 READ_BATCH = 128
 """Records read at a time; a reply that is full stops the reading."""
 FORWARD_S_MAX = 10.0
+FORWARD_OTHER_S = 3.0
+"""For one that is not the last who may have it: a node that hangs must not hold up what the next one can answer."""
 _RECORD_FRAMING_BYTES = 16
 """MessagePack heads of one record in a reply."""
 
@@ -74,24 +76,24 @@ class Reads:
 
     async def _read_batch(self, scene: SceneId, keys: Sequence[RecordKey], position: int, *, forward: bool) -> Found:
         found: dict[RecordKey, RecordBytes | None] = {}
-        by_owner: dict[NodeId, list[RecordKey]] = {}
+        by_candidates: dict[tuple[NodeId, ...], list[RecordKey]] = {}
         own = [key for key in keys if self._line.owns(key.location)]
         for key in keys:
             if not self._line.owns(key.location):
-                by_owner.setdefault(other_owner(self._owners, key.location, self._me), []).append(key)
-        if by_owner and not forward:
+                by_candidates.setdefault(other_candidates(self._owners, key.location, self._me), []).append(key)
+        if by_candidates and not forward:
             raise Refused(RejectReason.NOT_MY_LOCATION, "the location belongs to another node")
         stale = await self._read_own(scene, own, found)
 
-        async def fetch(owner: NodeId, theirs: Sequence[RecordKey]) -> None:
+        async def fetch(candidates: tuple[NodeId, ...], theirs: Sequence[RecordKey]) -> None:
             nonlocal stale
             while theirs:
-                reply = await self._ask(owner, GetMany(scene=scene, position=position, keys=tuple(theirs)))
+                reply = await self._ask_in_turn(candidates, GetMany(scene=scene, position=position, keys=tuple(theirs)))
                 stale = stale or reply.stale
                 found.update(zip(theirs, reply.records, strict=False))
                 theirs = theirs[len(reply.records) :]
 
-        await _all_at_once([partial(fetch, owner, theirs) for owner, theirs in by_owner.items()])
+        await _all_at_once([partial(fetch, candidates, theirs) for candidates, theirs in by_candidates.items()])
         return Found([found[key] for key in keys], stale)
 
     async def _read_own(self, scene: SceneId, keys: Sequence[RecordKey], found: dict[RecordKey, RecordBytes | None]) -> bool:
@@ -109,9 +111,20 @@ class Reads:
             found[key] = _as_bytes(record)
         return not leased
 
-    async def _ask(self, owner: NodeId, request: GetMany) -> GetManyReply:
+    async def _ask_in_turn(self, candidates: tuple[NodeId, ...], request: GetMany) -> GetManyReply:
+        """The answer of the first that has one; the first error if none has."""
+        problems: list[Refused] = []
+        for owner in candidates:
+            is_last = owner == candidates[-1]
+            try:
+                return await self._ask(owner, request, FORWARD_S_MAX if is_last else FORWARD_OTHER_S)
+            except Refused as refusal:
+                problems.append(refusal)
+        raise problems[0]
+
+    async def _ask(self, owner: NodeId, request: GetMany, timeout_s: float) -> GetManyReply:
         try:
-            reply = await self._peers.ask(owner, Priority.LOW, request, GetManyReply, FORWARD_S_MAX)
+            reply = await self._peers.ask(owner, Priority.LOW, request, GetManyReply, timeout_s)
         except Unreachable as problem:
             raise silent_owner(owner) from problem
         except Refused as refusal:

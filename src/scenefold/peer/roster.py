@@ -14,34 +14,16 @@ verifying is worth it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Protocol
 
 from scenefold.base.ids import NodeId
-from scenefold.base.location import Location
+from scenefold.base.location import Arc
 from scenefold.peer.known_peer import KnownPeer
+from scenefold.peer.member_list import MemberList
 from scenefold.peer.silence import Silence
 from scenefold.wire import MiniStatus, Status
-
-
-class RegisteredNode(Protocol):
-    """A member as the cluster's log has it."""
-
-    @property
-    def incarnation(self) -> bytes: ...
-
-
-class MemberList(Protocol):
-    """What the roster needs of the registry: nodes in line order; `current` is None for a founder that never came."""
-
-    @property
-    def position(self) -> int: ...
-
-    @property
-    def order(self) -> Sequence[NodeId]: ...
-
-    def current(self, node: NodeId, /) -> RegisteredNode | None: ...
 
 
 class Roster:
@@ -59,9 +41,9 @@ class Roster:
         """Founders that have not taken their seat yet."""
         self._ring: list[NodeId] = []
         self._cursor = 0
-        self._right_bounds: dict[NodeId, Location | None] = {}
-        self.bounds_version = 0
-        """Rises whenever `right_bounds` or the members change."""
+        self._arcs: dict[NodeId, Arc | None] = {}
+        self.arcs_version = 0
+        """Rises whenever `arcs` or the members change."""
         self.tell_position: Callable[[NodeId, int], None] = _tell_nobody
         """Called with (node, position) when a peer knows more of the cluster's log than we did at `set_members`."""
 
@@ -85,19 +67,19 @@ class Roster:
                 self._unheard.pop(node, None)
                 if incarnation is not None:
                     self._unheard[node] = None
-                self._right_bounds.pop(node, None)
+                self._arcs.pop(node, None)
         for node in [node for node in self._peers if node not in peers]:
             self._silence.end(node)
             self._refused.pop(node, None)
             self._unheard.pop(node, None)
-            self._right_bounds.pop(node, None)
+            self._arcs.pop(node, None)
         self._peers = peers
         self.vacant_count = sum(peer.incarnation is None for peer in peers.values())
         self._ring = [node for node in self._ring if node in peers and peers[node].status is not None]
         self._order = tuple(members.order)
         self._position = members.position
         self._silence.set_count(self.count)
-        self.bounds_version += 1
+        self.arcs_version += 1
 
     @property
     def position(self) -> int:
@@ -138,9 +120,17 @@ class Roster:
         if peer.status is None:
             self._unheard.pop(status.node, None)
             self._ring.append(status.node)
-        if status.lamport > peer.lamport:
-            self._set_right_bound(status.node, status.right_bound)
         peer.status = status
+        self._note_arc(peer, status, now, relayed=relayed)
+        if is_sign:
+            self._note_sign(status.node, status.lamport, now, is_proof=not relayed)
+        self.note_position(status.node, status.log_position)
+        return is_sign
+
+    def note_life(self, status: Status, now: float, *, relayed: bool = False) -> bool:
+        """Take only the sign of life of a verified status whose claims cannot be judged yet; True if it is one."""
+        peer = self._peers[status.node]
+        is_sign = status.lamport > peer.lamport
         if is_sign:
             self._note_sign(status.node, status.lamport, now, is_proof=not relayed)
         self.note_position(status.node, status.log_position)
@@ -152,7 +142,9 @@ class Roster:
         self.note_position(mini.node, mini.log_position)
         if peer is None or peer.incarnation is None or mini.lamport <= peer.lamport:
             return False
-        self._set_right_bound(mini.node, mini.right_bound)
+        if mini.log_position <= self._position:
+            # Else it is early (specs/11-peers.md, Routing): its next status comes when we know as much.
+            self._note_arc(peer, mini, now, relayed=False)
         self._note_sign(mini.node, mini.lamport, now, is_proof=True)
         return True
 
@@ -254,9 +246,14 @@ class Roster:
         peer = self._peers.get(member)
         return None if peer is None else peer.status
 
-    def right_bounds(self) -> Mapping[NodeId, Location | None]:
-        """The newest right bound of each peer that was heard, be it in passing; None: it owns nothing. A live view."""
-        return MappingProxyType(self._right_bounds)
+    def arcs(self) -> Mapping[NodeId, Arc | None]:
+        """What each peer that was heard claims, the end of it be it in passing; None: it owns nothing. A live view."""
+        return MappingProxyType(self._arcs)
+
+    def said_at(self, member: NodeId) -> float:
+        """Local time of the newest word of a peer on its arc; -inf if it has not said anything."""
+        peer = self._peers.get(member)
+        return -math.inf if peer is None else peer.said_at
 
     def statuses(self) -> list[Status]:
         """The newest known status of every peer, in the order of the line; this node's is not in it."""
@@ -282,10 +279,11 @@ class Roster:
         self._refused.pop(member, None)
         self._silence.broken_by(member)
 
-    def _set_right_bound(self, member: NodeId, bound: Location | None) -> None:
-        if member not in self._right_bounds or self._right_bounds[member] != bound:
-            self._right_bounds[member] = bound
-            self.bounds_version += 1
+    def _note_arc(self, peer: KnownPeer, news: Status | MiniStatus, now: float, *, relayed: bool) -> None:
+        peer.said(news, now, relayed=relayed)
+        if news.node not in self._arcs or self._arcs[news.node] != peer.arc:
+            self._arcs[news.node] = peer.arc
+            self.arcs_version += 1
 
 
 def _tell_nobody(_node: NodeId, _position: int) -> None:

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
-from scenefold.base.location import Location, even_right_bounds
+from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
@@ -120,12 +120,22 @@ class FakeNodes:
     def __post_init__(self) -> None:
         bounds = even_right_bounds(len(self.addresses))
         self.table = RoutingTable(map(Owner, map(node_id_of, self.addresses), self.addresses, bounds))
+        self.claims: dict[str, Arc] = {}
+        """What nodes say of their arcs that is not so, or not any more."""
 
     def move_bounds(self) -> None:
         """All arcs move on by one node; clients don't know yet."""
         owners = self.table.owners
         moved = [replace(owner, right_bound=owners[index - 1].right_bound, lamport=9) for index, owner in enumerate(owners)]
         self.table = RoutingTable(moved)
+
+    def give_all(self, giver: str, receiver: str) -> None:
+        """All of a node's arc goes to a neighbour."""
+        owners = {owner.address: owner for owner in self.table.owners}
+        if owners[receiver].right_bound < owners[giver].right_bound:  # type: ignore[operator]
+            owners[receiver] = replace(owners[receiver], right_bound=owners[giver].right_bound)
+        owners[giver] = replace(owners[giver], right_bound=None)
+        self.table = RoutingTable(owners.values())
 
     def calls(self) -> Calls:
         """A client that believes in even arcs."""
@@ -157,7 +167,7 @@ class FakeNodes:
     def _answer(self, address: str, packet: Packet) -> Packet:
         match packet:
             case RequestTable():
-                return RespondTable(tuple(map(_status, self.table.owners)))
+                return RespondTable(tuple(self._status(owner) for owner in self.table.owners))
             case PutMany():
                 return PutManyReply(tuple(self._put(address, item) for item in packet.items))
             case GetMany():
@@ -184,6 +194,11 @@ class FakeNodes:
                 return ScenesListed(tuple(self.headers.values()))
             case _:
                 return Fault(RejectReason.ILL_FORMED, "what?")
+
+    def _status(self, owner: Owner) -> Status:
+        arc = self.claims.get(owner.address) or next((arc for holder, arc in self.table.arcs() if holder is owner), None)
+        fence = None if arc is None or arc.first == FIRST else Location.from_number(arc.first.number - 1)
+        return Status(owner.lamport, owner.node_id, bytes(16), 1, owner.address, fence, None if arc is None else arc.last)
 
     def _propose(self, packet: ProposeSceneLog) -> Packet:
         known = self.headers.get(packet.public.scene)
@@ -235,7 +250,3 @@ class FakeNodes:
         objects = tuple(bytes(header.location[4:]) for header in headers if header.placement)
         stale = address in self.without_lease
         return ReturnRange(packet.scene, packet.space, packet.first, last, tuple(found[: self.range_max]), objects, stale)
-
-
-def _status(owner: Owner) -> Status:
-    return Status(owner.lamport, owner.node_id, bytes(16), 1, owner.address, None, owner.right_bound)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Location, even_right_bounds
 from scenefold.client.calls import _place_of
-from scenefold.client.split import by_owner, frames
+from scenefold.client.split import frames
 from scenefold.client.table import Owner, RoutingTable
 
 LOCATIONS = st.binary(min_size=20, max_size=20).map(Location)
@@ -48,14 +48,26 @@ def test_nodes_that_own_nothing_are_known_and_asked_for_no_place() -> None:
     joined = table.updated(Owner(NodeId(5), "e", Location.from_number(9), 1))
     assert joined.owner_of(FIRST).node_id == 5
     nobody = RoutingTable([empty])
-    assert (nobody.arcs(), nobody.owner_of(FIRST), nobody.holder_of(FIRST)) == ([], empty, (empty, LAST))
+    assert (nobody.arcs(), nobody.owner_of(FIRST), nobody.end_of(FIRST)) == ([], empty, LAST)
 
 
 @given(st.lists(LOCATIONS, min_size=1, max_size=12), LOCATIONS)
-def test_a_holder_is_the_owner_of_all_up_to_its_end(bounds: list[Location], location: Location) -> None:
+def test_an_owner_is_asked_for_all_up_to_the_end_of_its_stretch(bounds: list[Location], location: Location) -> None:
     table = _table(bounds)
-    owner, end = table.holder_of(location)
-    assert next(arc.last for holder, arc in table.arcs() if holder is owner) == end
+    end = table.end_of(location)
+    assert next(arc.last for holder, arc in table.arcs() if location in arc and holder is table.owner_of(location)) == end
+
+
+def test_of_two_that_claim_a_place_both_are_candidates_and_beside_a_gap_as_well() -> None:
+    place = Location.from_number
+    left, right = Owner(NodeId(1), "l", place(60), first=FIRST), Owner(NodeId(2), "r", LAST, first=place(40))
+    table = RoutingTable([left, right])
+    assert [table.candidates(place(number)) for number in (39, 40, 60, 61)] == [(left,), (left, right), (left, right), (right,)]
+    assert table.end_of(place(10)) == place(60) and table.end_of(place(61)) == LAST
+    apart = RoutingTable([left, Owner(NodeId(2), "r", LAST, first=place(80))])
+    assert [owner.node_id for owner in apart.candidates(place(70))] == [2, 1]
+    moved = table.updated(Owner(NodeId(2), "r", place(30), 1, first=place(40)))
+    assert moved.candidates(place(35)) == (left,), "a beginning behind the end is none"
 
 
 def test_only_newer_news_change_the_table() -> None:
@@ -66,16 +78,6 @@ def test_only_newer_news_change_the_table() -> None:
     assert table.owner_of(Location.from_number(8)).node_id == 2
     joined = changed.updated(Owner(NodeId(3), "c", FIRST, 1))
     assert joined.owner_of(FIRST).node_id == 3
-
-
-@given(st.lists(LOCATIONS, max_size=40), st.integers(1, 9))
-def test_splitting_by_owner_loses_nothing_and_keeps_the_order(locations: list[Location], nodes: int) -> None:
-    table = _table(even_right_bounds(nodes))
-    parts = by_owner(locations, table)
-    assert sorted(index for part in parts.values() for index in part) == list(range(len(locations)))
-    for node_id, part in parts.items():
-        assert part == sorted(part)
-        assert all(table.owner_of(locations[index]).node_id == node_id for index in part)
 
 
 @given(st.lists(st.integers(0, 50), max_size=60), st.integers(1, 120), st.integers(1, 7))

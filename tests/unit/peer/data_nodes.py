@@ -122,6 +122,8 @@ class Neighbours:
         self.away: set[NodeId] = set()
         self.believed: dict[NodeId, NodeId] = {}
         """Owners that some node wrongly believes in, whatever the place."""
+        self.also_believed: list[NodeId] = []
+        """Who may have any place as well, as everybody believes."""
 
     def seen_by(self, me: NodeId) -> Any:
         return _Seen(self, me)
@@ -136,6 +138,9 @@ class _Seen:
         if self._me in self._all.believed:
             return self._all.believed[self._me]
         return next((node.me for node in self._all.nodes.values() if node.line.owns(location)), self._me)
+
+    def candidates(self, location: Location) -> list[NodeId]:
+        return [self.owner_of(location), *self._all.also_believed]
 
     async def ask(self, member: NodeId, _priority: object, packet: Packet, _answer: object, _timeout: float) -> Packet:
         await trio.lowlevel.checkpoint()

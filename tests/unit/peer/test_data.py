@@ -133,6 +133,21 @@ def test_a_place_without_an_owner_is_waited_for() -> None:
     with_nodes(test, arc(0, 99), None)
 
 
+def test_of_two_that_may_own_a_place_the_one_that_lives_answers() -> None:
+    async def test(neighbours: Neighbours, asked: Node, giver: Node, receiver: Node) -> None:
+        assert await put(receiver, item(50)) == [0]
+        neighbours.believed[asked.me], neighbours.also_believed = giver.me, [receiver.me]
+        assert found(await get(asked, 50)) == [True], "the giver knows that it is not its own any more"
+        neighbours.away.add(giver.me)
+        assert found(await get(asked, 50)) == [True], "it is dead, and the receiver lives"
+        neighbours.believed[asked.me], neighbours.also_believed = receiver.me, [giver.me]
+        assert found(await get(asked, 50)) == [True]
+        neighbours.away.add(receiver.me)
+        assert reason_of(await get(asked, 50)) is RejectReason.NOT_READY
+
+    with_nodes(test, None, arc(0, 49), arc(50, 99))
+
+
 def test_a_frozen_place_takes_no_writes_and_delays_them_only_for_a_moment() -> None:
     async def test(_: Neighbours, one: Node) -> None:
         await one.line.freeze(arc(50, 99))

@@ -13,6 +13,7 @@ from scenefold.base.location import LAST, WHOLE_LINE, Location
 from scenefold.crypto import STATUS_DOMAIN, SigningKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.hearing import CLAIM_PATIENCE_S
 from scenefold.peer.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
+from scenefold.peer.status import arc_of_status
 from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status, decode_packet, encode_packet
 from unit.peer.village import FIRST, Village, incarnation_of, key_of, node_at, until, village
 
@@ -94,7 +95,7 @@ async def test_a_changed_arc_is_told_at_once_but_not_as_a_throw_of_the_dice(auto
         before, arc = len(them.ether.sent), them.of(1).own.arc
         them.of(1).own.arc = None
         with trio.fail_after(3.0):
-            await until(lambda: them.of(0).roster.right_bounds()[node_at(1)] is None)
+            await until(lambda: them.of(0).roster.arcs()[node_at(1)] is None)
         told = [opened(source, data) for source, target, data in them.ether.sent[before:] if (source, target) == ("127.0.0.3", "127.0.0.2")]
         assert [packet.request_id for packet in told if isinstance(packet, PingBroadcast)] != []
         for changed in (arc, None) * 50:
@@ -255,16 +256,57 @@ async def test_a_claim_on_what_is_ours_is_not_believed(autojump_clock: trio.test
         assert status is not None and status.left_fence == Location.from_number(bound.first.number - 1) and status.right_bound == LAST
 
 
-@DROPPED
-async def test_who_knows_more_of_the_log_may_own_what_was_ours(autojump_clock: trio.testing.MockClock) -> None:
-    async with village(2) as them:
+@pytest.mark.expect_log(r"claims places that are ours($|, by position 77 of the cluster's log, and nobody has shown us that)")
+async def test_a_log_that_nobody_can_show_gives_no_right_to_what_is_ours(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3) as them:
+        for index in range(3):
+            await them.start(index)
+        await them.of(0).gossip.everybody_heard()
+        await them.of(2).gossip.everybody_heard()
+        before = them.of(0).roster.status(node_at(1))
+        assert before is not None
+        them.of(1).own.arc, them.of(1).own.log_position = WHOLE_LINE, 77
+        await trio.sleep(CLAIM_PATIENCE_S + 30)
+        for index in (0, 2):
+            other = them.of(index)
+            status = other.roster.status(node_at(1))
+            assert status is not None and status.right_bound == before.right_bound, "not even one whose arc is not claimed believes it"
+            assert other.roster.arcs()[node_at(1)] == arc_of_status(before)
+            assert other.roster.is_believed_alive(node_at(1)), "it lives all the same"
+            assert (node_at(1), 77) in other.log.claims, "and the log is asked for"
+
+
+async def test_who_knows_more_of_the_log_is_believed_once_we_know_as_much(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3, registered=2) as them:
         await them.start(0)
         await them.start(1)
-        await them.of(0).gossip.everybody_heard()
-        them.of(1).own.arc, them.of(1).own.log_position = WHOLE_LINE, 77
-        await trio.sleep(30)
-        status = them.of(0).roster.status(node_at(1))
-        assert them.of(0).gossip.dropped == 0 and status is not None and status.left_fence is None
+        await them.of(0).gossip.somebody_heard()
+        await trio.sleep(1)
+        them.of(0).own.arc = None
+        them.of(1).own.arc, them.of(1).own.log_position = WHOLE_LINE, them.registry.position + 1
+        await trio.sleep(5)
+        assert them.of(0).roster.arcs()[node_at(1)] != WHOLE_LINE
+        them.ether.lost = lambda _source, _target: True
+        them.register(2)
+        await trio.testing.wait_all_tasks_blocked()
+        assert them.of(0).roster.arcs()[node_at(1)] == WHOLE_LINE, "what was told before the log came counts without being told again"
+
+
+async def test_who_is_claimed_against_tells_all_where_its_arc_is(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(30) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(120)
+        victim, liar = them.of(0), them.of(1)
+        claim = signed(replace(liar.own.signed(), left_fence=None))
+        data = sign_datagram(liar.own.key, liar.own.me, liar.own.next(), encode_packet(PingBroadcast((claim,), request_id=1)))
+        for target in ("127.0.0.2", "127.0.0.4"):
+            them.ether.send(data, "127.0.0.3", target)
+        await trio.testing.wait_all_tasks_blocked()
+        third = them.of(2).roster
+        assert third.said_at(liar.own.me) > third.said_at(victim.own.me), "for a moment the liar has the last word"
+        with trio.fail_after(3.0):
+            await until(lambda: third.said_at(victim.own.me) > third.said_at(liar.own.me))
 
 
 async def test_a_repeated_status_is_no_sign_of_life(autojump_clock: trio.testing.MockClock) -> None:

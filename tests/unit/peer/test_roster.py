@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from scenefold.base.ids import NodeId, address_of, node_id_of
-from scenefold.base.location import FIRST, LAST, Location
+from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.peer.odds import ALIVE_CHANCE_MIN, broadcasts_missed_max, chance_alive
 from scenefold.peer.roster import Roster
 from scenefold.wire import MiniStatus, Status
@@ -18,6 +18,7 @@ from scenefold.wire import MiniStatus, Status
 ME, PEER, OTHER = (node_id_of(f"127.0.0.{last}") for last in (2, 3, 4))
 OLD, NEW = b"i" * 16, b"j" * 16
 HALF = Location.from_number(1 << 159)
+QUARTER = Location.from_number(1 << 158)
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ def test_a_new_incarnation_begins_unheard_and_the_old_one_is_dead_for_ever() -> 
     roster.note_refusal(PEER)
     roster.set_members(Line({ME: OLD, PEER: NEW, OTHER: OLD}), 7.0)
     assert roster.unheard() == [OTHER, PEER] and roster.statuses() == [] and roster.refused() == []
-    assert roster.proof_at(PEER) == 7.0 and roster.right_bounds() == {}
+    assert roster.proof_at(PEER) == 7.0 and roster.arcs() == {}
     assert not roster.hear(status_of(PEER, 2000), 8.0)
     assert roster.hear(status_of(PEER, 1, NEW), 9.0)
 
@@ -270,17 +271,41 @@ def test_a_later_position_of_the_log_is_told_whoever_says_it() -> None:
 
 def test_the_newest_bound_counts_also_said_in_passing() -> None:
     roster = a_roster()
-    version = roster.bounds_version
+    version = roster.arcs_version
     roster.hear(replace(status_of(PEER, 5), right_bound=HALF), 0.0)
-    assert roster.right_bounds() == {PEER: HALF} and roster.bounds_version > version
-    roster.hear_mini(mini_of(PEER, 9, FIRST), 0.0)
-    roster.hear(replace(status_of(PEER, 8), right_bound=LAST), 0.0, relayed=True)
-    assert roster.right_bounds() == {PEER: FIRST}, "the relayed one is older than what it said in passing"
-    version = roster.bounds_version
-    roster.hear_mini(mini_of(PEER, 10, FIRST), 0.0)
-    assert roster.bounds_version == version, "nothing has changed"
-    roster.hear_mini(mini_of(PEER, 11, None), 0.0)
-    assert roster.right_bounds() == {PEER: None}
+    assert roster.arcs() == {PEER: Arc(FIRST, HALF)} and roster.arcs_version > version
+    roster.hear_mini(mini_of(PEER, 9, QUARTER), 1.0)
+    roster.hear(replace(status_of(PEER, 8), right_bound=LAST), 2.0, relayed=True)
+    assert roster.arcs() == {PEER: Arc(FIRST, QUARTER)}, "the relayed one is older than what it said in passing"
+    version = roster.arcs_version
+    roster.hear_mini(mini_of(PEER, 10, QUARTER), 3.0)
+    assert roster.arcs_version == version, "nothing has changed"
+    assert roster.said_at(PEER) == 1.0, "it has not said again where its arc begins"
+    roster.hear_mini(mini_of(PEER, 11, None), 4.0)
+    assert roster.arcs() == {PEER: None} and roster.said_at(PEER) == 4.0
+
+
+def test_an_arc_begins_where_the_newest_status_says() -> None:
+    roster = a_roster()
+    roster.hear_mini(mini_of(PEER, 9, HALF), 0.0)
+    assert roster.arcs() == {PEER: Arc(HALF, HALF)}, "of an arc whose beginning was never told, only the end is certain"
+    roster.hear(replace(status_of(PEER, 8), left_fence=FIRST, right_bound=LAST), 0.0, relayed=True)
+    assert roster.arcs() == {PEER: Arc(Location.from_number(1), HALF)}
+    roster.hear(replace(status_of(PEER, 10), left_fence=QUARTER, right_bound=HALF), 0.0)
+    roster.hear_mini(mini_of(PEER, 11, Location.from_number(1)), 0.0)
+    assert roster.arcs() == {PEER: Arc(Location.from_number(1), Location.from_number(1))}, "fence and bound do not fit"
+
+
+def test_what_is_said_by_a_log_that_we_do_not_know_is_a_sign_of_life_and_no_more() -> None:
+    roster = a_roster()
+    roster.hear(replace(status_of(PEER, 5), right_bound=HALF), 0.0)
+    roster.hear_mini(mini_of(PEER, 6, LAST, log_position=2), 1.0)
+    assert roster.arcs() == {PEER: Arc(FIRST, HALF)} and roster.proof_at(PEER) == 1.0
+    early = replace(status_of(PEER, 8), log_position=2)
+    assert roster.note_life(early, 2.0) and not roster.note_life(early, 3.0)
+    assert roster.arcs() == {PEER: Arc(FIRST, HALF)} and roster.proof_at(PEER) == 2.0
+    status = roster.status(PEER)
+    assert status is not None and status.lamport == 5 and roster.rises(early)
 
 
 # -------------------------------------------------------------------------------------------------------------- pages
@@ -376,7 +401,7 @@ class Life(RuleBasedStateMachine):
         vacant = {node for node in peers if self.line[node] is None}
         assert set(roster.unheard()) == set(peers) - vacant - {status.node for status in roster.statuses()}
         assert roster.vacant_count == len(vacant)
-        assert set(roster.refused()) <= set(peers) and set(roster.right_bounds()) <= set(peers)
+        assert set(roster.refused()) <= set(peers) and set(roster.arcs()) <= set(peers)
         for node in peers:
             is_doubted = node in roster.silent() or node in roster.refused() or roster.heard_at(node) is None
             assert roster.is_believed_alive(node) == (not is_doubted)

@@ -131,6 +131,9 @@ class Owners:
                 return house.node
         return NodeId(0)
 
+    def candidates(self, location: Location) -> list[NodeId]:
+        return [self.owner_of(location)]
+
 
 class House:
     """One machine, life after life. `line` is that of the current life."""
