@@ -34,14 +34,15 @@ def status_text(found: ClusterStatus) -> str:
     missing = sum(not node.alive for node in found.nodes)
     summary = f"{found.name}: {len(found.nodes) - missing} of {len(found.nodes)} nodes alive, as {found.asked} knows it"
     titles = ("node", "state", "role", "arc", "line", "disk used", "of disk", "last heard")
-    concerns = [f"warning: {warning.text}" for warning in found.warnings]
-    return "\n".join((summary, "", table(titles, rows), *(["", *concerns] if concerns else [])))
+    notes = [*_blacklists(found), *(f"warning: {warning.text}" for warning in found.warnings)]
+    return "\n".join((summary, "", table(titles, rows), *(["", *notes] if notes else [])))
 
 
 def nodes_text(found: ClusterStatus) -> str:
     """The members in line order, with what is known of each."""
     titles = ("node", "id", "role", "arc", "line", "used", "capacity", "records", "last heard", "incarnation", "boot")
-    return table(titles, map(_node_row, found.nodes))
+    notes = _blacklists(found)
+    return "\n".join((table(titles, map(_node_row, found.nodes)), *(["", *notes] if notes else [])))
 
 
 def _node_row(node: NodeState) -> Sequence[object]:
@@ -61,6 +62,11 @@ def _node_row(node: NodeState) -> Sequence[object]:
     )
 
 
+def _blacklists(found: ClusterStatus) -> Sequence[str]:
+    """A line for each node that keeps its copies away from others; none if nobody does."""
+    return [f"{node.address} wants no copies of its data on {', '.join(node.blacklist)}" for node in found.nodes if node.blacklist]
+
+
 RATE_TITLES = ("node", "role", "line", "full", "records", "records/s", "bytes/s", "rays/s")
 
 
@@ -68,17 +74,18 @@ def rate_rows(found: Sequence[Rate]) -> Sequence[Sequence[str]]:
     """A row of `cluster top` for each node."""
     rows = []
     for rate in found:
-        report = rate.node.report
+        node = rate.node
+        report = node.report or node.last
         rows.append(
             (
-                rate.node.address,
-                rate.node.role if rate.node.alive else "missing",
-                f"{rate.node.share:.1%}",
+                node.address,
+                node.role if node.alive else "missing" if report is None else f"silent {seconds_text(node.last_s)}",
+                f"{node.share:.1%}",
                 UNKNOWN if report is None else f"{report.fill:.1%}",
                 UNKNOWN if report is None else f"{report.records:,}",
                 UNKNOWN if rate.records_per_second is None else f"{rate.records_per_second:+,.0f}",
                 UNKNOWN if rate.bytes_per_second is None else f"{_signed_size(rate.bytes_per_second)}",
-                UNKNOWN if report is None else f"{report.rays_per_second:,}",
+                UNKNOWN if node.report is None else f"{node.report.rays_per_second:,}",
             )
         )
     return rows

@@ -21,14 +21,17 @@ INTERVAL_S = 1.0
 
 async def watch(cluster: Cluster, output: Output, *, once: bool) -> None:
     """Look once a second until cancelled; `once`: show one comparison of two looks."""
-    from scenefold.client import movements, rates
+    from scenefold.client import Watch, movements, rates
 
-    clock = cluster.calls.world.clock
-    before, looked_at = await cluster.look(), clock.now()
+    clock, looking = cluster.calls.world.clock, Watch(cluster)
+    looked_at = clock.now()
+    before = await looking.look()
     with _terminal(output, once) as live:
         while True:
-            await clock.sleep(INTERVAL_S)
-            found, now = await cluster.look(), clock.now()
+            # From beginning to beginning: a look takes most of a second if somebody is silent.
+            await clock.sleep(max(0.0, looked_at + INTERVAL_S - clock.now()))
+            now = clock.now()
+            found = await looking.look()
             changed, moving = rates(before.nodes, found.nodes, now - looked_at), movements(found.nodes)
             if live is None:
                 emit_event(output, _document(found, changed, moving, now - looked_at), _lines(found, changed, moving))
@@ -48,8 +51,8 @@ def _terminal(output: Output, once: bool) -> AbstractContextManager[Live | None]
 
 
 def _summary(found: ClusterStatus, changed: list[Rate]) -> str:
-    records = sum(node.report.records for node in found.nodes if node.report is not None)
-    size = sum(node.report.bytes for node in found.nodes if node.report is not None)
+    stored = [report for node in found.nodes if (report := node.report or node.last) is not None]
+    records, size = sum(report.records for report in stored), sum(report.bytes for report in stored)
     rays = sum(node.report.rays_per_second for node in found.nodes if node.report is not None)
     gained = sum(rate.records_per_second or 0.0 for rate in changed)
     alive = sum(node.alive for node in found.nodes)

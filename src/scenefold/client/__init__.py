@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
+    from scenefold.client.watching import Watch
     from scenefold.world.keyring import Keyring, SceneKeys
 
 _HOMES = {
@@ -38,6 +39,7 @@ _HOMES = {
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
+    "scenefold.client.watching": "Watch",
     "scenefold.world.keyring": "Keyring SceneKeys",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
@@ -76,6 +78,7 @@ __all__ = [
     "Scenes",
     "Space",
     "Stored",
+    "Watch",
     "connect",
     "create_cluster",
     "movements",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -66,7 +66,9 @@ class Cluster:
             first = found.best_informed
         return found
 
-    async def reports(self, addresses: Sequence[str] | None = None) -> dict[str, NodeReport | ScenefoldError]:
+    async def reports(
+        self, addresses: Sequence[str] | None = None, *, timeout_s: float = CLIENT_STATUS_S
+    ) -> dict[str, NodeReport | ScenefoldError]:
         """What these nodes (all on the line, by the table of one of them) say of themselves; the error of one that does not answer."""
         if addresses is None:
             addresses = [owner.address for owner in await self.nodes()]
@@ -76,7 +78,7 @@ class Cluster:
         async def ask(address: str) -> None:
             async with slots:
                 try:
-                    reply = await self.calls.ask(address, RequestReport(), Reported, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S)
+                    reply = await self.calls.ask(address, RequestReport(), Reported, priority=Priority.HIGH, timeout_s=timeout_s)
                     found[address] = read_report(reply.document, address)
                 except (Unreachable, Refused, PeerFault) as error:
                     found[address] = error
@@ -96,21 +98,31 @@ class Cluster:
     async def look(self, first: NodeId | None = None) -> ClusterStatus:
         """One look at the cluster by the table of `first` (any node); what seems off may be so only because bounds move."""
         table = await self.calls.refresh(first)
-        # A node that has just begun has an empty table: then the founders are who there may be.
-        statuses = {status.node: status for status in table.statuses}
-        line = [(node, self.calls.address_of(node)) for node in statuses or self.profile.founders]
+        line = self.line_of(table)
         reports = await self.reports([address for _, address in line])
-        answered = [report for report in reports.values() if isinstance(report, NodeReport)]
-        if not answered:
+        if not any(isinstance(report, NodeReport) for report in reports.values()):
             silent = next((error for error in reports.values() if isinstance(error, ScenefoldError)), None)
             raise no_answer([address for _, address in line], silent)
-        asked = _address_of_sender(table) or answered[0].address
+        return judged(self.name, *self.states(table, reports))
+
+    def line_of(self, table: RespondTable) -> list[tuple[NodeId, str]]:
+        """Who is on the line, and where to reach them."""
+        statuses = [status.node for status in table.statuses]
+        # A node that has just begun has an empty table: then the founders are who there may be.
+        return [(node, self.calls.address_of(node)) for node in statuses or self.profile.founders]
+
+    def states(self, table: RespondTable, reports: Mapping[str, NodeReport | ScenefoldError]) -> tuple[str, list[NodeState]]:
+        """Whose table it is, and what it and the reports of all nodes on the line say of each."""
+        statuses = {status.node: status for status in table.statuses}
+        answered = [report for report in reports.values() if isinstance(report, NodeReport)]
+        asked = _address_of_sender(table) or (answered[0].address if answered else next(iter(reports)))
         views = reports.get(asked)
         peers = views.peers if isinstance(views, NodeReport) else {}
         nodes = []
-        for node, address in line:
+        for node, address in self.line_of(table):
             status, report = statuses.get(node), reports[address]
             heard_s = 0.0 if address == asked else peers[address].heard_s if address in peers else None
+            told = () if status is None else tuple(map(address_of, status.blacklist))
             nodes.append(
                 NodeState(
                     address=address,
@@ -120,9 +132,10 @@ class Cluster:
                     heard_s=heard_s,
                     report=report if isinstance(report, NodeReport) else None,
                     problem=report.what.removeprefix("no connection to the node: ") if isinstance(report, ScenefoldError) else "",
+                    blacklist=report.blacklist if isinstance(report, NodeReport) else told,
                 )
             )
-        return judged(self.name, asked, nodes)
+        return asked, nodes
 
     async def in_worker(self, lane: str, function: Callable[..., Result], *arguments: object) -> Result:
         """Run what computes or blocks in a thread of this client's lane."""

@@ -49,6 +49,12 @@ class NodeState:
     """Seconds since the asked node has heard of it; None: never."""
     report: NodeReport | None
     problem: str = ""
+    blacklist: tuple[str, ...] = ()
+    """Addresses of nodes that must not hold copies of its data: by its own word, else as the asked node knows it."""
+    last: NodeReport | None = None
+    """Of a node that does not answer now: what it said last, to somebody who looks again and again."""
+    last_s: float = 0.0
+    """How long ago that was."""
 
     @property
     def alive(self) -> bool:
@@ -82,12 +88,7 @@ class NodeState:
             "arc": None if self.arc is None else {"first": self.arc.first.hex(), "last": self.arc.last.hex()},
             "right_bound": None if self.arc is None else self.arc.last.hex(),
             "share": self.share,
-            "records": None if report is None else report.records,
-            "bytes": None if report is None else report.bytes,
-            "disk_bytes_used": None if report is None else report.used_bytes,
-            "capacity_bytes": None if report is None else report.capacity_bytes,
-            "disk_fraction": None if report is None else round(report.fill, 4),
-            "memory_fraction": None if report is None else round(report.memory_fraction, 4),
+            **stored_document(report),
             "heard_s": self.heard_s,
             "lease_s": None if report is None else report.lease_s,
             "log_position": None if report is None else report.log_position,
@@ -96,7 +97,20 @@ class NodeState:
             "rays_per_second": None if report is None else report.rays_per_second,
             "incarnation": self.incarnation.hex() if report is None else report.incarnation,
             "boot": None if report is None else report.boot,
+            "blacklist": list(self.blacklist),
         }
+
+
+def stored_document(report: NodeReport | None) -> dict[str, Any]:
+    """What a node holds, as a part of its JSON form; nulls if it does not say."""
+    return {
+        "records": None if report is None else report.records,
+        "bytes": None if report is None else report.bytes,
+        "disk_bytes_used": None if report is None else report.used_bytes,
+        "capacity_bytes": None if report is None else report.capacity_bytes,
+        "disk_fraction": None if report is None else round(report.fill, 4),
+        "memory_fraction": None if report is None else round(report.memory_fraction, 4),
+    }
 
 
 def handover_document(handover: HandoverReport) -> dict[str, Any]:

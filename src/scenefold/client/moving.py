@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenefold.base.location import Arc
-from scenefold.client.health import NodeState
+from scenefold.client.health import NodeState, stored_document
 from scenefold.client.reports import HandoverReport
 
 
@@ -87,8 +87,11 @@ class Rate:
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
+        silent = self.node.last is not None and not self.node.alive
         return {
             **self.node.document(),
+            **(stored_document(self.node.last) if silent else {}),
+            "said_s": 0.0 if self.node.alive else self.node.last_s if silent else None,
             "records_per_second": self.records_per_second,
             "bytes_per_second": self.bytes_per_second,
         }

@@ -64,7 +64,7 @@ def new_space(
     if not name or len(name.encode("utf-8", "surrogatepass")) > SPACE_NAME_BYTES_MAX or not name.isprintable() or name.isdecimal():
         remedy = f"use 1 to {SPACE_NAME_BYTES_MAX} printable characters, not all of them digits"
         raise UsageFault(f"{name[:SPACE_NAME_BYTES_MAX]!r} cannot be the name of a space", where="space name", remedy=remedy)
-    if parent is not None and not (box is dimensions is curve is node_managed is None):
+    if parent is not None and any(given is not None for given in (box, dimensions, curve, node_managed)):
         what = "a shadow has the box, dimensions, curve and management of its parent"
         raise UsageFault(what, where=where, remedy="leave them out")
     if parent is None and offset is not None:

@@ -75,6 +75,8 @@ class NodeReport:
     stall_last_s: float
     stall_ago_s: float | None
     peers: Mapping[str, PeerReport]
+    blacklist: tuple[str, ...]
+    """Addresses of nodes that must not hold copies of its data."""
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -139,6 +141,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             stall_last_s=float(stalls["last_s"]),
             stall_ago_s=_seconds(stalls["ago_s"]),
             peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
+            blacklist=tuple(map(str, found.get("blacklist", ()))),
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:

@@ -10,7 +10,7 @@ not run for a while: its machine slept, its clock jumped, or it was starved.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,6 +78,7 @@ class Moment:
     rays_per_second: int
     events: Mapping[str, int]
     balance: Mapping[str, Any]
+    blacklist: Sequence[str] = ()
 
 
 def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory) -> dict[str, Any]:
@@ -112,6 +113,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "peers": [_peer_document(node, roster, moment.now) for node in registry.order if node != moment.member.node],
         "events": dict(sorted(moment.events.items())),
         "balance": dict(moment.balance),
+        "blacklist": list(moment.blacklist),
     }
 
 
@@ -205,6 +207,7 @@ class Reporting:
             rays_per_second=load.rays_per_second,
             events={**line.events, "datagrams dropped": context.gossip.dropped},
             balance=context.balancer.report(),
+            blacklist=context.settings.blacklist,
         )
         return report_of(moment, context.cluster_log.registry, context.roster, self._memory)
 

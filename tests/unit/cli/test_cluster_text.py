@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 from rich.console import Console
 
@@ -11,6 +12,7 @@ from scenectl.top import _lines, _screen
 from scenefold.base.location import WHOLE_LINE
 from scenefold.client import Movement, NodeState, rates
 from scenefold.client.health import judged
+from unit.client.test_health import report
 
 SILENT = NodeState("127.0.0.2", bytes([7]) * 16, True, WHOLE_LINE, 75.0, None, "connection refused")
 STRANGER = NodeState("127.0.0.3", bytes(16), False, None, None, None, "timed out")
@@ -36,6 +38,20 @@ def test_top_shows_what_moves_on_lines_and_on_a_screen() -> None:
     for text in (lines, console.file.getvalue()):
         assert movement_text(MOVEMENT) in text
         assert "missing" in text and "warning: 127.0.0.3 has never come" in text
+
+
+def test_of_a_silent_node_top_shows_what_it_said_last() -> None:
+    silent = replace(SILENT, last=report(SILENT.address, WHOLE_LINE, records=1_234), last_s=12.3)
+    found = judged("studio", "127.0.0.4", [silent])
+    lines = _lines(found, rates([], found.nodes, 1.0), [])
+    assert "silent 12.3 s" in lines and "1,234 records" in lines
+
+
+def test_blacklists_are_shown_where_there_are_any() -> None:
+    found = judged("studio", "127.0.0.4", [replace(SILENT, blacklist=("127.0.0.3", "127.0.0.9")), STRANGER])
+    for text in (status_text(found), nodes_text(found)):
+        assert "127.0.0.2 wants no copies of its data on 127.0.0.3, 127.0.0.9" in text
+        assert text.count("wants no copies") == 1
 
 
 def test_a_movement_says_how_far_it_is() -> None:
