@@ -7,9 +7,10 @@ asks once more before it believes another one (`is_unsteady`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from scenefold.base.cover import without
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
 from scenefold.client.reports import HandoverReport, NodeReport
@@ -44,7 +45,7 @@ class NodeState:
     incarnation: bytes
     is_voter: bool
     known_arc: Arc | None
-    """Its arc as the asked node knows it."""
+    """Its arc as the asked node knows it; of a silent one without what living nodes own."""
     heard_s: float | None
     """Seconds since the asked node has heard of it; None: never."""
     report: NodeReport | None
@@ -166,6 +167,7 @@ class ClusterStatus:
 
 def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
     """The cluster with everything that is off about it."""
+    nodes = [_trimmed(node, nodes) for node in nodes]
     newest = max((node.report.log_position for node in nodes if node.report is not None), default=0)
     warnings = [*_absences(nodes), *line_warnings(nodes)]
     for node in nodes:
@@ -173,6 +175,18 @@ def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
             warnings += _own_warnings(node.address, node.report, newest)
     warnings += _deafness(nodes)
     return ClusterStatus(name, asked, tuple(nodes), tuple(warnings))
+
+
+def _trimmed(node: NodeState, nodes: Sequence[NodeState]) -> NodeState:
+    """A silent node without what living ones say they own: it may have died before it told of what it gave away."""
+    if node.report is not None or node.known_arc is None:
+        return node
+    pieces = [node.known_arc]
+    for other in nodes:
+        if other.report is not None:
+            pieces = [rest for piece in pieces for rest in without(piece, other.report.arc)]
+    # Pieces are given away at the ends, so what is left is one; more than one only if somebody lies.
+    return replace(node, known_arc=max(pieces, key=lambda piece: piece.length, default=None))
 
 
 def _absences(nodes: Iterable[NodeState]) -> Iterable[Concern]:

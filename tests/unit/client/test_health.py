@@ -79,6 +79,13 @@ def thirds() -> list[NodeState]:
     return [node(address, arc(index / 4, (index + 1) / 4 if index < 2 else 1)) for index, address in enumerate(ADDRESSES)]
 
 
+@pytest.mark.parametrize(("living", "left"), [(arc(0.4, 1), arc(0.25, 0.4)), (arc(0, 0.3), arc(0.3, 0.5)), (arc(0.2, 0.6), None)])
+def test_of_a_silent_nodes_arc_what_a_living_one_owns_is_not_counted_twice(living: Arc, left: Arc | None) -> None:
+    found = judged("c", ADDRESSES[0], [missing(ADDRESSES[0], arc(0.25, 0.5)), node(ADDRESSES[1], living)])
+    assert found.nodes[0].arc == left and found.nodes[1].arc == living
+    assert sum(one.share for one in found.nodes) <= 1 and "overlap" not in [warning.kind for warning in found.warnings]
+
+
 def status_of(nodes: list[NodeState]) -> ClusterStatus:
     return judged("studio", ADDRESSES[0], nodes)
 
