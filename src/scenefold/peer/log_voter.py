@@ -195,7 +195,10 @@ class Voter:
                 )
                 raise Refused(RejectReason.WRONG_INCARNATION, text)
             if known != granted:
-                await self._store.put_note(note_of(member.node), pack_granted(*granted))
+                # Whoever asked may be gone before the note is durable; what is believed here must not fall behind the disk then.
+                self._granted.pop(member.node, None)
+                with trio.CancelScope(shield=True):
+                    await self._store.put_note(note_of(member.node), pack_granted(*granted))
             self._granted[member.node] = granted
 
     async def _recorded(self, node: NodeId) -> tuple[bytes, int] | None:

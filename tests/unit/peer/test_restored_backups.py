@@ -11,10 +11,12 @@ from functools import partial
 import pytest
 import trio
 
+from scenefold.peer.lives import note_of
 from scenefold.peer.own_life import NOTE
 from scenefold.peer.timing import LIFE_S, RENEW_S, T_LEASE_S
 from scenefold.store import Store
 from scenefold.store.changes import storage_full
+from scenefold.store.layout import NOTES
 from scenefold.world.sim import Point
 from unit.peer.log_cluster import LogCluster
 from unit.peer.logs_made import node
@@ -67,6 +69,33 @@ def test_a_backup_of_the_present_run_is_noticed_once_it_is_older_than_a_minute()
         backup = disk.snapshot()
         await trio.sleep(LIFE_S + T_LEASE_S)
         await cluster.crash(1)
+        disk.restore(backup)
+        await cluster.start(1)
+        await trio.sleep(2)
+        await cluster.members(1)
+        assert cluster.nodes[1].renewed == 1 and cluster.nodes[0].log.registry.removal(before) is not None
+
+    simulate(scenario, founders=2)
+
+
+def test_what_the_voter_wrote_counts_though_who_asked_is_gone() -> None:
+    """The voter's disk is slow: the new life is in it, and before the write has returned, the asker is dead."""
+
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        voters, disk = (cluster.net.machine(cluster_address(cluster, index)).disk for index in range(2))
+        before = cluster.nodes[1].own.incarnation
+        await cluster.crash(1)
+        backup, name = disk.snapshot(), note_of(node(1)).encode()
+        granted = voters.peek(NOTES).get(name)
+        voters.slow(0.5)
+        await cluster.start(1)
+        with trio.fail_after(20):
+            while voters.peek(NOTES).get(name) == granted:  # noqa: ASYNC110 - nothing tells of a write that has not returned
+                await trio.sleep(0.01)
+        await cluster.crash(1)
+        voters.slow(0.0)
         disk.restore(backup)
         await cluster.start(1)
         await trio.sleep(2)
