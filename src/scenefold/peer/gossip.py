@@ -21,6 +21,7 @@ import trio
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import Arc, tiles
+from scenefold.crypto import StrangeVersion
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.hearing import Hearing
 from scenefold.peer.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
@@ -239,7 +240,8 @@ class Gossip:
             try:
                 sender, packet = self._hearing.opened(data)
             except (DamagedData, MalformedPacket) as problem:
-                self._hearing.drop(source.address, "forged", f"a datagram is dropped: {problem}")
+                kind = "version" if isinstance(problem, StrangeVersion) else "forged"
+                self._hearing.drop(source.address, kind, f"a datagram is dropped: {problem}")
                 continue
             self._met_at[sender] = self._world.clock.now()
             if isinstance(packet, PingBroadcast):

@@ -242,6 +242,26 @@ async def test_what_does_not_verify_changes_nothing(kind: str, autojump_clock: t
         assert them.of(0).roster.unheard() == [node_at(1)]
 
 
+@pytest.mark.expect_log(
+    "127.0.0.3: a datagram is dropped: (it is of version 2 of the protocol, this node takes version 1: let all nodes run|.* not ours)"
+)
+async def test_datagrams_of_a_later_version_are_dropped_counted_and_named_once(
+    autojump_clock: trio.testing.MockClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with village(2) as them:
+        await them.start(0)
+        own = them.of(1).own
+        whole = sign_datagram(own.key, own.me, 1, encode_packet(PingBroadcast((own.signed(),))))
+        for _ in range(5):
+            them.ether.send(b"SFD2" + whole[4:], "127.0.0.3", "127.0.0.2")
+        them.ether.send(b"\x00" * 200, "127.0.0.3", "127.0.0.2")
+        await trio.testing.wait_all_tasks_blocked()
+        assert them.of(0).gossip.dropped == 6
+        assert sum("of version 2" in record.getMessage() for record in caplog.records) == 1
+        assert sum("not ours" in record.getMessage() for record in caplog.records) == 1, "one complaint hides no other"
+        assert them.of(0).roster.unheard() == [node_at(1)]
+
+
 @DROPPED
 async def test_a_claim_on_what_is_ours_is_not_believed(autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
