@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError
 
-from scenectl.errors import DONE, FAILED, WRONG_USAGE, Ending, Interrupted, ending_of
+from scenectl.errors import DONE, READER_LEFT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
 from scenectl.output import emit_error
 from scenefold.base.kernel_cache import use_kernel_cache
 
@@ -60,11 +60,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
         return WRONG_USAGE
-    except BrokenPipeError:
-        # Whoever read our output left; writing it out at exit would fail once more.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
-    except (Exception, KeyboardInterrupt, BaseExceptionGroup) as error:  # noqa: BLE001 - a user sees a line, never a traceback
+    except (Exception, KeyboardInterrupt, SystemExit, BaseExceptionGroup) as error:  # noqa: BLE001 - a user sees a line, never a traceback
+        if reader_left(error):
+            # Writing out what is left at exit would fail once more.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return READER_LEFT
+        if isinstance(error, SystemExit):
+            raise
         ending = ending_of(error)
         emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
         return ending.exit_code

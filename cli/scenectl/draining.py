@@ -27,7 +27,7 @@ async def leave(cluster: Cluster, address: str, progress: ProgressCallback) -> D
     total, heard_at = report.records, clock.now()
     while report.state != "left":
         if report.state == "serving":
-            raise Refused(RejectReason.BUSY, "somebody cancelled the draining", where=address, remedy="begin it again")
+            raise Refused(RejectReason.NOT_AUTHORISED, "somebody cancelled the draining", where=address, remedy="begin it again")
         left = "" if report.seconds_left is None else f", about {report.seconds_left:.0f} s left"
         waiting = f" (waiting: {report.text})" if report.text else ""
         total = max(total, report.records)

@@ -19,6 +19,8 @@ REFUSED = 4
 DEGRADED = 5
 INTERRUPTED = 130
 """What shells give a program that ended by SIGINT (128 + 2)."""
+READER_LEFT = 141
+"""What shells give a program whose reader went away, as `head` does (SIGPIPE, 128 + 13)."""
 
 _REFUSALS = {
     RejectReason.POSITION_TAKEN: REFUSED,
@@ -92,6 +94,13 @@ def ending_of(error: BaseException) -> Ending:
                 where=_place_of(error),
                 remedy="repeat with --debug and report what it prints",
             )
+
+
+def reader_left(error: BaseException) -> bool:
+    """Whether all that happened is that nobody reads our output any more."""
+    told = most_telling(error)
+    # rich, which prints pages of help, makes an exit of it.
+    return isinstance(told.__context__ if isinstance(told, SystemExit) else told, BrokenPipeError)
 
 
 def most_telling(error: BaseException) -> BaseException:

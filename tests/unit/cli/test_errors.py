@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from scenectl.draining import leave
 from scenectl.errors import Interrupted, ending_of
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable, UsageFault
 from scenefold.base.reasons import RejectReason
+from scenefold.client import DrainReport
 
 CODES = [
     (UsageFault("w"), 2),
@@ -46,3 +54,40 @@ def test_our_own_bugs_ask_for_a_report() -> None:
     ending = ending_of(ZeroDivisionError("division by zero"))
     assert ending.kind == "bug"
     assert "--debug" in ending.remedy
+
+
+FALLS_IN_A_NURSERY = """
+import sys, trio, scenectl.cluster, scenectl.__main__
+async def work():
+    async with trio.open_nursery():
+        while True:
+            print("a line", flush=True)
+scenectl.cluster._look = lambda profile: trio.run(work)
+sys.exit(scenectl.__main__.main(["cluster", "status"]))
+"""
+
+
+@pytest.mark.parametrize("program", [["-m", "scenectl", "--help"], ["-c", FALLS_IN_A_NURSERY]], ids=["a page", "lines without end"])
+def test_when_nobody_reads_any_more_it_ends_quietly(program: list[str]) -> None:
+    reader, writer = os.pipe()
+    with subprocess.Popen([sys.executable, *program], stdout=writer, stderr=subprocess.PIPE) as process:
+        os.close(writer)
+        os.close(reader)
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (141, b"")
+
+
+async def test_a_cancelled_drain_is_a_refusal() -> None:
+    serving = DrainReport("serving", 5, 100, None, False, (), "")
+
+    class Cancelled:
+        calls = SimpleNamespace(world=SimpleNamespace(clock=SimpleNamespace(now=lambda: 0.0)))
+
+        async def drain(self, address: str) -> DrainReport:
+            return serving
+
+    cluster: Any = Cancelled()
+    with pytest.raises(Refused, match="cancelled") as refused:
+        await leave(cluster, "127.0.0.4", lambda _: None)
+    ending = ending_of(refused.value)
+    assert (ending.kind, ending.exit_code) == ("refused", 4)
