@@ -30,7 +30,7 @@ from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts
-from scenefold.store.walking import Manifest, Weighed
+from scenefold.store.walking import Entry, Manifest, Weighed
 from scenefold.store.writer import GroupWriter
 from scenefold.world.ports import Environment, ReadTransaction, World
 from scenefold.world.tasks import background_tasks
@@ -82,9 +82,17 @@ class Store:
         """Delete the records there that have changed on the disk; sound ones stay. For what nobody can be given."""
         return await self._writer.submit(DiscardDamaged(list(spots)))
 
-    async def slide(self, piece: Arc, into: Arc, limit: int = SLIDE_BATCH) -> int:
-        """Put up to `limit` node-managed records of `piece` at places of `into`; 0 once none are left there."""
-        return await self._writer.submit(SlideObjects(piece, into, limit))
+    async def slide(self, parts: Sequence[Arc], limit: int = SLIDE_BATCH) -> int:
+        """Put up to `limit` node-managed records into the part that their home is in; 0 once all are in theirs."""
+        return await self._writer.submit(SlideObjects(tuple(parts), limit))
+
+    async def parted(self, piece: Arc) -> int:
+        """How many node-managed records lie in the piece and have their home elsewhere, or the other way about."""
+        return await self._view(walking.parted, piece)
+
+    async def misplaced(self, kept: Sequence[Arc], limit: int) -> list[Entry]:
+        """Node-managed records in these arcs whose homes lie outside of them, at most `limit`."""
+        return await self._view(walking.misplaced, kept, limit)
 
     async def get_many(self, places: Sequence[RecordPlace]) -> list[Record | None]:
         """The records at these places, None where there is none. DamagedData if one is not what was stored."""
@@ -107,10 +115,7 @@ class Store:
         return records
 
     async def digests(self, spots: Sequence[Spot]) -> list[bytes | None]:
-        """Which versions lie here, without their bytes; None for nothing, or nothing sound.
-
-        An object that has another place in this node's arc counts wherever it is asked for, as `merge` would put it there.
-        """
+        """Which versions lie here, without their bytes; None for nothing, or nothing sound."""
         found: list[bytes | None] = []
         for start in range(0, len(spots), STORE_READ_BATCH_MAX):
             found += await self._view(reading.read_digests, spots[start : start + STORE_READ_BATCH_MAX])
