@@ -20,12 +20,12 @@ from scenefold.client.calls import Calls
 from scenefold.client.delivery import deliver, fetch
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
-from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, open_all, seal_all
+from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, deleted_all, open_all, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.tombstones import tombstone
 from scenefold.client.versions import Sequencer
-from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey, signed_place, wanted_place
+from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey, wanted_place
 from scenefold.scene.log import SceneLog
 from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem
 
@@ -45,7 +45,7 @@ class Wish(NamedTuple):
     content_position: int | None = None
     """The log position that coordinates in the payload belong to; None: that of the log as the scene knows it."""
     object: bytes = b""
-    """Of a node-managed record: its id. `location` is then where it lies, or `signed_place` of the id: anywhere."""
+    """Of a node-managed record: its id. `location` is then `signed_place` of it: the node chooses where it lies."""
 
     @property
     def key(self) -> Key:
@@ -54,7 +54,7 @@ class Wish(NamedTuple):
     @property
     def route(self) -> Location:
         """The place whose owner is asked."""
-        return wanted_place(self.object) if self.object and self.location == signed_place(self.object) else self.location
+        return wanted_place(self.object) if self.object else self.location
 
 
 class Placed(NamedTuple):
@@ -196,6 +196,11 @@ class SceneAccess:
             opened += await self.in_crypto_lane(open_all, self.identity, *part)
         self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
         return opened
+
+    async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
+        """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""
+        records = await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
+        return await self.in_crypto_lane(deleted_all, self.identity, keys, records)
 
     async def locations(self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False) -> AsyncIterator[Location]:
         """Locations of a space that hold records, deleted ones too, from `first` to `last`, in order; asked for as

@@ -20,6 +20,7 @@ from scenefold.client.patience import Patience, is_passing
 from scenefold.client.sealing import Key
 from scenefold.client.split import frames
 from scenefold.client.together import together
+from scenefold.crypto import wanted_place
 from scenefold.wire import GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
 
 STORED = 0
@@ -91,7 +92,7 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
     """
     missing = object()
     found: list[RecordBytes | object | None] = [missing] * len(keys)
-    locations = [key[1] for key in keys]
+    locations = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
 
     async def ask(node: NodeId, frame: list[int]) -> None:
         address = calls.address_of(node)

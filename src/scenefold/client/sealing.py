@@ -14,7 +14,7 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.client.births import writers_of
-from scenefold.client.tombstones import is_tombstone
+from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, is_tombstone
 from scenefold.crypto import (
     PLACED_BY_CLIENT,
     PLACED_BY_NODE,
@@ -27,6 +27,7 @@ from scenefold.crypto import (
     signed_place,
     verify_record,
 )
+from scenefold.crypto.record_header import TAG_BYTES
 from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode
 
 Key = tuple[SpaceId, Location] | tuple[SpaceId, Location, bytes]
@@ -74,7 +75,7 @@ class Draft:
     content_position: int | None = None
     """Where it differs from the scene's."""
     object: bytes = b""
-    """Of a node-managed record: its id. `location` is then where it lies, or `signed_place` of the id: anywhere."""
+    """Of a node-managed record: its id. `location` is then `signed_place` of it: the node chooses where it lies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +110,20 @@ def open_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[Rec
         None if record is None else _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)
         for key, record in zip(keys, records, strict=True)
     ]
+
+
+def deleted_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[bool]:
+    """Whether each record is not there, or says that it is deleted. One that does not verify does not say so."""
+    return [record is None or _is_deleted(identity, key, record) for key, record in zip(keys, records, strict=True)]
+
+
+def _is_deleted(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:
+    if len(record.ciphertext) > TOMBSTONE_BYTES_MAX + TAG_BYTES:
+        return False
+    try:
+        return _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record).deleted
+    except DamagedData:
+        return False
 
 
 def _seal(identity: SceneIdentity, writer: SigningKey, session: int, draft: Draft) -> PutItem:

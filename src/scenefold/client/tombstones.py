@@ -12,6 +12,7 @@ from collections.abc import Callable
 MARK = hashlib.sha256(b"scenefold/deleted").digest()[:16]
 """No other payload begins with these bytes."""
 PADDING_BYTES_MAX = 2_048
+TOMBSTONE_BYTES_MAX = len(MARK) + PADDING_BYTES_MAX
 
 
 def tombstone(token: Callable[[int], bytes]) -> bytes:

@@ -7,12 +7,13 @@ That nothing lies somewhere is a claim as well, so it needs a lease; without one
 from __future__ import annotations
 
 from scenefold.base.limits import RANGE_LOCATIONS_MAX
-from scenefold.base.location import Arc
+from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import wanted_place
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Lease
 from scenefold.peer.scenes import Scenes
-from scenefold.store import Store
+from scenefold.store import RangeAnswer, Store
 from scenefold.wire import Packet, QueryRange, RejectRange, ReturnRange
 
 LOOKS_MAX = 3
@@ -38,23 +39,33 @@ class Ranges:
             mine = self._mine(packet)
             if mine is None:
                 return range_rejection(packet, RejectReason.OUTSIDE_BOUNDS)
+            arc = self._line.arc
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
-            if self._mine(packet) != mine:
+            if self._line.arc != arc:
                 # What was given away may have been deleted while we looked.
                 continue
             stale = not self._lease.holds()
-            if stale and not answer.locations:
+            locations, objects = self._decided_here(answer)
+            if stale and not locations:
                 return range_rejection(packet, RejectReason.NOT_READY)
             return ReturnRange(
                 scene=packet.scene,
                 space=packet.space,
                 first=answer.covered.first,
                 last=answer.covered.last,
-                locations=tuple(answer.locations),
-                objects=tuple(answer.objects),
+                locations=locations,
+                objects=objects,
                 stale=stale,
             )
         return range_rejection(packet, RejectReason.NOT_READY)
+
+    def _decided_here(self, answer: RangeAnswer) -> tuple[tuple[Location, ...], tuple[bytes, ...]]:
+        """What is listed, without objects that lie here while another node decides about them: that one has them, or will."""
+        if not answer.objects:
+            return tuple(answer.locations), ()
+        pairs = zip(answer.locations, answer.objects, strict=True)
+        kept = [(location, name) for location, name in pairs if not any(name) or self._line.owns(wanted_place(name))]
+        return tuple(location for location, _ in kept), tuple(name for _, name in kept)
 
     def _mine(self, packet: QueryRange) -> Arc | None:
         arc = self._line.arc

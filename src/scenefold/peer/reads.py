@@ -17,8 +17,9 @@ import trio
 from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import BULK_BYTES_MAX
+from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Record, RecordPlace
+from scenefold.crypto import Record, RecordPlace, wanted_place
 from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.holdings import Holdings, Lease, Owners, no_lease, other_candidates, silent_owner
 from scenefold.peer.peers import Peers
@@ -77,10 +78,10 @@ class Reads:
     async def _read_batch(self, scene: SceneId, keys: Sequence[RecordKey], position: int, *, forward: bool) -> Found:
         found: dict[RecordKey, RecordBytes | None] = {}
         by_candidates: dict[tuple[NodeId, ...], list[RecordKey]] = {}
-        own = [key for key in keys if self._line.owns(key.location)]
+        own = [key for key in keys if self._line.owns(_home_of(key))]
         for key in keys:
-            if not self._line.owns(key.location):
-                by_candidates.setdefault(other_candidates(self._owners, key.location, self._me), []).append(key)
+            if not self._line.owns(_home_of(key)):
+                by_candidates.setdefault(other_candidates(self._owners, _home_of(key), self._me), []).append(key)
         if by_candidates and not forward:
             raise Refused(RejectReason.NOT_MY_LOCATION, "the location belongs to another node")
         stale = await self._read_own(scene, own, found)
@@ -101,7 +102,7 @@ class Reads:
         if not keys:
             return False
         records = await self._store.read([Spot(RecordPlace(scene, key.space, key.location), key.object) for key in keys])
-        if not all(self._line.owns(key.location) for key in keys):
+        if not all(self._line.owns(_home_of(key)) for key in keys):
             # Given away while we looked: the records may have been deleted behind the new owner's back.
             raise Refused(RejectReason.NOT_READY, "the place is changing hands")
         leased = self._lease.holds()
@@ -183,6 +184,11 @@ async def _all_at_once(fetches: Sequence[Callable[[], Awaitable[None]]]) -> None
             nursery.start_soon(guarded, fetch)
     if errors:
         raise errors[0]
+
+
+def _home_of(key: RecordKey) -> Location:
+    """The place whose owner answers: an object is looked for by its id, wherever the reader believes it to lie."""
+    return wanted_place(key.object) if key.object else key.location
 
 
 def _as_bytes(record: Record | DamagedData | None) -> RecordBytes | None:

@@ -16,6 +16,7 @@ from typing import TypeVar
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, SceneId, SpaceId
+from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import (
     PLACED_BY_NODE,
@@ -28,6 +29,7 @@ from scenefold.crypto import (
     object_of,
     signed_place,
     verify_record,
+    wanted_place,
 )
 from scenefold.store import Put
 from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
@@ -69,8 +71,7 @@ def verified_put(item: PutItem, scene: KnownScene) -> Put:
     header = _verified(record, item, scene)
     if header.epoch < scene.public.write_floor:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
-    at = None if header.placement != PLACED_BY_NODE or item.location == header.location else item.location
-    return Put(record, item.expect, at)
+    return Put(record, item.expect)
 
 
 def verified_copy(item: HandItem, scene: KnownScene) -> Put:
@@ -82,13 +83,14 @@ def verified_copy(item: HandItem, scene: KnownScene) -> Put:
     return Put(record, at=item.location if item.object else None)
 
 
-def wants_place(item: PutItem) -> bytes:
-    """The object id if this is offered for a place of the node's choice, else b"". Looks at the header's bytes only."""
+def home_of(item: PutItem | HandItem) -> Location:
+    """The place whose owner decides about a record: its own, or the one that its object id names. Looks at the header's bytes only."""
     try:
         header = RecordHeader.decode(item.header)
     except IllFormedRecord:
-        return b""
-    return object_of(header) if item.location == header.location else b""
+        return item.location
+    object_id = object_of(header)
+    return wanted_place(object_id) if object_id else item.location
 
 
 def _verified(record: Record, item: PutItem | HandItem, scene: KnownScene) -> RecordHeader:

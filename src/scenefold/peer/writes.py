@@ -1,8 +1,8 @@
 """Records in: packets 10 and 32 (Algorithm 6; specs/18-data.md, Writes).
 
-A write is judged by the owner of its place alone: verified in worker threads, made durable, then acknowledged, under a
-lease. Offered to the wrong node it is refused with the owner's id. A place that is just being given away takes no
-writes for the moment of its last copy; they wait, but not for long.
+A write is judged by the owner of its place alone, a node-managed record's by that of its home: verified in worker threads, made
+durable, then acknowledged, under a lease. Offered to the wrong node it is refused with the owner's id. A place that is just
+being given away takes no writes for the moment of its last copy; they wait, but not for long.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PLACED_BY_NODE, wanted_place
+from scenefold.crypto import PLACED_BY_NODE
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Lease, Owners, other_owner
 from scenefold.peer.scenes import Scenes
-from scenefold.peer.verification import KnownScene, epochs_of, verify_all, wants_place
+from scenefold.peer.verification import KnownScene, epochs_of, home_of, verify_all
 from scenefold.store import Outcome, Put, PutResult, Store
 from scenefold.wire import AcceptData, Packet, ProposeData, PutItem, PutMany, PutManyReply, PutOutcome, RejectData
 from scenefold.world import World
@@ -69,10 +69,9 @@ class Writes:
 
     def _refused_unseen(self, item: PutItem, scene: KnownScene | None) -> PutOutcome | None:
         """The outcome of what need not be looked at: others' places, no lease, scenes that nobody knows."""
-        if not self._line.owns(item.location):
-            object_id = wants_place(item)
-            if not object_id or self._line.arc is None:
-                return self._not_ours(item, wanted_place(object_id) if object_id else item.location)
+        home = home_of(item)
+        if not self._line.owns(home):
+            return self._not_ours(item, home)
         if not self._lease.holds():
             return _outcome(item, RejectReason.NOT_READY)
         return _outcome(item, RejectReason.UNKNOWN_SCENE_OR_SPACE) if scene is None else None
@@ -113,7 +112,7 @@ class Writes:
         if isinstance(result, RejectReason):
             return _outcome(item, result)
         if result.outcome is Outcome.NOT_OWNED:
-            return self._not_ours(item, item.location)
+            return self._not_ours(item, home_of(item))
         if not self._lease.holds():
             return _outcome(item, RejectReason.NOT_READY)
         return PutOutcome(result.reason or 0, item.location if result.location is None else result.location, NodeId(0))

@@ -55,7 +55,7 @@ class PutResult:
 class Put:
     """A verified record to be stored. `expect`: None for anything, b"" for nothing there, else the digest there.
 
-    `at`: where a node-managed record lies already; None lets the node choose. Others lie where their header says.
+    `at`: of a copy, where a node-managed record lies at the node that it comes from. Others lie where their header says.
     """
 
     record: Record

@@ -1,7 +1,7 @@
 """Tables and bytes of the store (specs/10-store.md).
 
     records     scene(4) | space(2) | location(20) [| object(16)]  ->  a packed record
-    objects     scene(4) | space(2) | object(16)                   ->  location(20), where a node-managed record lies
+    objects     scene(4) | space(2) | object(16)                   ->  location(20), where a node-managed record lies that is not at its home
     headers     scene(4)                                           ->  the scene's public header, opaque here
     statistics  scene(4) | space(2)                                ->  records(8) | bytes(8)
     holding     "arc" | "note"                                     ->  first(20) | last(20), or nothing; the line's own note
@@ -30,7 +30,7 @@ from typing import NamedTuple
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Location
-from scenefold.crypto import OBJECT_BYTES, Record, RecordHeader, RecordPlace
+from scenefold.crypto import OBJECT_BYTES, Record, RecordHeader, RecordPlace, wanted_place
 
 RECORDS = "records"
 OBJECTS = "objects"
@@ -60,6 +60,11 @@ class Spot(NamedTuple):
     place: RecordPlace
     object: bytes = b""
 
+    @property
+    def home(self) -> Location:
+        """The place whose owner decides about the record: its own, or the one that its object id names."""
+        return wanted_place(self.object) if self.object else self.place.location
+
 
 def scene_key(scene: SceneId) -> bytes:
     return _SCENE.pack(scene)
@@ -85,6 +90,11 @@ def record_key(place: RecordPlace, object_id: bytes = b"") -> bytes:
 
 def object_key(scene: SceneId, space: SpaceId, object_id: bytes) -> bytes:
     return _SPACE.pack(scene, space) + object_id
+
+
+def object_of_key(key: bytes) -> bytes:
+    """The object id of a key of the table of objects."""
+    return key[_SPACE.size :]
 
 
 def location_of(key: bytes) -> Location:

@@ -1,47 +1,88 @@
 """Where a node-managed record lies: the node's choice (thesis B.3; specs/10-store.md, Node-managed spaces).
 
-An object id is random, so the id itself, read as a place, spreads objects evenly over the line, and whoever looks for
-a node for a new object finds the same one at every try. The node takes that place if it owns it, else one that
-the id picks within its arc. The table of objects says where each was put, so that a retry changes nothing, and whoever
-knows an old place of an object that has slid on since still reaches it here.
+An object's id, read as the beginning of a location, is its *home*: whoever owns that place, and nobody else, decides about the
+object. Within its arc this node chooses where the record lies, at its home or as near behind it as nothing of the space lies. So
+nearly all lie at home, and the table of objects names the others only. When a bound comes between an object and its home,
+the object slides.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import RecordPlace, wanted_place
-from scenefold.store.layout import OBJECTS, OBJECTS_END, RECORDS, object_key, record_key
-from scenefold.world.ports import ReadTransaction
+from scenefold.store.layout import OBJECTS, OBJECTS_END, RECORDS, Spot, object_key, object_of_key, record_key, space_of
+from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 STEPS_MAX = 64
-"""Places tried. If all are taken, two objects share one: their keys differ all the same."""
+"""Places tried. If all are taken, two records share one: their keys differ all the same."""
+_FIRST_KEY, _LAST_KEY = b"", b"\xff" * 22
 
 
-def known_place(transaction: ReadTransaction, scene: SceneId, space: SpaceId, object_id: bytes) -> Location | None:
-    """Where this node put an object, if it is still there."""
+def place_of(transaction: ReadTransaction, scene: SceneId, space: SpaceId, object_id: bytes) -> Location | None:
+    """Where this node has an object; None if it has not."""
     value = transaction.get(OBJECTS, object_key(scene, space, object_id))
-    if value is None:
-        return None
-    location = Location(bytes(value))
-    present = transaction.get(RECORDS, record_key(RecordPlace(scene, space, location), object_id))
-    return None if present is None else location
+    if value is not None and _is_at(transaction, scene, space, Location(bytes(value)), object_id):
+        return Location(bytes(value))
+    home = wanted_place(object_id)
+    return home if _is_at(transaction, scene, space, home, object_id) else None
 
 
-def place_in_arc(transaction: ReadTransaction, arc: Arc | None, scene: SceneId, space: SpaceId, object_id: bytes) -> Location | None:
-    """Where this node has an object in its arc; None if it has not, or if there is no object (b"")."""
-    known = known_place(transaction, scene, space, object_id) if object_id and arc is not None else None
-    return known if known is not None and arc is not None and known in arc else None
-
-
-def free_place(transaction: ReadTransaction, scene: SceneId, space: SpaceId, object_id: bytes, arc: Arc) -> Location:
-    """A place in the arc where nothing of this space lies; found in one look but for rare chances."""
-    wanted = wanted_place(object_id)
-    start = wanted.number if wanted in arc else arc.first.number + wanted.number % arc.length
-    place = start
-    for step in range(min(STEPS_MAX, arc.length)):
-        place = arc.first.number + (start - arc.first.number + step) % arc.length
-        key = record_key(RecordPlace(scene, space, Location.from_number(place)))
+def free_place(transaction: ReadTransaction, scene: SceneId, space: SpaceId, object_id: bytes, part: Arc) -> Location:
+    """The first place from the object's home on, round within this part of the line, where nothing of the space lies."""
+    home = wanted_place(object_id)
+    start = home.number - part.first.number
+    for step in range(min(STEPS_MAX, part.length)):
+        place = Location.from_number(part.first.number + (start + step) % part.length)
+        key = record_key(RecordPlace(scene, space, place))
         if next(transaction.keys(RECORDS, key, key + OBJECTS_END), None) is None:
-            break
-    return Location.from_number(place)
+            return place
+    return home
+
+
+class Displaced(NamedTuple):
+    """An object that does not lie at its home, and where it lies."""
+
+    spot: Spot
+    home: Location
+
+    def part_among(self, parts: Iterable[Arc]) -> Arc | None:
+        """The part that the object belongs into and does not lie in, if it is one of these."""
+        part = next((part for part in parts if self.home in part), None)
+        return None if part is None or self.spot.place.location in part else part
+
+
+def displaced(transaction: ReadTransaction) -> Iterator[Displaced]:
+    """All objects that do not lie at home."""
+    for key, value in transaction.scan(OBJECTS, _FIRST_KEY, _LAST_KEY):
+        place, object_id = RecordPlace(*space_of(key), Location(bytes(value))), object_of_key(key)
+        home = wanted_place(object_id)
+        if place.location != home and _is_at(transaction, *place, object_id):
+            yield Displaced(Spot(place, object_id), home)
+
+
+def move_object(transaction: WriteTransaction, spot: Spot, to: Location) -> None:
+    """Put an object's record elsewhere, as it is."""
+    (scene, space, _), object_id = spot
+    value = transaction.get(RECORDS, record_key(*spot))
+    assert value is not None
+    packed = bytes(value)
+    transaction.delete(RECORDS, record_key(*spot))
+    transaction.put(RECORDS, record_key(RecordPlace(scene, space, to), object_id), packed)
+    note_place(transaction, Spot(RecordPlace(scene, space, to), object_id))
+
+
+def note_place(transaction: WriteTransaction, spot: Spot) -> None:
+    """Remember where an object lies, if that does not follow from its id."""
+    key = object_key(spot.place.scene, spot.place.space, spot.object)
+    if spot.place.location != spot.home:
+        transaction.put(OBJECTS, key, spot.place.location)
+    elif transaction.get(OBJECTS, key) is not None:
+        transaction.delete(OBJECTS, key)
+
+
+def _is_at(transaction: ReadTransaction, scene: SceneId, space: SpaceId, location: Location, object_id: bytes) -> bool:
+    return transaction.get(RECORDS, record_key(RecordPlace(scene, space, location), object_id)) is not None

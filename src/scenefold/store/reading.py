@@ -9,7 +9,6 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record, RecordPlace
-from scenefold.store.holding import read_arc
 from scenefold.store.layout import (
     HEADERS,
     NO_OBJECT,
@@ -22,7 +21,7 @@ from scenefold.store.layout import (
     scene_of,
     unpack_record,
 )
-from scenefold.store.placing import known_place, place_in_arc
+from scenefold.store.placing import place_of
 from scenefold.store.walking import describe
 from scenefold.world.ports import ReadTransaction
 
@@ -47,7 +46,7 @@ def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedDa
     place, object_id = spot
     value = transaction.get(RECORDS, record_key(place, object_id))
     if value is None and object_id:
-        known = known_place(transaction, place.scene, place.space, object_id)
+        known = place_of(transaction, place.scene, place.space, object_id)
         value = None if known is None else transaction.get(RECORDS, record_key(RecordPlace(place.scene, place.space, known), object_id))
     if value is None:
         return None
@@ -58,19 +57,12 @@ def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedDa
 
 
 def read_digests(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[bytes | None]:
-    """Which version lies at each spot, or of its object elsewhere in the arc; None for nothing, or nothing sound.
-
-    Some 40 us for a full record, whose bytes are read.
-    """
-    arc = read_arc(transaction)
-    return [_read_digest(transaction, arc, spot) for spot in spots]
+    """Which version lies at each spot; None for nothing, or nothing sound. Some 40 us for a full record, whose bytes are read."""
+    return [_read_digest(transaction, spot) for spot in spots]
 
 
-def _read_digest(transaction: ReadTransaction, arc: Arc | None, spot: Spot) -> bytes | None:
-    place, object_id = spot
-    known = place_in_arc(transaction, arc, place.scene, place.space, object_id)
-    key = record_key(place if known is None else RecordPlace(place.scene, place.space, known), object_id)
-    value = transaction.get(RECORDS, key)
+def _read_digest(transaction: ReadTransaction, spot: Spot) -> bytes | None:
+    value = transaction.get(RECORDS, record_key(*spot))
     if value is None:
         return None
     try:

@@ -1,7 +1,8 @@
 """Changes of records: what clients put, what other nodes hand over, what is given up (specs/10-store.md, Writing).
 
 `PutRecords` is the only one that judges places: it reads the node's arc in its own transaction. Merging does not, since
-a handover brings records before their arc, and whoever merges has decided where they belong.
+a handover brings records before their arc, and whoever merges has decided where they belong. Of a node-managed object there is
+one record in a store, wherever it lies: what brings it to another place takes it from where it was.
 """
 
 from __future__ import annotations
@@ -9,27 +10,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.location import Arc, Location
-from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of
+from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of, wanted_place
 from scenefold.store.changes import storage_full
 from scenefold.store.holding import read_arc
 from scenefold.store.judging import Outcome, Put, PutResult, judge
-from scenefold.store.layout import (
-    OBJECTS,
-    RECORDS,
-    Spot,
-    object_key,
-    pack_record,
-    record_key,
-    spot_of,
-    stored_header,
-    unpack_record,
-)
-from scenefold.store.placing import free_place, place_in_arc
+from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, stored_header, unpack_record
+from scenefold.store.placing import displaced, free_place, move_object, note_place, place_of
 from scenefold.store.statistics import Tally
-from scenefold.store.walking import entry_keys
 from scenefold.world.ports import WriteTransaction
 
 _FRAMING_BYTES = 512
@@ -64,7 +55,7 @@ class PutRecords:
 class MergeRecords:
     """Copies from other nodes: the highest version stays, wherever it lies. They may use the reserve.
 
-    A node-managed object that is in this node's arc already stays at its one place, whatever place the copy comes from.
+    A node-managed object with its home in this node's arc is put as a client's is, whatever place the copy comes from.
     """
 
     puts: Sequence[tuple[RecordHeader, Put]]
@@ -79,11 +70,7 @@ class MergeRecords:
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        results = []
-        for header, put in self.puts:
-            known = place_in_arc(transaction, arc, header.scene, header.space, object_of(header))
-            results.append(_write(transaction, tally, header, put.record, None, _spot(header, put.at if known is None else known)))
-        return results
+        return [_write(transaction, tally, header, put.record, None, _place(transaction, arc, header, put.at)) for header, put in self.puts]
 
     def when_full(self) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -149,13 +136,12 @@ class DiscardDamaged:
 
 @dataclass(frozen=True, slots=True)
 class SlideObjects:
-    """Put the first node-managed records of a piece elsewhere: the node keeps them while the piece goes.
+    """Put node-managed records that lie in another of these parts than their home, or in none, into that part.
 
-    Gives how many slid; fewer than `limit` means that the piece has none left.
+    Gives how many slid; fewer than `limit` means that none are left. An object whose home is in none of the parts stays.
     """
 
-    piece: Arc
-    into: Arc
+    parts: Sequence[Arc]
     limit: int
 
     @property
@@ -167,24 +153,12 @@ class SlideObjects:
         return True
 
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> int:
-        found: list[bytes] = []
-        for key in entry_keys(transaction, [self.piece], managed_only=True):
-            found.append(key)
-            if len(found) == self.limit:
-                break
-        for key in found:
-            self._slide(transaction, key)
-        return len(found)
-
-    def _slide(self, transaction: WriteTransaction, key: bytes) -> None:
-        (scene, space, _), object_id = spot_of(key)
-        value = transaction.get(RECORDS, key)
-        assert value is not None
-        location = free_place(transaction, scene, space, object_id, self.into)
-        packed = bytes(value)
-        transaction.delete(RECORDS, key)
-        transaction.put(RECORDS, record_key(RecordPlace(scene, space, location), object_id), packed)
-        transaction.put(OBJECTS, object_key(scene, space, object_id), location)
+        found = ((spot, part) for spot, part in ((one.spot, one.part_among(self.parts)) for one in displaced(transaction)) if part)
+        chosen = list(islice(found, self.limit))
+        for spot, part in chosen:
+            (scene, space, _), object_id = spot
+            move_object(transaction, spot, free_place(transaction, scene, space, object_id, part))
+        return len(chosen)
 
     def when_full(self) -> int:
         raise storage_full()
@@ -195,28 +169,32 @@ def _spot(header: RecordHeader, at: Location | None) -> Spot:
 
 
 def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
-    if arc is None:
+    spot = _spot(new, None)
+    if arc is None or spot.home not in arc:
         return PutResult(Outcome.NOT_OWNED)
-    if new.placement == PLACED_BY_NODE:
-        location = _managed_place(transaction, arc, new, put.at)
-        if location not in arc:
-            return PutResult(Outcome.NOT_OWNED)
-        result = _write(transaction, tally, new, put.record, put.expect, _spot(new, location))
-        return replace(result, location=location)
-    if new.location not in arc:
-        return PutResult(Outcome.NOT_OWNED)
-    return _write(transaction, tally, new, put.record, put.expect, _spot(new, None))
+    if not spot.object:
+        return _write(transaction, tally, new, put.record, put.expect, spot)
+    spot = _place(transaction, arc, new, None)
+    result = _write(transaction, tally, new, put.record, put.expect, spot)
+    return replace(result, location=spot.place.location)
 
 
-def _managed_place(transaction: WriteTransaction, arc: Arc, new: RecordHeader, at: Location | None) -> Location:
-    """Where a node-managed record is, or shall be: at `at`, where it slid to, or at a free place."""
+def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at: Location | None) -> Spot:
+    """Where a record shall be, and a node-managed one from now on is if it was elsewhere.
+
+    Of an object with its home in the arc the node decides: where it is, or at a free place. Any other lies `at` its place.
+    """
+    if new.placement != PLACED_BY_NODE:
+        return _spot(new, None)
     object_id = object_of(new)
-    if at is not None and transaction.get(RECORDS, record_key(*_spot(new, at))) is not None:
-        return at
-    known = place_in_arc(transaction, arc, new.scene, new.space, object_id)
-    if known is not None:
-        return known
-    return free_place(transaction, new.scene, new.space, object_id, arc) if at is None else at
+    known = place_of(transaction, new.scene, new.space, object_id)
+    if arc is not None and wanted_place(object_id) in arc:
+        at = known if known is not None and known in arc else free_place(transaction, new.scene, new.space, object_id, arc)
+    assert at is not None
+    spot = _spot(new, at)
+    if known is not None and known != at:
+        move_object(transaction, _spot(new, known), at)
+    return spot
 
 
 def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, record: Record, expect: bytes | None, spot: Spot) -> PutResult:
@@ -231,7 +209,7 @@ def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, recor
         transaction.put(RECORDS, key, packed)
         tally.add((new.scene, new.space), 0 if value is not None else 1, len(packed) - replaced_bytes)
         if spot.object:
-            transaction.put(OBJECTS, object_key(new.scene, new.space, spot.object), spot.place.location)
+            note_place(transaction, spot)
     return result
 
 

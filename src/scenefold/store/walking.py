@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import logging
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 from typing import NamedTuple
 
@@ -22,12 +23,12 @@ from scenefold.store.layout import (
     STATISTICS,
     Spot,
     location_of,
-    object_of,
     record_key,
     space_of,
     spot_of,
     stored_header,
 )
+from scenefold.store.placing import displaced
 from scenefold.store.statistics import Counts, SpaceAddress
 from scenefold.world.ports import ReadTransaction
 
@@ -45,6 +46,11 @@ class Entry(NamedTuple):
     @property
     def spot(self) -> Spot:
         return Spot(self.place, self.object)
+
+    @property
+    def home(self) -> Location:
+        """The place whose owner decides about the record."""
+        return self.spot.home
 
 
 class Manifest(NamedTuple):
@@ -99,9 +105,24 @@ def manifest(transaction: ReadTransaction, pieces: Sequence[Arc], after: bytes |
     return Manifest(entries, looked_at if seen == limit else None, tuple(damaged))
 
 
-def entry_keys(
-    transaction: ReadTransaction, pieces: Sequence[Arc], *, after: bytes | None = None, managed_only: bool = False
-) -> Iterator[bytes]:
+def misplaced(transaction: ReadTransaction, kept: Sequence[Arc], limit: int) -> list[Entry]:
+    """Objects that lie in these arcs though their homes do not, at most `limit`; damaged ones stay where they are."""
+    entries: list[Entry] = []
+    for spot, home in displaced(transaction):
+        if len(entries) < limit and any(spot.place.location in arc for arc in kept) and not any(home in arc for arc in kept):
+            value = transaction.get(RECORDS, record_key(*spot))
+            assert value is not None
+            with suppress(DamagedData):
+                entries.append(Entry(*spot, stored_header(value).digest, len(value)))
+    return entries
+
+
+def parted(transaction: ReadTransaction, piece: Arc) -> int:
+    """How many objects have either their place or their home in the piece, and not both."""
+    return sum((spot.place.location in piece) != (home in piece) for spot, home in displaced(transaction))
+
+
+def entry_keys(transaction: ReadTransaction, pieces: Sequence[Arc], *, after: bytes | None = None) -> Iterator[bytes]:
     """Keys of the records in the pieces, space by space."""
     for space in spaces(transaction):
         if after is not None and space < space_of(after):
@@ -111,9 +132,7 @@ def entry_keys(
             if after is not None and after >= last:
                 continue
             begin = first if after is None or after < first else after + b"\0"
-            for key in transaction.keys(RECORDS, begin, last):
-                if not managed_only or object_of(key):
-                    yield key
+            yield from transaction.keys(RECORDS, begin, last)
 
 
 def spaces(transaction: ReadTransaction) -> list[SpaceAddress]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 
 import pytest
@@ -10,7 +11,7 @@ import trio
 from scenefold.base.ids import NodeId
 from scenefold.base.location import LAST, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import wanted_place
+from scenefold.crypto import Record, wanted_place
 from scenefold.store import Put
 from scenefold.wire import (
     DAMAGED_RECORD,
@@ -36,6 +37,9 @@ from unit.peer.scenes_made import SPACE
 
 OTHERS = "node:1"
 OBJECT = b"\x80" + bytes(14) + b"\x01"
+NEAR = bytes(15) + b"\x01"
+NEAR_END = 1 << 40
+"""The home of NEAR lies before."""
 
 
 async def put(node: Node, *items: PutItem) -> list[int]:
@@ -150,12 +154,12 @@ def test_of_two_that_may_own_a_place_the_one_that_lives_answers() -> None:
 
 def test_a_frozen_place_takes_no_writes_and_delays_them_only_for_a_moment() -> None:
     async def test(_: Neighbours, one: Node) -> None:
-        await one.line.freeze(arc(50, 99))
+        await one.line.freeze(arc(50, NEAR_END))
         began = trio.current_time()
         assert await put(one, item(60)) == [RejectReason.BUSY]
         assert 1.5 < trio.current_time() - began < 3
         assert await put(one, item(40)) == [0]
-        assert await put(one, managed_item(OBJECT)) == [RejectReason.BUSY], "its place could be a frozen one"
+        assert await put(one, managed_item(NEAR)) == [RejectReason.BUSY]
         assert found(await get(one, 60)) == [False], "reads go on"
 
         results: list[list[int]] = []
@@ -172,13 +176,16 @@ def test_a_frozen_place_takes_no_writes_and_delays_them_only_for_a_moment() -> N
         assert sorted(results) == [[0], [RejectReason.NOT_READY]], "what was given away meanwhile is not ours to write"
         assert one.line.inside == 0
 
-    with_nodes(test, arc(0, 99))
+    with_nodes(test, arc(0, NEAR_END))
 
 
 def test_node_managed_records_find_their_place() -> None:
     async def test(_: Neighbours, one: Node, other: Node) -> None:
         [outcome] = await outcomes(other, managed_item(OBJECT))
         assert (outcome.reason, outcome.location) == (0, wanted_place(OBJECT))
+        for copy in (managed_item(OBJECT), managed_item(OBJECT, at=LEFT.first), managed_item(OBJECT, seq=2, expect=None)):
+            [outcome] = await outcomes(one, copy)
+            assert (outcome.reason, outcome.owner) == (RejectReason.NOT_MY_LOCATION, other.me), "one node decides about an id"
         [outcome] = await outcomes(one, managed_item(OBJECT[::-1]))
         assert outcome.reason == 0 and outcome.location in LEFT
         listed = await query(other, MIDDLE)
@@ -188,11 +195,16 @@ def test_node_managed_records_find_their_place() -> None:
         assert await outcomes(one, managed_item(OBJECT, seq=3, at=wanted_place(OBJECT))) == [
             PutOutcome(RejectReason.NOT_MY_LOCATION, wanted_place(OBJECT), other.me)
         ]
-        key = RecordKey(SPACE, wanted_place(OBJECT), OBJECT)
-        for node in (one, other):
+        keys = [RecordKey(SPACE, location, OBJECT) for location in (wanted_place(OBJECT), LEFT.first, RIGHT.last)]
+        for node, key in itertools.product((one, other), keys):
             reply = await node.ask(GetMany(SCENE.scene, 1, (key,)))
             assert isinstance(reply, GetManyReply) and reply.records[0] is not None
             assert reply.records[0].header == managed_item(OBJECT, seq=2).header
+        copy = managed_item(OBJECT, seq=2)
+        await one.store.merge([Put(Record(copy.header, copy.signature, copy.ciphertext), at=LEFT.first)])
+        listed = await query(one, 0, LEFT.last)
+        assert isinstance(listed, ReturnRange)
+        assert listed.objects == (OBJECT[::-1],), "what another node decides about is that one's to list"
         single = managed_item(b"\x81" + OBJECT[1:])
         accepted = await other.ask(
             ProposeData(single.scene, single.space, single.location, single.signature, single.header, single.ciphertext, b"")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -16,17 +16,41 @@ import trio
 
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import WHOLE_LINE, Arc, Location
-from scenefold.crypto import Record, RecordPlace, object_of, version_key
+from scenefold.crypto import OBJECT_BYTES, PLACED_BY_NODE, Record, RecordPlace, object_of, signed_place, version_key, wanted_place
 from scenefold.store import Counts, Outcome, Put, Spot, Store, StoredHolding, open_store
 from scenefold.world.sim import Point, SimNet, run_simulated
-from unit.store.samples import NODE, SCENE, SPACE, arc, managed, record
+from unit.store.samples import NODE, SCENE, SPACE, record
 
 ADDRESS = "10.0.0.1"
 LENGTH = 40
-SPACES = (int(SPACE), int(SPACE) + 1)
 MANAGED = int(SPACE) + 2
+SPACES = (int(SPACE), int(SPACE) + 1, MANAGED)
+"""Those in MANAGED take objects' homes."""
+GROUP = 4
 OBJECTS = 6
 STEPS = 60
+
+
+def place(index: int) -> Location:
+    """The places of the test: a home of an object, three behind it, the next home."""
+    return Location.from_number((index // GROUP << 32) + index % GROUP)
+
+
+def object_record(number: int, seq: int) -> Record:
+    """A version of the object whose home is the first place of that group."""
+    fixed = record(0, seq=seq, text=b"%d" % seq, space=MANAGED)
+    header = replace(fixed.header, location=signed_place(number.to_bytes(OBJECT_BYTES, "big")), placement=PLACED_BY_NODE)
+    return Record(header.encode(), fixed.signature, fixed.ciphertext)
+
+
+def spot_of_object(kept: Record, at: Location) -> Spot:
+    return Spot(RecordPlace(SCENE, SpaceId(MANAGED), at), object_of(kept.header))
+
+
+async def objects_in(store: Store, name: bytes) -> list[Spot]:
+    """Where an object lies, by a walk over everything."""
+    page = await store.manifest(WHOLE_LINE, None, 10_000)
+    return [entry.spot for entry in page.entries if entry.object == name]
 
 
 @dataclass
@@ -86,7 +110,8 @@ class Trial:
     def _fixed(self) -> tuple[Spot, Record]:
         self.seq += 1
         seq = self.seq if self.dice.random() < 0.7 else self.dice.randint(1, self.seq)
-        new = record(self.dice.randrange(LENGTH), seq=seq, text=b"%d" % self.dice.randrange(3), space=self.dice.choice(SPACES))
+        number = place(self.dice.randrange(LENGTH)).number
+        new = record(number, seq=seq, text=b"%d" % self.dice.randrange(3), space=self.dice.choice(SPACES))
         return Spot(RecordPlace(new.header.scene, new.header.space, new.header.location)), new
 
     async def _put(self, store: Store) -> None:
@@ -98,20 +123,26 @@ class Trial:
         results = await store.put([Put(new, expect) for (_, new), expect in zip(wanted, expects, strict=True)])
         assert [result.outcome for result in results] == expected
 
-    async def _managed(self, store: Store) -> None:
+    def _object(self) -> tuple[Record, dict[Spot, Record]]:
+        """A new version of some object, and what else is there."""
         self.seq += 1
-        new = managed(self.dice.randrange(OBJECTS), seq=self.seq, space=MANAGED)
-        # Where it goes is the store's choice: beside what it has, or over one that is this object.
-        nowhere = Spot(RecordPlace(SCENE, SpaceId(MANAGED), WHOLE_LINE.first), b"?")
-        over = [spot for spot in self.model.records if spot.object == object_of(new.header)]
-        self.choices = [self.model.records | {spot: new} for spot in [nowhere, *over]]
+        new = object_record(self.dice.randrange(1, OBJECTS + 1), self.seq)
+        others = {spot: kept for spot, kept in self.model.records.items() if spot.object != object_of(new.header)}
+        # Where it goes is the store's choice.
+        self.choices = [others | {Spot(RecordPlace(SCENE, SpaceId(MANAGED), WHOLE_LINE.first), b"?"): new}]
+        return new, others
+
+    async def _managed(self, store: Store) -> None:
+        new, others = self._object()
+        before = next((spot.place.location for spot in self.model.records if spot not in others), None)
         [result] = await store.put([Put(new)])
         self.choices = []
-        if self.model.arc is None:
+        if not self.model.owns(wanted_place(object_of(new.header))):
             assert result.outcome is Outcome.NOT_OWNED
             return
         assert result.outcome is Outcome.STORED and result.location is not None and self.model.owns(result.location)
-        self.model.records[Spot(RecordPlace(new.header.scene, new.header.space, result.location), object_of(new.header))] = new
+        assert before is None or not self.model.owns(before) or result.location == before, "it stays where it is"
+        self.model.records = others | {spot_of_object(new, result.location): new}
 
     async def _merge(self, store: Store) -> None:
         if self.dice.random() < 0.7:
@@ -120,20 +151,14 @@ class Trial:
             [result] = await store.merge([Put(new)])
             assert (result.outcome is Outcome.STORED) == expected
             return
-        self.seq += 1
-        new = managed(self.dice.randrange(OBJECTS), seq=self.seq, space=MANAGED, text=b"%d" % self.seq)
-        at = Location.from_number(self.dice.randrange(LENGTH))
-        named = Spot(RecordPlace(new.header.scene, new.header.space, at), object_of(new.header))
-        # It stays where the object is in the arc, if it is there; of two such places the store knows the one it chose last.
-        here = [spot for spot in self.model.records if spot.object == named.object and self.model.owns(spot.place.location)]
-        self.choices = [self.model.records | {spot: new} for spot in [named, *here]]
+        new, others = self._object()
+        at = place(self.dice.randrange(LENGTH))
         [result] = await store.merge([Put(new, at=at)])
         self.choices = []
         assert result.outcome is Outcome.STORED, "no version of it is as high"
-        page = await store.manifest(WHOLE_LINE, None, 10_000)
-        [spot] = [entry.spot for entry in page.entries if entry.digest == new.header.digest and entry.object == named.object]
-        assert spot == named or spot in here
-        self.model.records[spot] = new
+        [spot] = await objects_in(store, object_of(new.header))
+        assert self.model.owns(spot.place.location) if self.model.owns(spot.home) else spot.place.location == at
+        self.model.records = others | {spot: new}
 
     async def _list(self, store: Store) -> None:
         piece, limit = self._piece(), self.dice.randint(1, 9)
@@ -161,26 +186,19 @@ class Trial:
         await store.put_holding(self.model.arc, self.model.note)
 
     async def _slide(self, store: Store) -> None:
-        gone, kept = arc(LENGTH // 2, LENGTH - 1), arc(LENGTH, LENGTH + 50)
-        leaving = {spot: kept for spot, kept in self.model.records.items() if spot.object and spot.place.location in gone}
-        if len(leaving) != len({spot.object for spot in leaving}) or any(
-            spot.object in {other.object for other in leaving} and spot not in leaving for spot in self.model.records
-        ):
-            # Two copies of one object, which the model cannot follow: that is for whoever reads to sort out.
-            return
-        for spot in leaving:
-            del self.model.records[spot]
-        self.model.records |= {Spot(spot.place, b"sliding" + spot.object): kept for spot, kept in leaving.items()}
-        moved = await store.slide(gone, kept, 100)
-        assert moved == len(leaving)
-        self.model = copy.deepcopy(self.before)
-        for spot in leaving:
-            del self.model.records[spot]
-        answer = await store.range(SCENE, SpaceId(MANAGED), kept, 1000)
-        there = dict(zip(answer.objects, answer.locations, strict=True))
-        for spot, slid in leaving.items():
-            place = RecordPlace(SCENE, spot.place.space, there[spot.object])
-            self.model.records[Spot(place, spot.object)] = slid
+        cut = self.dice.randrange(1, LENGTH)
+        parts = [Arc(place(0), place(cut - 1)), Arc(place(cut), place(LENGTH - 1))]
+        sliding = {
+            spot.object: (spot, next(part for part in parts if spot.home in part))
+            for spot in self.model.records
+            if spot.object and all(spot.home not in part or spot.place.location not in part for part in parts)
+        }
+        assert await store.parted(parts[0]) == len(sliding)
+        assert await store.slide(parts, 100) == len(sliding)
+        for name, (spot, part) in sliding.items():
+            [now] = await objects_in(store, name)
+            assert now.place.location in part
+            self.model.records[now] = self.model.records.pop(spot)
 
     async def _read(self, store: Store) -> None:
         spots = [self.dice.choice(list(self.model.records)) for _ in range(3) if self.model.records]
@@ -192,8 +210,8 @@ class Trial:
             await store.renew_identity()
 
     def _piece(self) -> Arc:
-        ends = sorted(self.dice.randrange(LENGTH) for _ in range(2))
-        return arc(*ends)
+        first, last = sorted(self.dice.randrange(LENGTH) for _ in range(2))
+        return Arc(place(first), place(last))
 
     # ------------------------------------------------------------------------------------------------ what is there
 

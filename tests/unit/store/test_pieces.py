@@ -132,6 +132,7 @@ async def test_a_record_at_each_end_of_the_line(tmp_path: Path) -> None:
 async def test_node_managed_records_are_listed_read_and_removed_alike(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         copy = managed(1)
+        await store.put_holding(None, b"")
         await store.merge([Put(copy, at=Location.from_number(5)), put(5)])
         [first, second] = (await store.manifest(arc(5, 5), None, 9)).entries
         assert (first.object, second.object) == (b"", copy.header.location[4:])

@@ -61,7 +61,9 @@ class Copier:
         cursor: bytes | None = None
         while True:
             manifest = await self._parts.store.manifest(pieces, cursor, LIST_RECORDS_MAX)
-            entries = [entry for entry in manifest.entries if _version(entry) not in self._answered]
+            # An object that came to lie here while its home stays slides out before the piece is let go of.
+            there = [entry for entry in manifest.entries if entry.home in self._handover.piece]
+            entries = [entry for entry in there if _version(entry) not in self._answered]
             for batch in _batches(await self._wanted(entries, hurry), self._part_bytes):
                 stored_bytes += await self._send(batch, hurry)
                 records += len(batch)

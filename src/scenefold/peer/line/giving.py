@@ -139,11 +139,9 @@ class Giving:
     async def _offer(self, side: Side, handover: Handover) -> None:
         parts = self._parts
         parts.require_lease()
-        registry = parts.cluster_log.registry
-        if neighbour_on(registry, parts.own.me, side) != handover.peer:
+        if neighbour_on(parts.cluster_log.registry, parts.own.me, side) != handover.peer:
             raise Refused(RejectReason.OUTSIDE_BOUNDS, "the receiver is our neighbour no more")
-        while await self._slide(side, handover):
-            pass
+        await self._slide(side, handover)
         totals = await parts.store.arc_totals(handover.piece)
         await self._ask_to_note(handover, totals)
         await self._copy(side, handover)
@@ -159,15 +157,20 @@ class Giving:
             )
         )
 
-    async def _slide(self, side: Side, handover: Handover) -> int:
-        """Records whose place the node has chosen need not go: it chooses another one, in what it keeps."""
-        async with self._parts.keeper.unchanging() as holding:
-            rest = None if holding.arc is None or holding.on(side) != handover else without(holding.arc, handover.piece, side)
-            other = holding.on(side.opposite)
-            if rest is not None and other is not None and other.step is Step.OFFERED:
-                # What goes to the other neighbour may be frozen, and must not grow behind its last copies.
-                rest = without(rest, other.piece, side.opposite) if is_end_of(other.piece, rest, side.opposite) else None
-            return 0 if rest is None else await self._parts.store.slide(handover.piece, rest)
+    async def _slide(self, side: Side, handover: Handover) -> None:
+        """Node-managed records lie on the side of the bound to be that their homes are on: what does not, slides."""
+        parts = self._parts
+        while await parts.store.parted(handover.piece):
+            async with parts.keeper.unchanging() as holding:
+                if holding.arc is None or holding.on(side) != handover:
+                    return
+                rest = without(holding.arc, handover.piece, side)
+                other = holding.on(side.opposite)
+                if rest is not None and other is not None and other.step is Step.OFFERED:
+                    # What goes to the other neighbour may be frozen, and must not grow behind its last copies.
+                    rest = without(rest, other.piece, side.opposite) if is_end_of(other.piece, rest, side.opposite) else None
+                if not await parts.store.slide([handover.piece, *([] if rest is None else [rest])]):
+                    return
 
     async def _copy(self, side: Side, handover: Handover) -> None:
         parts = self._parts
@@ -179,6 +182,7 @@ class Giving:
         pauses = Pauses(parts.world)
         outer = handover.piece.first if side is Side.LEFT else handover.piece.last
         for _ in range(FREEZES_MAX):
+            await self._slide(side, handover)
             with parts.gate.watched(handover.piece, outer) as touched:
                 # This pass meets all that was written before the watch, so the last one need only look where it says.
                 await parts.keeper.flush()
@@ -197,6 +201,9 @@ class Giving:
         with trio.move_on_after(FREEZE_S_MAX):
             await self._parts.gate.drained(handover.piece)
             await self._parts.keeper.flush()
+            if await self._parts.store.parted(handover.piece):
+                # One of which the home was taken has come to lie on the other side meanwhile: it slides first.
+                return False
             await copier.copy(only=touched.pieces, hurry=True)
             # Once more, since a receiver whose disk was wiped or rolled back meanwhile has answered for what it has no more.
             await self._ask_to_note(handover, Counts())
@@ -257,7 +264,8 @@ class Giving:
                 if holding.on(side) != handover:
                     return
                 manifest = await self._parts.store.manifest(handover.piece, cursor, DELETE_BATCH)
-                gone = [(entry.spot, entry.digest) for entry in manifest.entries if not holding.owns(entry.place.location)]
+                theirs = [entry for entry in manifest.entries if entry.home in handover.piece and not holding.owns(entry.home)]
+                gone = [(entry.spot, entry.digest) for entry in theirs]
                 if gone:
                     await self._parts.store.remove(gone)
             cursor = manifest.cursor

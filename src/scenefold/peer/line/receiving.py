@@ -231,7 +231,7 @@ def spot_of_item(item: HandItem) -> Spot:
 
 
 def _check_inside(spots: Sequence[Spot], piece: Arc) -> None:
-    if any(spot.place.location not in piece for spot in spots):
+    if any(spot.place.location not in piece or spot.home not in piece for spot in spots):
         raise Refused(RejectReason.OUTSIDE_BOUNDS, "a record lies outside of the piece that is handed over")
 
 

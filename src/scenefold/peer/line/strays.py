@@ -21,6 +21,7 @@ from scenefold.peer.line.copying import hand_item
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import spot_of_item, verified
+from scenefold.peer.verification import home_of
 from scenefold.store import Entry, Outcome, Put, Spot
 from scenefold.wire import HandItem, HandRecords, Packet, PutManyReply, PutOutcome, SceneMode
 from scenefold.world import Priority
@@ -81,10 +82,13 @@ class Strays:
         cursor: bytes | None = None
         while True:
             holding = self._parts.keeper.holding
+            first = cursor is None
             manifest = await self._parts.store.strays(holding.arc, _excluded(holding), cursor, BATCH_RECORDS)
-            seen += len(manifest.entries)
+            cursor = manifest.cursor
+            found = [*manifest.entries, *(await self._misplaced() if first else ())]
+            seen += len(found)
             await self._discard(manifest.damaged)
-            for owner, entries in self._by_owner(manifest.entries):
+            for owner, entries in self._by_owner(found):
                 if owner in silent:
                     continue
                 try:
@@ -93,17 +97,24 @@ class Strays:
                     if isinstance(problem, Unreachable):
                         silent.add(owner)
                     _log.debug("strays stay here for now, %s does not take them: %s", address_of(owner), problem)
-            cursor = manifest.cursor
             if cursor is None:
                 # What has rotten here nobody can take; it stays for people to look at, and holds nobody up.
                 self.left = seen - moved - self._damaged
                 return moved
 
+    async def _misplaced(self) -> list[Entry]:
+        """Objects that lie in what is kept here though others decide about them. Our own that lie elsewhere slide into the arc."""
+        async with self._parts.keeper.unchanging() as holding:
+            kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
+            if holding.arc is not None and not holding.handovers and await self._parts.store.parted(holding.arc):
+                await self._parts.store.slide([holding.arc])
+            return await self._parts.store.misplaced(kept, BATCH_RECORDS)
+
     def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
         owners: dict[NodeId, list[Entry]] = {}
         for entry in entries:
             try:
-                owner = self._parts.owners.owner_of(entry.place.location)
+                owner = self._parts.owners.owner_of(entry.home)
             except Refused:
                 # Nobody is known yet, at the start.
                 continue
@@ -125,7 +136,7 @@ class Strays:
         taken = [entry for (entry, _), outcome in zip(whole, reply.outcomes, strict=False) if outcome.reason == 0]
         async with parts.keeper.unchanging() as holding:
             kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
-            gone = [(entry.spot, entry.digest) for entry in taken if not any(entry.place.location in piece for piece in kept)]
+            gone = [(entry.spot, entry.digest) for entry in taken if not any(entry.home in piece for piece in kept)]
             if gone:
                 await parts.store.remove(gone)
         parts.events["brought home"] += len(gone)
@@ -153,12 +164,12 @@ class Strays:
                 outcomes.append(PutOutcome(0, item.location, NodeId(0)))
             except Refused as refusal:
                 outcomes.append(PutOutcome(int(refusal.reason), item.location, self._parts.own.me))
-        return PutManyReply(tuple(map(self._still_so, outcomes)))
+        return PutManyReply(tuple(map(self._still_so, packet.items, outcomes)))
 
-    def _still_so(self, outcome: PutOutcome) -> PutOutcome:
+    def _still_so(self, item: HandItem, outcome: PutOutcome) -> PutOutcome:
         """What is said of an item at this very moment: while later ones waited, the place or the lease may have gone."""
         parts = self._parts
-        if outcome.reason or (parts.keeper.holding.owns(outcome.location) and parts.lease.holds()):
+        if outcome.reason or (parts.keeper.holding.owns(home_of(item)) and parts.lease.holds()):
             return outcome
         return PutOutcome(int(RejectReason.BUSY), outcome.location, parts.own.me)
 
@@ -166,13 +177,14 @@ class Strays:
         """Own this version or a newer one, durably, when this returns."""
         parts = self._parts
         with trio.move_on_after(GATE_S_MAX) as patience:
-            async with parts.writing([item.location], anywhere=bool(item.object)):
+            home = home_of(item)
+            async with parts.writing([home], anywhere=bool(item.object)):
                 patience.deadline = float("inf")
-                if not parts.keeper.holding.owns(item.location):
+                if not parts.keeper.holding.owns(home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
                 parts.require_lease()
                 await self._check_mode(item)
-                parts.settling.note(Arc(item.location, item.location))
+                parts.settling.note(Arc(home, home))
                 (result,) = await parts.store.merge([put])
                 if result.outcome is Outcome.FULL:
                     raise Refused(RejectReason.STORAGE_FULL, "the disk is full")

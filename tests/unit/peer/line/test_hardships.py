@@ -13,7 +13,7 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PLACED_BY_NODE, RecordPlace, signed_place
+from scenefold.crypto import PLACED_BY_NODE, RecordPlace, signed_place, wanted_place
 from scenefold.peer.line import Side, settling
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import FREEZE_S_MAX
@@ -241,23 +241,46 @@ def objects_at(street: Street, number: int) -> dict[bytes, Location]:
     return {object_of(key): location_of(key) for key in keys if object_of(key)}
 
 
-@pytest.mark.parametrize("share", [0.5, 1.0])
-def test_records_of_which_the_node_chose_the_place(share: float) -> None:
-    """With half of the arc they slide and stay; with all of it they go."""
-
+@pytest.mark.parametrize("side", list(Side))
+@pytest.mark.parametrize("everything", [False, True])
+def test_objects_are_with_the_owner_of_their_home_and_one_that_the_bound_parts_from_it_slides(side: Side, everything: bool) -> None:
     async def tale(street: Street, _: trio.Nursery) -> None:
-        objects = [bytes([16 * number + 8, number]) * 8 for number in range(16)]
-        giver = street.houses[0]
+        giver, taker = street.houses if side is Side.RIGHT else street.houses[::-1]
+        await trio.sleep(SETTLED_S)
+        arc = giver.durable().arc
+        assert arc is not None
+        objects = [bytes([(arc.first.number >> 152) + 8 * number + 4, number]) * 8 for number in range(16)]
+        middle = wanted_place(objects[7])
         copies = [sealed(HEADER, location=signed_place(name), placement=PLACED_BY_NODE) for name in objects]
-        results = await giver.store.put([Put(copy) for copy in copies])
+        results = await giver.store.put([Put(copy) for copy in (record_at(middle), *copies)])
         assert all(result.outcome is Outcome.STORED for result in results)
-        await give(giver, Side.RIGHT, share)
+        assert results[8].location == middle.next(), "its home is taken"
+        piece = Arc(middle.next(), arc.last) if side is Side.RIGHT else Arc(arc.first, middle)
+        line: Any = giver.line
+        await line.give(side, arc if everything else piece, why="a test")
         await street.until_whole()
-        there, gone = objects_at(street, 0), objects_at(street, 1)
-        assert sorted(there if share < 1 else gone) == objects
-        assert not (gone if share < 1 else there)
-        owner = street.houses[0 if share < 1 else 1]
-        assert all(owner.durable().owns(location) for location in (*there.values(), *gone.values()))
+        for house in (giver, taker):
+            there = objects_at(street, street.houses.index(house))
+            own = house.durable()
+            assert sorted(there) == [name for name in objects if own.owns(wanted_place(name))]
+            assert all(own.owns(location) for location in there.values())
+
+    endure(tale)
+
+
+def test_an_object_that_lies_with_another_node_than_its_home_is_brought_home() -> None:
+    async def tale(street: Street, _: trio.Nursery) -> None:
+        owner, holder = street.houses
+        await trio.sleep(SETTLED_S)
+        name = bytes([4]) * 16
+        copy = sealed(HEADER, location=signed_place(name), placement=PLACED_BY_NODE)
+        arc = holder.durable().arc
+        assert arc is not None and owner.durable().owns(wanted_place(name))
+        await holder.store.merge([Put(copy, at=arc.first)])
+        await trio.sleep(90.0)
+        await street.until_whole()
+        assert objects_at(street, 0) == {name: wanted_place(name)}
+        assert objects_at(street, 1) == {}
 
     endure(tale)
 
