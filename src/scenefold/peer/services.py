@@ -90,7 +90,7 @@ class PeerServices:
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
         sharing = Sharing(store, line, cluster_log, own)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
-        draining = Draining(world, store, line, roster, cluster_log, own, lambda: scenes.decided_by(me))
+        draining = Draining(world, store, line, roster, cluster_log, own, lambda: scenes.decided_by(me), has_lease=lease.holds)
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
         seeds = settings.seeds or facts.seeds

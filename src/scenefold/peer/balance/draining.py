@@ -17,14 +17,14 @@ from typing import Any, Protocol
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.balance.emptying import Portion, next_portion, room_of
+from scenefold.peer.balance.emptying import Portion, next_portion
 from scenefold.peer.balance.pieces import Scales, piece_of
-from scenefold.peer.balance.seams import Log, MovesBounds, fill_of
+from scenefold.peer.balance.seams import Log, MovesBounds
+from scenefold.peer.balance.takers import Takers
 from scenefold.peer.handlers import Handlers, Senders
-from scenefold.peer.line.ends import Side
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.store.walking import Manifest
@@ -35,8 +35,6 @@ DRAINED = "drained"
 """The reason in the log."""
 LOOK_S = 1.0
 """Between two tries, and between two looks whether the last of it has gone."""
-REFUSED_S = 5.0
-"""A neighbour that refused is left alone for so long; meanwhile the other one gets its turn."""
 _NOTE = "drain"
 _ORDERED, _NOT_ORDERED = b"1", b""
 _REFUSES = "this node is leaving, and takes nothing"
@@ -68,22 +66,23 @@ class Draining:
         log: Log,
         own: OwnStatus,
         decides: Callable[[], Sequence[SceneId]],
+        *,
+        has_lease: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`decides`: scenes whose log this node alone keeps."""
+        """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away."""
         self._world = world
         self._store = store
         self._line = line
-        self._roster = roster
         self._log = log
         self._own = own
         self._decides = decides
+        self._has_lease = has_lease
         self._ordered = trio.Event()
         self._leaving = False
         self._request: bytes | None = None
         self._begun: tuple[float, int] | None = None
         self._waits_for = ""
-        self._again_at: dict[Side, float] = {}
-        self._sent_since: dict[NodeId, tuple[int, int]] = {}
+        self._takers = Takers(world, line, roster, log, own)
         self._quiet = QuietLog(_log, logging.INFO)
 
     def register(self, handlers: Handlers) -> None:
@@ -120,7 +119,8 @@ class Draining:
 
     async def _cancel(self) -> None:
         if self._leaving:
-            raise Refused(RejectReason.BUSY, "this node has handed everything over and is leaving", remedy="start it again: it joins anew")
+            what = "this node has handed everything over and is leaving"
+            raise Refused(RejectReason.NOT_AUTHORISED, what, remedy="start it again once it has ended: it joins anew")
         await self._store.put_note(_NOTE, _NOT_ORDERED)
         self._ordered = trio.Event()
         self._begun = None
@@ -140,7 +140,7 @@ class Draining:
             return Refused(
                 RejectReason.NOT_AUTHORISED,
                 f"this node alone keeps the log of scene {names}",
-                remedy="copy the scene into a new one that another node decides, and delete this one",
+                remedy="keep this node: for now a scene's log cannot move to another one",
             )
         return None
 
@@ -214,10 +214,14 @@ class Draining:
 
     async def _give_some(self, arc: Arc) -> bool:
         """Give the next piece to the neighbour with more room; whether that worked."""
+        if not self._has_lease():
+            voters = ", ".join(map(address_of, self._log.registry.voters))
+            self._wait_for(f"this node has no lease, so it can give nothing away until the voter, {voters}, answers it")
+            return False
         totals = await self._store.arc_totals(arc)
-        portion = next_portion({side: room for side in Side if (room := self._room(side)) is not None}, totals.bytes)
+        portion = next_portion(self._takers.rooms(), totals.bytes)
         if portion is None:
-            self._wait_for("no neighbour that lives has room for what lies here")
+            self._wait_for(self._takers.why_none())
             return False
         piece = await self._piece(arc, portion)
         if not self._line.settled(piece):
@@ -226,10 +230,10 @@ class Draining:
         try:
             await self._line.give(portion.side, piece, why="this node is leaving")
         except (Refused, Unreachable, PeerFault) as problem:
-            self._again_at[portion.side] = self._world.clock.now() + REFUSED_S
+            self._takers.refused(portion.side, str(problem))
             self._wait_for(str(problem))
             return False
-        self._sent(portion.side, portion.bytes)
+        self._takers.sent(portion.side, portion.bytes)
         self._waits_for = ""
         return True
 
@@ -238,29 +242,6 @@ class Draining:
             return arc
         piece = await piece_of(self._store, arc, portion.side, portion.bytes)
         return arc if piece is None else piece.arc
-
-    def _room(self, side: Side) -> int | None:
-        """Room at the neighbour on that side, if it can take something now."""
-        node = self._neighbour(side)
-        if node is None or self._line.busy(side) or self._world.clock.now() < self._again_at.get(side, 0.0):
-            return None
-        status = self._roster.status(node)
-        if status is None or not self._roster.is_believed_alive(node) or self._log.registry.current(node) is None:
-            return None
-        # What went there since its last status is not in that.
-        lamport, sent = self._sent_since.get(node, (status.lamport, 0))
-        return room_of(*fill_of(status)) - (sent if lamport == status.lamport else 0)
-
-    def _neighbour(self, side: Side) -> NodeId | None:
-        left, right = self._log.registry.neighbours(self._own.me)
-        return left if side is Side.LEFT else right
-
-    def _sent(self, side: Side, size: int) -> None:
-        node = self._neighbour(side)
-        status = None if node is None else self._roster.status(node)
-        if node is not None and status is not None:
-            lamport, sent = self._sent_since.get(node, (status.lamport, 0))
-            self._sent_since[node] = status.lamport, size + (sent if lamport == status.lamport else 0)
 
     def _wait_for(self, text: str) -> None:
         self._waits_for = text

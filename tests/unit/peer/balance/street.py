@@ -61,6 +61,7 @@ class House:
     arc: Arc | None = None
     sizes: dict[Location, int] = field(default_factory=dict)
     refuses: str = ""
+    has_lease: bool = True
     alive: bool = True
     notes: dict[str, bytes] = field(default_factory=dict)
     decides: list[SceneId] = field(default_factory=list)
@@ -77,7 +78,7 @@ class House:
         self.balancer = Balancer(self.world, store, line, roster, log, self.own)
         self.sharing = Sharing(store, line, log, self.own)
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
-        self.draining = Draining(self.world, store, line, roster, log, self.own, lambda: self.decides)
+        self.draining = Draining(self.world, store, line, roster, log, self.own, lambda: self.decides, has_lease=lambda: self.has_lease)
         for service in (self.sharing, self.draining):
             service.register(self.handlers)
 

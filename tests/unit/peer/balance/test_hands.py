@@ -9,7 +9,7 @@ import pytest
 import trio
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SceneId
+from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance import NodeDrained
@@ -214,13 +214,53 @@ async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_let
         await tell(leaving, ORDER)
         await trio.sleep(120)
         report = await tell(leaving, ORDER)
-        assert report["state"] == "draining" and report["text"] and not report["may_switch_off"]
+        assert report["state"] == "draining" and not report["may_switch_off"]
+        assert report["text"] == "127.0.0.2 has no room for what lies here; 127.0.0.4 has no room for what lies here"
         assert leaving.arc is not None
         assert all(house.used <= house.capacity for house in street.houses)
         cancelled = await tell(leaving, DrainNode(check_only=False, cancel=True))
         assert cancelled["state"] == "serving" and leaving.refuses == ""
     assert street.records() == everything
     street.check()
+
+
+async def test_a_node_that_cannot_leave_says_what_it_waits_for(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    leaving = street.houses[1]
+    leaving.has_lease = False
+    async with running(street):
+        await tell(leaving, ORDER)
+        await trio.sleep(20)
+        text = (await tell(leaving, CHECK))["text"]
+        assert text == f"this node has no lease, so it can give nothing away until the voter, {address_of(node(0))}, answers it"
+        assert leaving.arc is not None
+        leaving.has_lease = True
+        await until(street, lambda: not leaving.alive)
+
+
+async def test_who_does_not_answer_or_refuses_is_named(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    leaving = street.houses[1]
+    street.houses[2].alive = False
+
+    async def refuse(*_: object) -> None:
+        raise Refused(RejectReason.BUSY, "it takes nothing now", where=address_of(node(0)))
+
+    street.move = refuse  # type: ignore[method-assign]
+    async with running(street):
+        await tell(leaving, ORDER)
+        await trio.sleep(3)
+        text = (await tell(leaving, CHECK))["text"]
+    assert text == f"it takes nothing now ({address_of(node(0))}); {address_of(node(2))} does not answer"
+
+
+async def test_cancelling_comes_too_late_once_everything_is_given_away(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 2)
+    leaving = street.houses[1]
+    leaving.draining._leaving = True
+    with pytest.raises(Refused, match="is leaving") as refused:
+        await tell(leaving, DrainNode(check_only=False, cancel=True))
+    assert refused.value.reason is RejectReason.NOT_AUTHORISED
 
 
 async def test_a_full_disk_delays_the_end_only(autojump_clock: trio.testing.MockClock) -> None:
