@@ -18,6 +18,7 @@ from scenefold.simulation.disks import arc_of, place_of
 from scenefold.simulation.history import Place
 from scenefold.simulation.speed import remembered_signatures
 from scenefold.store.layout import RECORDS
+from scenefold.store.sealing import SEALED, sealed
 from scenefold.world.sim import SimDisk, SimNet, run_simulated
 
 FOUNDERS = 3
@@ -48,7 +49,7 @@ class Rest:
 def overwrite(disk: SimDisk, table: str, key: bytes, value: bytes | None) -> None:
     """Change what a disk holds, without its node's knowledge; None deletes."""
     for folder in disk._folders.values():
-        folder.writable(table).set(key, value)
+        folder.writable(table).set(key, value if value is None or table not in SEALED else sealed(table, key, value))
 
 
 def at_rest(look: Callable[[Rest], Awaitable[None]], seed: int = 1) -> None:

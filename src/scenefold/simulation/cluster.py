@@ -29,6 +29,7 @@ from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
+from scenefold.store import StoreDamaged
 from scenefold.wire import HandItem, HandRecords, Packet, PutItem, PutManyReply, PutOutcome
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.sim import Point, SimDisk, SimNet
@@ -73,6 +74,10 @@ class Node:
     """Whether somebody wants it to run; a crash ends that until the restart."""
     starts: int = 0
     """How often it was started from outside."""
+    has_rotted: bool = False
+    """Something beside records was damaged on its disk, or in a backup of it."""
+    must_be_wiped: bool = False
+    """Its last life ended over that."""
     told_to_leave: bool = False
     """Somebody asked it to leave at least once; it remembers that over restarts and new incarnations."""
     has_left: bool = False
@@ -167,6 +172,12 @@ class Cluster:
         await self.nodes[slot].gone.wait()
         self.start(slot)
 
+    def wipe(self, node: Node, why: str) -> None:
+        """A dead node gets an empty disk."""
+        before, incarnation = self.watch.records(node.slot), incarnation_of(node.disk)
+        node.disk.wipe()
+        self.watch.disk_replaced(node.slot, before, incarnation, why)
+
     def _down(self, node: Node) -> None:
         self._running.pop(node.slot, None)
         node.context = None
@@ -187,6 +198,9 @@ class Cluster:
             self._down(node)
             self.watch.tell(node.slot, "ends: {}", why)
             self.net.crash(node.address)
+            if node.must_be_wiped:
+                node.must_be_wiped = False
+                self.wipe(node, "stops over a damaged page and is wiped")
             await trio.sleep(RESTART_S)
 
     async def _one_life(self, node: Node) -> str:
@@ -219,8 +233,12 @@ class Cluster:
         words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
         drained = any(isinstance(end, NodeDrained) for end in ends)
         is_full = node.disk.free_bytes == 0 and all(isinstance(end, LocalFault) for end in ends)
-        if not ends or not (is_full or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)):
+        node.must_be_wiped = node.has_rotted and any(isinstance(end, StoreDamaged) for end in ends)
+        is_excused = is_full or node.must_be_wiped or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)
+        if not ends or not is_excused:
             self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
+        if node.must_be_wiped:
+            self.watch.counts["damage noticed"] += 1
         if any(isinstance(end, IdentityRenewed) for end in ends):
             self.watch.counts["new incarnations"] += 1
         if drained:

@@ -15,7 +15,8 @@ from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.lives import Lives, note_of, unpack_granted, unpack_lives
 from scenefold.peer.own_life import NOTE as LIVES_NOTE
 from scenefold.simulation.history import Place, Version
-from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, location_of, object_of, record_key, space_of, stored_header
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, location_of, object_of, record_key, space_of, spot_of, stored_header
+from scenefold.store.sealing import opened
 from scenefold.wire import Member
 
 _ARC = b"arc"
@@ -27,11 +28,18 @@ class Disk(Protocol):
     """What of a simulated disk is looked at."""
 
     def peek(self, table: str, /) -> Mapping[bytes, bytes]: ...
+    def written(self, table: str, /) -> Mapping[bytes, bytes]: ...
+
+
+def _kept(disk: Disk, table: str, key: bytes) -> bytes | None:
+    """What a node has written, also if it has rotted since: until the node stops over that, it acts by it."""
+    stored = disk.written(table).get(key)
+    return None if stored is None else bytes(opened(table, key, memoryview(stored)))
 
 
 def arc_of(disk: Disk) -> Arc | None:
     """The arc that puts are checked against."""
-    value = disk.peek(HOLDING).get(_ARC)
+    value = _kept(disk, HOLDING, _ARC)
     if not value:
         return None
     return Arc(Location(value[:LOCATION_BYTES]), Location(value[LOCATION_BYTES:]))
@@ -39,13 +47,13 @@ def arc_of(disk: Disk) -> Arc | None:
 
 def holding_of(disk: Disk) -> tuple[bytes | None, bytes | None]:
     """The stored bytes of a node's arc and of the line's note, to notice changes by."""
-    table = disk.peek(HOLDING)
+    table = disk.written(HOLDING)
     return table.get(_ARC), table.get(_NOTE)
 
 
 def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
     """The pieces that a node is giving away, each with whom it goes to, as its note says."""
-    note = disk.peek(HOLDING).get(_NOTE)
+    note = _kept(disk, HOLDING, _NOTE)
     if not note:
         return []
     return [(handover.piece, handover.peer) for _, handover in decode_holding(note).handovers if handover.gives]
@@ -53,7 +61,7 @@ def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
 
 def counted(disk: Disk) -> dict[Place, Version]:
     """The records on a disk that count: not those that its node has given away for good and is about to delete."""
-    note = disk.peek(HOLDING).get(_NOTE)
+    note = _kept(disk, HOLDING, _NOTE)
     handovers = decode_holding(note).handovers if note else []
     given = [handover.piece for _, handover in handovers if handover.step is Step.GIVEN]
     found = records_of(disk)
@@ -65,24 +73,24 @@ def counted(disk: Disk) -> dict[Place, Version]:
 
 def has_open_handover(disk: Disk) -> bool:
     """Whether a handover is under way here, on either side, down to the last deletion."""
-    note = disk.peek(HOLDING).get(_NOTE)
+    note = _kept(disk, HOLDING, _NOTE)
     return bool(note and decode_holding(note).handovers)
 
 
 def incarnation_of(disk: Disk) -> bytes | None:
     """The incarnation under which the disk's node runs, or ran last."""
-    return disk.peek(IDENTITY).get(_INCARNATION)
+    return _kept(disk, IDENTITY, _INCARNATION)
 
 
 def lives_of(disk: Disk) -> Lives:
     """Under which lives the disk's node asks for leases."""
-    note = disk.peek(NOTES).get(LIVES_NOTE.encode())
+    note = _kept(disk, NOTES, LIVES_NOTE.encode())
     return unpack_lives(note) if note else Lives()
 
 
 def granted_life(voter: Disk, node: NodeId) -> tuple[bytes, int] | None:
     """Under which incarnation and life a node was last granted a lease, as the voter's disk has it."""
-    note = voter.peek(NOTES).get(note_of(node).encode())
+    note = _kept(voter, NOTES, note_of(node).encode())
     return unpack_granted(note) if note else None
 
 
@@ -90,7 +98,7 @@ def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:
     """Every record that can be read (in an arc), with its version. Node-managed ones are named by object, not by location."""
     found: dict[Place, Version] = {}
     for key, value in disk.peek(RECORDS).items():
-        if arc is not None and location_of(key) not in arc:
+        if arc is not None and spot_of(key).home not in arc:
             continue
         version = _version(value)
         if version is not None:
@@ -100,14 +108,22 @@ def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:
 
 def version_at(disk: Disk, place: Place, location: Location) -> Version | None:
     """The readable version of one record at a location."""
-    object_id = place.location if len(place.location) != LOCATION_BYTES else b""
+    object_id = place.location if place.is_object else b""
     value = disk.peek(RECORDS).get(record_key(RecordPlace(SceneId(place.scene), SpaceId(place.space), location), object_id))
     return None if value is None else _version(value)
 
 
 def keys_outside(disk: Disk, arc: Arc | None) -> list[bytes]:
-    """Keys of records that lie outside of an arc: all of them if there is none."""
-    return [key for key in disk.peek(RECORDS) if arc is None or location_of(key) not in arc]
+    """Keys of records whose homes lie outside of an arc: all of them if there is none."""
+    return [key for key in disk.peek(RECORDS) if arc is None or spot_of(key).home not in arc]
+
+
+def objects_decided(disk: Disk) -> list[Place]:
+    """The node-managed records that this disk's node decides about, as often as they lie there."""
+    arc = arc_of(disk)
+    if arc is None:
+        return []
+    return [place for place in map(place_of, disk.peek(RECORDS)) if place.is_object and place.home in arc]
 
 
 def place_of(key: bytes) -> Place:

@@ -19,6 +19,7 @@ from scenefold.peer.lives import Lives
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disks import granted_life, incarnation_of, lives_of
 from scenefold.simulation.faults import Fault, Kind
+from scenefold.simulation.rotting import TableRot
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.store.layout import RECORDS
 from scenefold.world.sim import CALM, Point, Weather, dice
@@ -48,6 +49,7 @@ class Storm:
         self._drain = drain
         self._nursery = nursery
         self._dice = dice(cluster.net.seed, "storm")
+        self._table_rot = TableRot(cluster)
         self._weather: dict[Fault, Weather] = {}
         self._wait_for_handover: list[list[float]] = []
         self._is_over = False
@@ -75,7 +77,7 @@ class Storm:
     async def _act(self, fault: Fault) -> None:
         match fault.kind:
             case Kind.CORRUPTION:
-                self._corrupt(fault)
+                await self._corrupt(fault)
             case Kind.CLOCK_OFFSET:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
@@ -162,9 +164,11 @@ class Storm:
         begin, end = self._burdens(fault, self._node(fault))
         self._begins(fault)
         begin()
+        self._watch.reach.hampered(fault.slots[0], self._net.now)
         await trio.sleep_until(fault.end_s)
         if not self._is_over:
             end()
+            self._watch.reach.relieved(fault.slots[0], self._net.now)
             self._ends(fault)
 
     def _burdens(self, fault: Fault, node: Node) -> tuple[Callable[[], None], Callable[[], None]]:
@@ -215,16 +219,22 @@ class Storm:
         if node.is_wanted:
             self._net.trap(node.address, point, max(1, int(fault.amount)), spring)
 
-    def _corrupt(self, fault: Fault) -> None:
-        slot, disk = fault.slots[0], self._node(fault).disk
-        for number in range(int(fault.amount)):
-            before = self._watch.records(slot)
-            key = disk.corrupt(RECORDS, self._dice)
+    async def _corrupt(self, fault: Fault) -> None:
+        """Bits of records turn over, and rarely one of what the store keeps beside them."""
+        node, has_begun = self._node(fault), False
+        for _ in range(int(fault.amount)):
+            before = self._watch.records(node.slot)
+            key = node.disk.corrupt(RECORDS, self._dice)
             if key is None:
-                return
-            if number == 0:
+                break
+            if not has_begun:
                 self._begins(fault)
-            self._watch.damaged(slot, key, before)
+            has_begun = True
+            self._watch.damaged(node.slot, key, before)
+        if self._table_rot.strike(node):
+            if not has_begun:
+                self._begins(fault)
+            await self._table_rot.until_noticed(node)
 
     async def _wipe(self, fault: Fault) -> None:
         """The machine dies, and comes back with an empty disk."""
@@ -232,9 +242,7 @@ class Storm:
         if not self._cluster.crash(node.slot):
             return
         self._begins(fault)
-        before, incarnation = self._watch.records(node.slot), incarnation_of(node.disk)
-        node.disk.wipe()
-        self._watch.disk_replaced(node.slot, before, incarnation, "loses its disk")
+        self._cluster.wipe(node, "loses its disk")
         await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
 
     async def _restore(self, fault: Fault) -> None:

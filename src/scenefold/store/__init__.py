@@ -7,6 +7,7 @@ from scenefold.store.layout import Spot
 from scenefold.store.lmdb_disk import LmdbDisk
 from scenefold.store.measuring import Rate, StoreRates, measure_store
 from scenefold.store.reading import RangeAnswer
+from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.store import Store, open_store
 from scenefold.store.walking import Entry, Manifest, Weighed
@@ -23,6 +24,7 @@ __all__ = [
     "Rate",
     "Spot",
     "Store",
+    "StoreDamaged",
     "StoreIdentity",
     "StoreRates",
     "StoreStatistics",

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from scenefold.base.errors import DamagedData
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.store.changes import storage_full
 from scenefold.store.layout import HOLDING, IDENTITY
+from scenefold.store.sealing import damaged
 from scenefold.store.statistics import Tally
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
@@ -31,17 +31,21 @@ class StoredHolding(NamedTuple):
 def read_arc(transaction: ReadTransaction) -> Arc | None:
     """The arc that puts are checked against; None before any was written, too."""
     value = transaction.get(HOLDING, ARC_KEY)
+    if value is None and transaction.get(HOLDING, NOTE_KEY) is not None:
+        raise damaged("the stored arc of this node is not there, and the note that belongs to it is")
     if value is None or not len(value):
         return None
     data = bytes(value)
     if len(data) != 2 * LOCATION_BYTES or data[:LOCATION_BYTES] > data[LOCATION_BYTES:]:
-        raise DamagedData("the stored arc of this node is damaged", remedy="wipe the folder: the node comes back as a newcomer")
+        raise damaged("the stored arc of this node is none")
     return Arc(Location(data[:LOCATION_BYTES]), Location(data[LOCATION_BYTES:]))
 
 
 def read_holding(transaction: ReadTransaction) -> StoredHolding | None:
     """None if none was ever written, or the identity was renewed since."""
     note = transaction.get(HOLDING, NOTE_KEY)
+    if note is None and transaction.get(HOLDING, ARC_KEY) is not None:
+        raise damaged("the note about this node's arc is not there, and the arc is")
     return None if note is None else StoredHolding(read_arc(transaction), bytes(note))
 
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
-from scenefold.store.layout import IDENTITY, RECORDS
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS
+from scenefold.store.sealing import WIPE, StoreDamaged
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, WriteTransaction
 
 FORMAT_VERSION = 2
-"""2: records with a checksum, node-managed records, the holding. A folder of format 1 is read as it is and becomes 2."""
+"""2: a checksum on everything, node-managed records, the holding. A folder of format 1 is sealed when it is opened, and becomes 2."""
 INCARNATION_BYTES = 16
 
 _NUMBER = struct.Struct(">I")
@@ -52,8 +53,9 @@ def claim(environment: Environment, folder: str, node: NodeId, new_incarnation: 
 
 
 def _begin_folder(transaction: WriteTransaction, folder: str, node: NodeId, incarnation: bytes) -> None:
-    if next(transaction.keys(RECORDS, b"", b"\xff" * 32), None) is not None:
-        raise LocalFault("the store has records but no identity", where=folder, remedy="restore it from its copies")
+    for table in (RECORDS, IDENTITY, HOLDING, NOTES):
+        if next(transaction.keys(table, b"", b"\xff" * 64), None) is not None:
+            raise StoreDamaged(f"the store has {table} but no identity", where=folder, remedy=WIPE)
     transaction.put(IDENTITY, b"format", _NUMBER.pack(FORMAT_VERSION))
     transaction.put(IDENTITY, b"node", _NUMBER.pack(node))
     transaction.put(IDENTITY, b"incarnation", incarnation)
@@ -80,12 +82,12 @@ def _check(transaction: WriteTransaction, folder: str, node: NodeId) -> None:
 def _value(transaction: WriteTransaction, name: bytes, folder: str) -> memoryview:
     value = transaction.get(IDENTITY, name)
     if value is None:
-        raise LocalFault(f"the store's identity lacks {name.decode()!r}", where=folder, remedy="restore it from its copies")
+        raise StoreDamaged(f"the store's identity lacks {name.decode()!r}", where=folder, remedy=WIPE)
     return value
 
 
 def _number(transaction: WriteTransaction, name: bytes, folder: str) -> int:
     value = _value(transaction, name, folder)
     if len(value) != _NUMBER.size:
-        raise LocalFault(f"the store's {name.decode()!r} is damaged", where=folder, remedy="restore it from its copies")
+        raise StoreDamaged(f"the store's {name.decode()!r} is damaged", where=folder, remedy=WIPE)
     return int(_NUMBER.unpack(value)[0])

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.store.layout import STATISTICS, space_key, space_of
+from scenefold.base.location import FIRST, LAST
+from scenefold.crypto import RecordPlace
+from scenefold.store.layout import OBJECTS_END, RECORDS, STATISTICS, record_key, space_key, space_of
+from scenefold.store.sealing import StoreDamaged
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 _COUNTS = struct.Struct(">QQ")
 
 SpaceAddress = tuple[SceneId, SpaceId]
+
+_log = logging.getLogger("scenefold.store")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +60,35 @@ class Tally:
         changed = {}
         for space, (records, stored_bytes) in self.changes.items():
             key = space_key(*space)
-            value = transaction.get(STATISTICS, key)
-            before = Counts(*_COUNTS.unpack(value)) if value is not None else Counts()
-            changed[space] = before + Counts(records, stored_bytes)
+            changed[space] = self._after(transaction, space, Counts(records, stored_bytes))
             transaction.put(STATISTICS, key, _COUNTS.pack(changed[space].records, changed[space].bytes))
         return changed
 
+    def _after(self, transaction: WriteTransaction, space: SpaceAddress, change: Counts) -> Counts:
+        try:
+            value = transaction.get(STATISTICS, space_key(*space))
+        except StoreDamaged:
+            return _counted(transaction, space)
+        return change if value is None else Counts(*_COUNTS.unpack(value)) + change
+
 
 def read_counts(transaction: ReadTransaction) -> dict[SpaceAddress, Counts]:
-    """All counts, once at the start."""
-    rows = transaction.scan(STATISTICS, b"", b"\xff" * 6)
-    return {space_of(key): Counts(*_COUNTS.unpack(value)) for key, value in rows}
+    """All counts, once at the start. What is damaged follows from the records: it is counted, and written at the next change."""
+    counts = {}
+    for key in transaction.keys(STATISTICS, b"", b"\xff" * 6):
+        try:
+            value = transaction.get(STATISTICS, key)
+        except StoreDamaged as damage:
+            _log.error("%s; the records are counted instead", damage.what)
+            counts[space_of(key)] = _counted(transaction, space_of(key))
+        else:
+            assert value is not None
+            counts[space_of(key)] = Counts(*_COUNTS.unpack(value))
+    return counts
+
+
+def _counted(transaction: ReadTransaction, space: SpaceAddress) -> Counts:
+    """The counts of a space, from its records."""
+    first, last = RecordPlace(*space, FIRST), RecordPlace(*space, LAST)
+    sizes = [len(value) for _, value in transaction.scan(RECORDS, record_key(first), record_key(last, OBJECTS_END))]
+    return Counts(len(sizes), sum(sizes))

@@ -29,6 +29,7 @@ from scenefold.store.judging import Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
+from scenefold.store.sealing import SealedEnvironment, StoreDamaged
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts
 from scenefold.store.walking import Entry, Manifest, Weighed
 from scenefold.store.writer import GroupWriter
@@ -208,8 +209,12 @@ class Store:
         return StoreStatistics(total.records, total.bytes, spaces, space.used, disk_bytes)
 
     async def _view(self, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:
-        """Call a function with an unchanging view of the tables, in a reading thread."""
-        return await self._workers.run("store-read", partial(_in_view, self._environment, function, *args, **options))
+        """Call a function with an unchanging view of the tables, in a reading thread. StoreDamaged ends the store."""
+        try:
+            return await self._workers.run("store-read", partial(_in_view, self._environment, function, *args, **options))
+        except StoreDamaged as damage:
+            self._writer.halt(damage)
+            raise
 
 
 def _in_view(environment: Environment, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:
@@ -226,8 +231,9 @@ def _with_headers(puts: Sequence[Put]) -> list[tuple[RecordHeader, Put]]:
 async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_bytes: int = STORE_RESERVE_BYTES) -> AsyncIterator[Store]:
     """Open (or begin) the store of a node in a folder that no other process has open. LocalFault if it cannot be."""
     workers = world.workers
-    environment = await workers.run("store", world.disk.open, folder, TABLES)
+    environment = SealedEnvironment(await workers.run("store", world.disk.open, folder, TABLES), str(folder))
     try:
+        await workers.run("store", environment.seal_older)
         incarnation = world.entropy.token(INCARNATION_BYTES)
         identity = await workers.run("store", claim, environment, str(folder), node_id, incarnation)
         writer = GroupWriter(workers, environment, reserve_bytes)

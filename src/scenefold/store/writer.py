@@ -18,6 +18,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import Change
+from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, SpaceAddress, Tally
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, Workers, WriteTransaction
 
@@ -60,6 +61,7 @@ class GroupWriter:
         self.counts: dict[SpaceAddress, Counts] = {}
         self.commits = 0
         self._is_full = False
+        self._damage: StoreDamaged | None = None
 
     async def submit(self, change: Change[R]) -> R:
         """Apply a change; returns when it is durable. Cancelled, the change may or may not happen."""
@@ -76,8 +78,13 @@ class GroupWriter:
             raise waiting.answer
         return cast(R, waiting.answer)
 
+    def halt(self, damage: StoreDamaged) -> None:
+        """A reader has met damage that no node may go on with: take nothing more, and let `run` end with it."""
+        self._damage = self._damage or damage
+        self._entrance.close()
+
     async def run(self) -> None:
-        """Commit until cancelled. A failing disk ends it with LocalFault: a node must not go on without one."""
+        """Commit until cancelled. A failing or damaged disk ends it with LocalFault: a node must not go on without one."""
         batch: list[_Waiting] = []
         try:
             async for first in self._exit:
@@ -94,6 +101,11 @@ class GroupWriter:
                 for waiting, answer in zip(batch, committed.answers, strict=True):
                     waiting.finish(answer)
                 batch = []
+            if self._damage is not None:
+                raise self._damage
+        except StoreDamaged as damage:
+            _log.critical("%s", damage)
+            raise
         except DiskFailed as error:
             _log.critical("%s", error)
             raise LocalFault(str(error), remedy="see to the disk, then start the node again") from error

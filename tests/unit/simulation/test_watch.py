@@ -17,6 +17,7 @@ from scenefold.simulation.history import Loss, Place, Version
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.watch import Watch
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, pack_record, record_key
+from scenefold.store.sealing import sealed
 from scenefold.wire import Member
 
 SCENE, SPACE = SceneId(7), SpaceId(1)
@@ -36,12 +37,15 @@ class Machine:
     """A disk, and a node that answers as it is told to."""
 
     def __init__(self, slot: int) -> None:
-        self.tables: dict[str, dict[bytes, bytes]] = {RECORDS: {}, HOLDING: {}, IDENTITY: {b"incarnation": member(slot).incarnation}}
+        self.tables: dict[str, dict[bytes, bytes]] = {RECORDS: {}, HOLDING: {}, IDENTITY: {}}
+        self.tables[IDENTITY] = {b"incarnation": sealed(IDENTITY, b"incarnation", member(slot).incarnation)}
         self.lease = True
         self.holding = Holding()
 
     def peek(self, table: str, /) -> Mapping[bytes, bytes]:
         return self.tables[table]
+
+    written = peek
 
     def owns(self, location: Location) -> bool:
         return self.holding.owns(location)
@@ -52,7 +56,8 @@ class Machine:
     def keep(self, holding: Holding) -> None:
         arc = holding.arc
         self.holding = holding
-        self.tables[HOLDING] = {b"arc": b"" if arc is None else arc.first + arc.last, b"note": encode_holding(holding)}
+        kept = {b"arc": b"" if arc is None else arc.first + arc.last, b"note": encode_holding(holding)}
+        self.tables[HOLDING] = {key: sealed(HOLDING, key, value) for key, value in kept.items()}
 
     def store(self, record: Record) -> None:
         self.tables[RECORDS][record_key(RecordPlace(SCENE, SPACE, HERE))] = pack_record(record)

@@ -17,7 +17,9 @@ from scenefold.base.ids import node_id_of
 from scenefold.store import LmdbDisk, StoreIdentity, open_store
 from scenefold.store.folder import LOCK_NAME
 from scenefold.store.identity import FORMAT_VERSION
-from scenefold.store.layout import IDENTITY, TABLES
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, TABLES
+from scenefold.store.sealing import sealed
+from scenefold.world import WriteTransaction
 from unit.store.samples import NODE, put, whole_store, world
 
 
@@ -52,7 +54,8 @@ async def test_the_folder_of_another_node(tmp_path: Path) -> None:
 async def test_a_newer_format(tmp_path: Path) -> None:
     await identity_of(tmp_path)
     environment = LmdbDisk().open(tmp_path, TABLES)
-    environment.update(lambda transaction: transaction.put(IDENTITY, b"format", (FORMAT_VERSION + 1).to_bytes(4, "big")))
+    newer = sealed(IDENTITY, b"format", (FORMAT_VERSION + 1).to_bytes(4, "big"))
+    environment.update(lambda transaction: transaction.put(IDENTITY, b"format", newer))
     environment.close()
     assert "newer scenefold" in await fault(tmp_path)
 
@@ -60,18 +63,27 @@ async def test_a_newer_format(tmp_path: Path) -> None:
 async def test_a_damaged_identity(tmp_path: Path) -> None:
     await identity_of(tmp_path)
     environment = LmdbDisk().open(tmp_path, TABLES)
-    environment.update(lambda transaction: transaction.put(IDENTITY, b"boot", b"?"))
+    environment.update(lambda transaction: transaction.put(IDENTITY, b"boot", sealed(IDENTITY, b"boot", b"?")))
     environment.close()
-    assert "damaged" in await fault(tmp_path)
+    assert await fault(tmp_path) == "the store's 'boot' is damaged"
 
 
-async def test_records_without_an_identity(tmp_path: Path) -> None:
+@pytest.mark.parametrize("left", [RECORDS, IDENTITY, HOLDING, NOTES])
+async def test_data_without_an_identity(tmp_path: Path, left: str) -> None:
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1)])
+        await store.put_note("a", b"note")
+
+    def forget(transaction: WriteTransaction) -> None:
+        for table in (RECORDS, IDENTITY, HOLDING, NOTES):
+            for key in list(transaction.keys(table, b"", b"\xff" * 64)):
+                if table != left or key == b"format":
+                    transaction.delete(table, key)
+
     environment = LmdbDisk().open(tmp_path, TABLES)
-    environment.update(lambda transaction: transaction.delete(IDENTITY, b"format"))
+    environment.update(forget)
     environment.close()
-    assert "no identity" in await fault(tmp_path)
+    assert await fault(tmp_path) == f"the store has {left} but no identity"
 
 
 async def test_a_folder_in_use_here(tmp_path: Path) -> None:

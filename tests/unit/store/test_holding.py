@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 import trio
 
-from scenefold.base.errors import DamagedData
 from scenefold.base.location import WHOLE_LINE
 from scenefold.base.reasons import RejectReason
-from scenefold.store import LmdbDisk, Outcome, PutResult, Store, StoredHolding, open_store
+from scenefold.store import LmdbDisk, Outcome, PutResult, Store, StoreDamaged, StoredHolding, open_store
 from scenefold.store.layout import HOLDING, TABLES
+from scenefold.store.sealing import sealed
+from scenefold.world import WriteTransaction
+from unit.store.ends import leaves
 from unit.store.samples import NODE, arc, place, put, record, whole_store, world
 
 
@@ -78,13 +80,26 @@ async def test_a_renewed_node_holds_nothing_and_keeps_its_records(tmp_path: Path
         assert (store.identity.incarnation, store.identity.boot) == (after.incarnation, after.boot + 1)
 
 
-@pytest.mark.parametrize("value", [b"x", b"\xff" * 20 + b"\0" * 20])
-async def test_a_damaged_arc_owns_nothing(tmp_path: Path, value: bytes) -> None:
+ARC, NOTE = b"arc", b"note"
+
+
+@pytest.mark.expect_log("arc of this node|about this node's arc")
+@pytest.mark.parametrize(("key", "value"), [(ARC, b"x"), (ARC, b"\xff" * 20 + b"\0" * 20), (ARC, None), (NOTE, None)])
+async def test_a_holding_that_cannot_be_ends_the_store(tmp_path: Path, key: bytes, value: bytes | None) -> None:
     async with whole_store(world(), tmp_path):
         pass
+
+    def change(transaction: WriteTransaction) -> None:
+        if value is None:
+            transaction.delete(HOLDING, key)
+        else:
+            transaction.put(HOLDING, key, sealed(HOLDING, key, value))
+
     environment = LmdbDisk().open(tmp_path, TABLES)
-    environment.update(lambda transaction: transaction.put(HOLDING, b"arc", value))
+    environment.update(change)
     environment.close()
-    async with open_store(world(), tmp_path, NODE) as store:
-        with pytest.raises(DamagedData, match="arc of this node"):
+    with pytest.raises((StoreDamaged, ExceptionGroup)) as caught:
+        async with open_store(world(), tmp_path, NODE) as store:
             await store.holding()
+    (damage,) = {str(leaf) for leaf in leaves(caught.value)}
+    assert "this node" in damage and str(tmp_path) in damage and "wipe the folder" in damage

@@ -39,6 +39,8 @@ class Folder:
     tables: dict[str, Table] = field(default_factory=dict)
     holder: SimEnvironment | None = None
     last_commit: Undo = field(default_factory=list)
+    rotten: dict[tuple[str, bytes], tuple[bytes, bytes]] = field(default_factory=dict)
+    """Values that rotted, by table and key: what each has become, and what it was."""
     file_bytes: int = 0
     """As in LMDB, a file never shrinks: what is deleted leaves room inside it."""
 
@@ -59,7 +61,19 @@ class Folder:
         self.last_commit = []
 
     def copy(self) -> Folder:
-        return Folder({name: table.copy() for name, table in self.tables.items()}, file_bytes=self.file_bytes)
+        tables = {name: table.copy() for name, table in self.tables.items()}
+        return Folder(tables, rotten=dict(self.rotten), file_bytes=self.file_bytes)
+
+    def rot(self, name: str, key: bytes, damaged: bytes) -> None:
+        """A value has become another one."""
+        self.rotten[name, key] = damaged, self.sound(name, key)
+        self.writable(name).set(key, damaged)
+
+    def sound(self, name: str, key: bytes) -> bytes:
+        """A value as it was written."""
+        value = self.tables[name].values[key]
+        damaged, before = self.rotten.get((name, key), (b"", b""))
+        return before if damaged == value else value
 
 
 class SimDisk:
@@ -120,7 +134,7 @@ class SimDisk:
                 bit = dice.randrange(8 * len(value))
                 damaged = bytearray(value)
                 damaged[bit // 8] ^= 1 << bit % 8
-                folder.writable(table).set(victim, bytes(damaged))
+                folder.rot(table, victim, bytes(damaged))
                 return victim
         return None
 
@@ -142,6 +156,20 @@ class SimDisk:
         """What a table holds now, over all folders, for who checks the truth: not a copy, so look and let go."""
         found = [folder.tables[table].values for folder in self._folders.values() if table in folder.tables]
         return found[0] if len(found) == 1 else ChainMap(*found)
+
+    def written(self, table: str) -> Mapping[bytes, bytes]:
+        """Likewise as it was written, whatever has rotted since."""
+        sound = self.rotten(table)
+        return ChainMap(sound, dict(self.peek(table))) if sound else self.peek(table)
+
+    def rotten(self, table: str) -> dict[bytes, bytes]:
+        """The values that have rotted and are still there, as they were written."""
+        return {
+            key: before
+            for folder in self._folders.values()
+            for (name, key), (damaged, before) in folder.rotten.items()
+            if name == table and folder.tables[name].values.get(key) == damaged != before
+        }
 
     def space(self, folder: Folder) -> DiskSpace:
         live, free = folder.live_bytes, self.free_bytes

@@ -26,6 +26,7 @@ from scenefold.peer.verification import KnownScene
 from scenefold.store import Outcome, Put, open_store
 from scenefold.store.holding import NOTE_KEY
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of
+from scenefold.store.sealing import opened
 from scenefold.wire import AddNode, LogEntry, Member, Packet, RemoveNode
 from scenefold.world import Clock, Connection, DiskFailed, Priority, open_links, serve_connection
 from scenefold.world.sim import Point, SimNet
@@ -157,14 +158,18 @@ class House:
     def durable(self) -> Any:
         if not self.lives:
             return None
-        note = self.street.net.machine(self.address).disk.peek(HOLDING).get(NOTE_KEY)
-        return None if note is None else decode_holding(bytes(note))
+        note = self._kept(HOLDING, NOTE_KEY)
+        return None if note is None else decode_holding(note)
+
+    def _kept(self, table: str, key: bytes) -> bytes | None:
+        stored = self.street.net.machine(self.address).disk.peek(table).get(key)
+        return None if stored is None else bytes(opened(table, key, memoryview(stored)))
 
     def durable_member(self) -> Member | None:
         if not self.lives:
             return None
-        incarnation = self.street.net.machine(self.address).disk.peek(IDENTITY).get(b"incarnation")
-        return None if incarnation is None else Member(self.node, bytes(incarnation))
+        incarnation = self._kept(IDENTITY, b"incarnation")
+        return None if incarnation is None else Member(self.node, incarnation)
 
     def is_registered(self) -> bool:
         member = self.durable_member()

@@ -129,3 +129,25 @@ def test_values_are_not_used_after_their_transaction_or_a_change() -> None:
 
     with pytest.raises(ValueError, match="released"):
         environment.update(change)
+
+
+def test_what_has_rotted_is_known_as_it_was_written_until_it_is_written_anew() -> None:
+    disk = SimDisk()
+    environment = opened(disk)
+    put(environment, b"1", b"first")
+    put(environment, b"2", b"other")
+    assert disk.rotten("rows") == {} and disk.written("rows") == disk.peek("rows")
+    for bit in (1, 2, 3):
+        disk.corrupt("rows", Random(bit), b"1")
+        assert disk.rotten("rows") == {b"1": b"first"}
+        assert dict(disk.written("rows")) == {b"1": b"first", b"2": b"other"} != dict(disk.peek("rows"))
+    backup = disk.snapshot()
+    put(environment, b"1", b"second")
+    twice = Random(1), Random(1)
+    for same_bit in twice:
+        disk.corrupt("rows", same_bit, b"2")
+    assert disk.rotten("rows") == {} and disk.written("rows")[b"1"] == b"second"
+    disk.restore(backup)
+    assert disk.rotten("rows") == {b"1": b"first"}
+    disk.wipe()
+    assert disk.rotten("rows") == {}
