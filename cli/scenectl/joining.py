@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.25
 """Between two looks at what has arrived."""
+PATIENCE_S = 3.0
+"""A cluster in order takes a node in sooner; from then on it is said what the node waits for, whenever that changes."""
 
 
 class Telling:
@@ -24,9 +26,26 @@ class Telling:
 
     async def run(self, context: NodeContext, *, task_status: trio.TaskStatus[None]) -> None:
         """Tell, until the arc is there."""
-        from scenefold.base.ids import address_of
+        import trio
 
         task_status.started()
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._waiting, context)
+            await self._member(context)
+            await self._arc(context)
+
+    async def _waiting(self, context: NodeContext) -> None:
+        told = ""
+        while not context.joined.is_set():
+            await context.world.clock.sleep(PATIENCE_S)
+            text = waits_for(context)
+            if text and text != told:
+                told = text
+                emit_event(self._output, {"event": "waiting", "for": text}, f"Node {context.address} waits: {text}.")
+
+    async def _member(self, context: NodeContext) -> None:
+        from scenefold.base.ids import address_of
+
         await context.enrolment.registered()
         registry = context.cluster_log.registry
         neighbours = [None if node is None else address_of(node) for node in registry.neighbours(context.me)]
@@ -35,7 +54,6 @@ class Telling:
         beside = " and ".join(address for address in neighbours if address is not None) or "nobody"
         text = f"Node {context.address} is a member of {context.facts.name}, beside {beside}."
         emit_event(self._output, document, text)
-        await self._arc(context)
 
     async def _arc(self, context: NodeContext) -> None:
         from scenefold.base.location import LINE_LENGTH
@@ -60,3 +78,12 @@ class Telling:
         # A node owns a piece only once everything in it lies on its disk, so these are one event.
         text = f"Node {context.address} owns {arc_text(arc)}, {share:.1%} of the line; its {totals.records} records have arrived."
         emit_event(self._output, document, text)
+
+
+def waits_for(context: NodeContext) -> str:
+    """What keeps the node from being a member that may speak for its arc; empty if nothing does."""
+    from scenefold.base.ids import address_of
+
+    if context.enrolment.waits_for or context.lease.holds():
+        return context.enrolment.waits_for
+    return f"it is a member and has no lease, for the voter, {address_of(context.facts.voter)}, gives none: nothing is served meanwhile"

@@ -90,6 +90,8 @@ class Enrolment:
         self.join: Join = self._join_first
         self.leaving: Callable[[], bool] = lambda: False
         """Whether the removal of this node is its own doing: then it does not come back, and somebody else ends its life."""
+        self.waits_for = "a node of the cluster that tells who its members are"
+        """What keeps this node from being a member, for people; empty once it is one."""
 
     async def registered(self) -> None:
         """Return once this node is a member."""
@@ -105,6 +107,7 @@ class Enrolment:
                 case Step.WAIT:
                     await self._cluster_log.changed_after(registry.position)
                 case Step.BE_MEMBER:
+                    self.waits_for = ""
                     await self._until_concerned(registry)
                 case Step.RENEW if self.leaving():
                     await self._cluster_log.changed_after(registry.position)
@@ -151,6 +154,9 @@ class Enrolment:
     def _say(self, problem: ScenefoldError) -> None:
         waiting = isinstance(problem, Refused) and problem.reason is RejectReason.BUSY
         text = "waiting until the lease of this node's earlier incarnation is over" if waiting else str(problem)
+        if isinstance(problem, Unreachable):
+            text = f"the voter decides who is a member, and does not answer: {text}"
+        self.waits_for = text
         self._quiet.say(self._world.clock.now(), "enrolment", "waiting" if waiting else "refused", text)
 
     async def _take_seat(self) -> None:
