@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
         return WRONG_USAGE
-    except (Exception, KeyboardInterrupt, SystemExit, BaseExceptionGroup) as error:  # noqa: BLE001 - a user sees a line, never a traceback
+    except (Exception, KeyboardInterrupt, SystemExit, BaseExceptionGroup) as error:
         if reader_left(error):
             # Writing out what is left at exit would fail once more.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

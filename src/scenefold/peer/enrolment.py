@@ -87,10 +87,11 @@ class Enrolment:
         self._own = own
         self._quiet = QuietLog(_log, logging.INFO)
         self._request: bytes | None = None
+        self._has_tried = False
         self.join: Join = self._join_first
         self.leaving: Callable[[], bool] = lambda: False
         """Whether the removal of this node is its own doing: then it does not come back, and somebody else ends its life."""
-        self.waits_for = "a node of the cluster that tells who its members are"
+        self.waits_for = "for a node of the cluster that tells who its members are"
         """What keeps this node from being a member, for people; empty once it is one."""
 
     async def registered(self) -> None:
@@ -145,6 +146,10 @@ class Enrolment:
         raise IdentityRenewed
 
     async def _try(self, way: Join) -> None:
+        if not self._has_tried:
+            voters = ", ".join(map(address_of, self._cluster_log.registry.voters))
+            self._has_tried = True
+            self.waits_for = f"for the voter, {voters}, which decides who is a member"
         try:
             await way()
         except (Refused, Unreachable, PeerFault) as problem:
@@ -155,7 +160,7 @@ class Enrolment:
         waiting = isinstance(problem, Refused) and problem.reason is RejectReason.BUSY
         text = "waiting until the lease of this node's earlier incarnation is over" if waiting else str(problem)
         if isinstance(problem, Unreachable):
-            text = f"the voter decides who is a member, and does not answer: {text}"
+            text = f"the voter, which decides who is a member, does not answer: {text}"
         self.waits_for = text
         self._quiet.say(self._world.clock.now(), "enrolment", "waiting" if waiting else "refused", text)
 
