@@ -5,13 +5,12 @@ Written by `scenectl cluster init`, read by every client and node (design page u
     cluster.toml             name, cluster id, ports, seeds, nodes (id, address, public signing key), founders, voters, the
                              public key of the cluster's log
     authority/               the cluster's certificate authority; its key is needed only to admit others
-    datagram.key             32 bytes, the group key of datagrams
     nodes/<address>/         a node's TLS identity and signing seed; a voter's also holds the seed of the log's key
     users/<name>/            a user's TLS identity and signing seed
     scenes/<name>.toml       keys of scenes (keyring.py)
 
-A machine needs only its own part: cluster.toml, the authority's certificate, datagram.key and its own folder
-under nodes/ or users/. So each file is read when it is asked for, and a missing one is that request's error.
+A machine needs only its own part: cluster.toml, the authority's certificate, and its own folder under nodes/ or users/.
+So each file is read when it is asked for, and a missing one is that request's error.
 The profile says who has credentials, not who is a member: founders are from the start, spares join and anybody may
 be removed, and all that stands in the cluster's log. The lowest of the founders is its voter.
 """
@@ -36,8 +35,6 @@ from scenefold.crypto import (
     SigningKey,
     make_private_folder,
     read_authority_certificate,
-    read_secret,
-    write_secret,
 )
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import Keyring, checked_name
@@ -45,7 +42,6 @@ from scenefold.world.ports import Ports
 from scenefold.world.toml_files import damaged, read_settings_toml, write_toml
 
 DEFAULT_USER = "owner"
-DATAGRAM_KEY_BYTES = 32
 _FORMAT = 2
 _SETTINGS = "cluster.toml"
 _SEED = "signing.seed"
@@ -155,14 +151,6 @@ class ClusterProfile:
         """The certificate (PEM) that every certificate of the cluster verifies under."""
         return read_authority_certificate(self.folder / "authority")
 
-    def datagram_key(self) -> bytes:
-        """The group key of datagrams: 32 bytes."""
-        path = self.folder / "datagram.key"
-        key = read_secret(path)
-        if len(key) != DATAGRAM_KEY_BYTES:
-            raise damaged(path, f"{len(key)} bytes instead of {DATAGRAM_KEY_BYTES}")
-        return key
-
     def node_identity(self, address: str) -> Identity:
         return Identity.from_files(self._node_folder(address))
 
@@ -227,7 +215,6 @@ def _write_all(folder: Path, name: str, addresses: Sequence[str], founders: Sequ
     authority = Authority.create(name)
     make_private_folder(folder)
     authority.to_files(folder / "authority")
-    write_secret(folder / "datagram.key", secrets.token_bytes(DATAGRAM_KEY_BYTES))
     members = []
     for address in addresses:
         identity = authority.issue(f"node:{node_id_of(address)}", [address])

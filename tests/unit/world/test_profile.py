@@ -72,7 +72,18 @@ def test_every_party_has_keys_of_its_own(profile: ClusterProfile) -> None:
     assert profile.user_identity().name == "user:owner"
     seeds = {profile.node_signing_key(address).seed for address in EVERYBODY} | {profile.user_signing_key().seed}
     assert len(seeds) == len(EVERYBODY) + 1
-    assert len(profile.datagram_key()) == 32
+
+
+def test_a_machine_needs_no_more_than_its_part(profile: ClusterProfile, tmp_path: Path) -> None:
+    machine = tmp_path / "machine"
+    for part in ("cluster.toml", "authority", f"nodes/{ADDRESSES[1]}"):
+        source, target = profile.folder / part, machine / part
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
+    own = ClusterProfile.load(machine)
+    assert own.node_signing_key(ADDRESSES[1]).public == own.member(ADDRESSES[1]).public_key
+    assert own.node_identity(ADDRESSES[1]) and own.authority_certificate()
+    assert {path.name for path in profile.folder.iterdir()} == {"cluster.toml", "authority", "nodes", "users", "scenes"}
 
 
 def test_nobody_else_may_read_it(profile: ClusterProfile) -> None:
