@@ -16,7 +16,7 @@ from scenefold.simulation.final import judge_histories, read_everything
 from scenefold.simulation.history import Histories, Listing, Outcome, Place, Version, Write
 from scenefold.simulation.linearizable import Verdict
 from scenefold.simulation.story import Violation
-from scenefold.store.layout import RECORDS, object_of
+from scenefold.store.layout import RECORDS, object_of, record_key, spot_of
 from simulation.quiet import Rest, at_rest, overwrite
 
 Spoil = Callable[[Rest], Awaitable[None]]
@@ -63,6 +63,16 @@ async def managed_gone(rest: Rest) -> None:
     for node in rest.cluster.nodes.values():
         for key in [key for key in node.disk.peek(RECORDS) if object_of(key)]:
             overwrite(node.disk, RECORDS, key, None)
+
+
+async def managed_twice(rest: Rest) -> None:
+    """A second record of an object lies with the node that decides about it."""
+    for node in rest.cluster.nodes.values():
+        for key, value in [pair for pair in node.disk.peek(RECORDS).items() if object_of(pair[0])]:
+            spot = spot_of(key)
+            beside = spot.place.location.next()
+            assert beside is not None
+            overwrite(node.disk, RECORDS, record_key(spot.place._replace(location=beside), spot.object), value)
 
 
 def rot(rest: Rest) -> None:
@@ -125,6 +135,12 @@ def test_what_is_wrong_is_a_violation(spoil: Spoil, law: str, said: str) -> None
     found = violations_after(spoil)
     assert [violation.law for violation in found] == [law], found
     assert said in found[0].what
+
+
+def test_two_records_of_an_object_are_a_violation_on_the_disks_and_in_the_list() -> None:
+    found = violations_after(managed_twice)
+    assert {violation.law for violation in found} == {laws.ONE_RECORD}
+    assert {violation.what.split()[0] for violation in found} == {"2", "c"}
 
 
 class Histrionics:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from scenefold.base.errors import ScenefoldError
 from scenefold.base.ids import SpaceId
-from scenefold.base.location import FIRST, LAST, LOCATION_BYTES, Location
+from scenefold.base.location import FIRST, LAST, Location
+from scenefold.client.managed import ManagedPlace
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
 from scenefold.simulation.history import Listing, Outcome, Place, Read, Write
@@ -17,7 +20,7 @@ async def read_everything(watch: Watch, client: Client) -> None:
     assert client.scene is not None
     try:
         for space, names in sorted(watch.recorder.places.items()):
-            if any(len(name) != LOCATION_BYTES for name in names):
+            if any(Place(*space, name).is_object for name in names):
                 await _read_managed(watch, client, space, names)
             else:
                 await _read_fixed(watch, client, space, names)
@@ -29,25 +32,27 @@ async def _read_fixed(watch: Watch, client: Client, space: tuple[int, int], name
     assert client.scene is not None
     rotten = {name for name in names if Place(*space, name) in watch.recorder.damaged}
     await client.scene.access.get([(SpaceId(space[1]), Location(name)) for name in sorted(names - rotten)])
-    async for _ in client.scene.space(space[1]).query(FIRST, LAST):
+    async for _ in client.scene.space(space[1]).query(FIRST, LAST, deleted=True):
         pass
     for name in sorted(rotten):
         await _read_damaged(watch, client, Place(*space, name))
 
 
 async def _read_managed(watch: Watch, client: Client, space: tuple[int, int], names: set[bytes]) -> None:
-    """Records without a place of their own are looked for in the list of all, and must be found there."""
+    """Records without a place of their own are looked for in the list of all, and must be found there once; then by their ids."""
     assert client.scene is not None
     begin = watch.recorder.histories.moment()
     records = client.scene.space(space[1]).managed
-    found = [place async for place in records.query(FIRST, LAST)]
+    found = Counter([place.object async for place in records.query(FIRST, LAST, deleted=True)])
     end = watch.recorder.histories.moment()
-    there = {place.object for place in found}
-    for name in sorted(names):
-        place = Place(*space, name)
-        if place not in watch.recorder.damaged:
-            watch.recorder.histories.add(place, Listing(begin, end, name in there, client.name, 0.0))
-    await records.get([place for place in found if Place(*space, place.object) not in watch.recorder.damaged])
+    for name, count in sorted(found.items()):
+        if count > 1:
+            watch.violated(laws.ONE_RECORD, f"{client.name} sees {name.hex()[:8]}… {count} times in a list", location=name)
+    whole = [name for name in sorted(names) if Place(*space, name) not in watch.recorder.damaged]
+    for name in whole:
+        watch.recorder.histories.add(Place(*space, name), Listing(begin, end, name in found, client.name, 0.0))
+    await records.get([ManagedPlace(LAST, name) for name in whole])
+    watch.count_objects()
 
 
 async def _read_damaged(watch: Watch, client: Client, place: Place) -> None:

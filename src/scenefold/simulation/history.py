@@ -12,6 +12,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
+from scenefold.base.location import Location
+from scenefold.crypto import OBJECT_BYTES, wanted_place
+
 Digest = bytes
 NEVER_ENDED = 1 << 62
 """The end of an attempt that has no known outcome: it may take effect at any time later."""
@@ -23,6 +26,16 @@ class Place(NamedTuple):
     scene: int
     space: int
     location: bytes
+    """Of a node-managed record its object id."""
+
+    @property
+    def is_object(self) -> bool:
+        return len(self.location) == OBJECT_BYTES
+
+    @property
+    def home(self) -> Location:
+        """The place whose owner decides about it."""
+        return wanted_place(self.location) if self.is_object else Location(self.location)
 
 
 class Version(NamedTuple):

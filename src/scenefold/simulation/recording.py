@@ -7,6 +7,7 @@ whether the write happened, except where the node says that it did not even look
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 
 from scenefold.base.location import LOCATION_BYTES
@@ -102,8 +103,7 @@ class Recorder:
             digest = None if record is None else RecordHeader.decode(record.header).digest
             if digest is not None and digest not in self._offered.get(place, ()):
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
-            # "Nothing" says of a record that may slide only that it is not at this place.
-            if not stale and not (key.object and digest is None):
+            if not stale:
                 self.histories.add(place, Read(begin, end, digest, who, self._now()))
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
 
@@ -114,6 +114,7 @@ class Recorder:
             return
         self.listings += 1
         if reply.objects:
+            self._listed_objects(who, begin, end, reply)
             return
         there = set(reply.locations)
         for location in sorted(self.places.get((reply.scene, reply.space), ())):
@@ -122,6 +123,15 @@ class Recorder:
                 if place in self.damaged or self._damaged_until.get(place, 0) > begin or len(location) != LOCATION_BYTES:
                     continue
                 self.histories.add(place, Listing(begin, end, location in there, who, self._now()))
+
+    def _listed_objects(self, who: str, begin: int, end: int, reply: ReturnRange) -> None:
+        """Records that may lie anywhere: what is listed is there, and what is not may be elsewhere. None is there twice."""
+        for name, count in sorted(Counter(reply.objects).items()):
+            place = Place(reply.scene, reply.space, name)
+            if count > 1:
+                self.strange.append((place, f"{who} is told of {count} records of {name.hex()[:8]}…"))
+            if place not in self.damaged and self._damaged_until.get(place, 0) <= begin and place in self._offered:
+                self.histories.add(place, Listing(begin, end, True, who, self._now()))
 
 
 class WatchedLinks:

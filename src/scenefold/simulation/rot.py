@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.base.location import Location
 from scenefold.crypto import RecordPlace
 from scenefold.simulation.disks import Disk, place_of
 from scenefold.simulation.history import Place
@@ -57,7 +57,7 @@ class Rot:
 
     def _keys(self, place: Place, table: Mapping[bytes, bytes]) -> list[bytes]:
         """Where a record lies in a table: once at most if it has a place of its own."""
-        if len(place.location) != LOCATION_BYTES:
+        if place.is_object:
             return sorted(key for key in table if place_of(key) == place)
         key = record_key(RecordPlace(SceneId(place.scene), SpaceId(place.space), Location(place.location)))
         return [key] if key in table else []

@@ -20,6 +20,7 @@ from scenefold.simulation.disks import (
     has_open_handover,
     holding_of,
     incarnation_of,
+    objects_decided,
     place_of,
     receivers_of,
     records_of,
@@ -32,7 +33,6 @@ from scenefold.simulation.reach import Reach
 from scenefold.simulation.recording import Recorder
 from scenefold.simulation.rot import Rot
 from scenefold.simulation.story import Story, Violation
-from scenefold.store.layout import location_of
 
 VIOLATIONS_MAX = 50
 
@@ -116,10 +116,10 @@ class Watch:
 
     def damaged(self, slot: int, key: bytes, before: Mapping[Place, Version]) -> None:
         """A stored record has rotted: this disk's copy cannot be read any more. `before`: what the disk held."""
-        place, location = place_of(key), location_of(key)
+        place = place_of(key)
         self.rot.add(slot, key)
         disks = self._records()
-        owner, rotten = self._owner_of(location), before.get(place)
+        owner, rotten = self._owner_of(place.home), before.get(place)
         if owner in (None, slot) or has_open_handover(self._disks[slot]) or not _is_held(disks[owner], place, rotten):
             left = versions_of(disks, place)
             best = None if rotten is None else max([rotten, *left], key=lambda version: version.order)
@@ -133,7 +133,7 @@ class Watch:
 
     def _look_at_rot(self) -> None:
         """Which places cannot be read, because their owner's own copy is rotten."""
-        rotten = {copy.place for copy in self.rot.copies() if self._owner_of(copy.location) == copy.slot}
+        rotten = {copy.place for copy in self.rot.copies() if self._owner_of(copy.place.home) == copy.slot}
         if rotten != self.recorder.damaged:
             self.recorder.now_damaged(rotten)
 
@@ -183,6 +183,17 @@ class Watch:
         for gain in gains:
             if gain not in wrong:
                 self._gained(gain)
+        self.count_objects()
+
+    def count_objects(self) -> None:
+        """Each node-managed object has one record with the node that decides about it."""
+        found = Counter(
+            place for slot, disk in self._disks.items() for place in objects_decided(disk) if self._owner_of(place.home) == slot
+        )
+        for place, count in sorted(found.items()):
+            if count > 1:
+                words = f"{count} records of {place.location.hex()[:8]}… in space {place.space}"
+                self.violated(laws.ONE_RECORD, words, location=place.location)
 
     def _towards(self, disk: Disk, piece: Arc) -> Holder | None:
         """Whom a piece goes to that a node has let go of, as its own note says."""
@@ -229,16 +240,16 @@ class Watch:
 
     def acknowledges(self, slot: int, place: Place, version: Version, location: Location) -> None:
         """A node is about to answer that a record is durable at a location."""
-        node = self._running.get(slot)
+        node, home = self._running.get(slot), place.home
         name = f"{location.hex()[:8]}… {version.digest.hex()[:6]}"
-        if node is not None and not (node.owns(location) and node.has_lease()):
-            what = "has no lease" if node.owns(location) else "does not own it"
+        if node is not None and not (node.owns(home) and node.has_lease()):
+            what = "has no lease" if node.owns(home) else "does not own it"
             self.violated(laws.RIGHT_TO_ANSWER, f"n{slot} acknowledges {name} and {what}", location=location, slots=(slot,))
         if Holder(slot, incarnation_of(self._disks[slot]) or b"") in self._replaced:
             words = f"n{slot} acknowledges {name}, and its disk is a backup of what it was"
             self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
         arc = arc_of(self._disks[slot])
-        if arc is None or location not in arc:
+        if arc is None or home not in arc:
             words = f"n{slot} acknowledges {name} outside of its durable arc"
             self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
         # A stray of which the owner has another copy, elsewhere in its arc, is acknowledged for that one.
@@ -246,7 +257,7 @@ class Watch:
         if stored is None or stored.order < version.order:
             self.violated(laws.DURABLE, f"n{slot} acknowledges {name}, which its disk does not hold", location=location, slots=(slot,))
         for other, owner in self._running.items():
-            if other != slot and owner.owns(location) and owner.has_lease():
+            if other != slot and owner.owns(home) and owner.has_lease():
                 words = f"n{slot} acknowledges {name} while n{other} could"
                 self.violated(laws.ONE_OWNER, words, location=location, slots=(slot, other))
 

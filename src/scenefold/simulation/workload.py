@@ -34,14 +34,17 @@ _ACTS = {
     "put absent": 8,
     "put over": 16,
     "delete": 4,
-    "get": 24,
-    "get many": 14,
+    "get": 22,
+    "get many": 13,
     "put many": 7,
     "range": 6,
     "get wide": 2,
     "put wide": 3,
     "put managed": 2,
+    "replace managed": 3,
+    "delete managed": 1,
     "get managed": 3,
+    "list managed": 1,
 }
 PAYLOAD_BYTES = (8, 8, 40, 200, 3_000)
 WIDE_BYTES = (2_000, 20_000)
@@ -59,6 +62,8 @@ class Places:
 
     hot: tuple[Location, ...]
     wide: tuple[Location, ...]
+    objects: list[ManagedPlace] = field(default_factory=list)
+    """Records of which the nodes chose the places, and where they were. All clients share them, as they do places."""
 
 
 def draw_places(seed: int, nodes: int) -> Places:
@@ -98,8 +103,8 @@ class Worker:
         self._access = scene.access
         self._space = scene.space(META)
         self._renders = scene.space(RENDERS).managed
-        self._managed: list[ManagedPlace] = []
-        """Records of which the nodes chose the places, and where they were."""
+        self._objects_seen: dict[bytes, bytes] = {}
+        """The digest of what this client wrote last to an object."""
         self._places = places
         self._dice = random.Random(f"work/{seed}/{name}")
         self._pause_s = PAUSE_S[workload]
@@ -156,12 +161,33 @@ class Worker:
                 await self._put_many(dice.sample(hot, 4), PAYLOAD_BYTES)
             case "put wide":
                 await self._put_many(dice.sample(wide, 16), WIDE_BYTES)
-            case "put managed":
-                self._managed.append((await self._renders.put(self._payload())).place)
-            case "get managed":
-                await self._renders.get(dice.sample(self._managed, min(3, len(self._managed))))
-            case _:
+            case "range":
                 await self._list(*sorted(dice.sample([*hot, *wide], 2)))
+            case _:
+                await self._do_managed(act)
+
+    async def _do_managed(self, act: str) -> None:
+        known, dice = self._places.objects, self._dice
+        if act == "put managed" or not known:
+            stored = await self._renders.put(self._payload())
+            known.append(stored.place)
+            self._objects_seen[stored.place.object] = stored.digest
+            return
+        # Mostly one of the newest, so that clients meet there.
+        place = known[-1 - min(int(dice.expovariate(0.3)), len(known) - 1)]
+        match act:
+            case "replace managed":
+                expect = self._objects_seen.pop(place.object, None) if dice.random() < 0.5 else None
+                stored = await self._renders.replace(place, self._payload(), expect=expect)
+                self._objects_seen[place.object] = stored.digest
+            case "delete managed":
+                self._objects_seen.pop(place.object, None)
+                await self._renders.delete(place)
+            case "list managed":
+                async for _ in self._renders.query(deleted=True):
+                    pass
+            case _:
+                await self._renders.get([place, *dice.sample(known, min(2, len(known)))])
 
     async def _put_over(self, place: Location) -> None:
         """Replace what was last seen there."""
@@ -170,7 +196,7 @@ class Worker:
         await self._put(place, self._seen.get(place) or ABSENT)
 
     async def _list(self, first: Location, last: Location) -> None:
-        async for _ in self._space.query(first, last):
+        async for _ in self._space.query(first, last, deleted=True):
             pass
 
     async def _put(self, place: Location, expect: bytes | None) -> None:
