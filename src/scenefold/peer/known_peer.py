@@ -60,5 +60,6 @@ class KnownPeer:
         self.heard_at = now
         self.signs += 1
         if is_proof:
+            self.bound_lamport = min(self.bound_lamport, lamport)
             self.proofs += 1
             self.proof_at = now

@@ -296,6 +296,15 @@ def test_an_arc_begins_where_the_newest_status_says() -> None:
     assert roster.arcs() == {PEER: Arc(Location.from_number(1), Location.from_number(1))}, "fence and bound do not fit"
 
 
+def test_an_old_folder_that_came_and_went_does_not_drown_out_what_the_right_one_owns() -> None:
+    roster = a_roster()
+    roster.hear(replace(status_of(PEER, 5), right_bound=HALF), 0.0)
+    roster.hear_mini(mini_of(PEER, 100, LAST), 1.0)
+    roster.hear(replace(status_of(PEER, 6), right_bound=HALF), 2.0)
+    roster.hear(replace(status_of(PEER, 7), right_bound=HALF), 3.0)
+    assert roster.arcs() == {PEER: Arc(FIRST, HALF)}
+
+
 def test_what_is_said_by_a_log_that_we_do_not_know_is_a_sign_of_life_and_no_more() -> None:
     roster = a_roster()
     roster.hear(replace(status_of(PEER, 5), right_bound=HALF), 0.0)
