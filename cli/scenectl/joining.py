@@ -41,7 +41,7 @@ class Telling:
             text = waits_for(context)
             if text and text != told:
                 told = text
-                emit_event(self._output, {"event": "waiting", "for": text}, f"Node {context.address} waits: {text}.")
+                emit_event(self._output, {"event": "waiting", "text": text}, f"Node {context.address} waits: {text}.")
 
     async def _member(self, context: NodeContext) -> None:
         from scenefold.base.ids import address_of

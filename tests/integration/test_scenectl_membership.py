@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from integration.scenectl_process import LIMIT_S, free_ports, running, scenectl
+from integration.scenectl_process import LIMIT_S, children, free_ports, running, scenectl
 
 FOUNDERS = ("127.0.0.2", "127.0.0.3")
 SPARES = ("127.0.0.4", "127.0.0.5")
@@ -23,18 +24,23 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Two nodes with some records."""
+def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[str, int]]]:
+    """Two nodes with some records: the profile, and their processes by address."""
     folder = tmp_path_factory.mktemp("trial")
     ports = free_ports(*FOUNDERS, *SPARES)
-    with running("node", "local", "2", "--spares", "2", "--folder", folder, "--ports", ports, "--json") as (_, ready):
+    with running("node", "local", "2", "--spares", "2", "--folder", folder, "--ports", ports, "--json") as (process, ready):
         found = ready["profile"]
         assert ready["spares"] == list(SPARES)
         assert scenectl("scene", "create", "kitchen", profile=found).code == 0
         for place in PLACES:
             done = scenectl("data", "put", "files", place, "-", "--scene", "kitchen", profile=found, stdin=place.encode() * 100)
             assert done.code == 0, done.err
-        yield found
+        yield found, children(process.pid)
+
+
+@pytest.fixture
+def profile(local: tuple[str, dict[str, int]]) -> str:
+    return local[0]
 
 
 def check_readable(profile: str) -> None:
@@ -42,6 +48,16 @@ def check_readable(profile: str) -> None:
     assert [location[:2] for location in listed["locations"]] == PLACES
     for place in PLACES[::5]:
         assert scenectl("data", "get", "files", place, "--scene", "kitchen", profile=profile).out == place.encode() * 100
+
+
+@contextmanager
+def hanging(pid: int) -> Iterator[None]:
+    """A node hangs: it takes what is sent, and answers nothing."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
 
 
 @contextmanager
@@ -135,6 +151,32 @@ def test_top_compares_two_looks(profile: str) -> None:
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=LIMIT_S)
         assert process.returncode == 0 and err == b""
+
+
+def test_a_node_that_hangs_holds_up_nobody_in_top(local: tuple[str, dict[str, int]]) -> None:
+    profile, pids = local
+    with running("cluster", "top", "--json", profile=profile) as (process, first):
+        silent = FOUNDERS[1]
+        assert process.stdout is not None and first["nodes"]
+        with hanging(pids[silent]):
+            for line in process.stdout:
+                found = {node["address"]: node for node in json.loads(line)["nodes"]}
+                if not found[silent]["alive"] and found[silent]["said_s"] > 2:
+                    break
+        assert found[FOUNDERS[0]]["said_s"] == 0 and found[silent]["records"] > 0
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=LIMIT_S)
+
+
+def test_a_newcomer_says_that_it_waits_for_the_voter(local: tuple[str, dict[str, int]], tmp_path: Path) -> None:
+    profile, pids = local
+    arguments = ["cluster", "join", FOUNDERS[1], "--address", SPARES[1], "--data", str(tmp_path / "data"), "--json"]
+    with hanging(pids[FOUNDERS[0]]), running(*arguments, profile=profile) as (process, _):
+        while "voter" not in (text := event(process, "waiting")["text"]):
+            assert "tells who its members are" in text
+        assert FOUNDERS[0] in text
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=LIMIT_S)
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_every_party_has_keys_of_its_own(profile: ClusterProfile) -> None:
 
 def test_a_machine_needs_no_more_than_its_part(profile: ClusterProfile, tmp_path: Path) -> None:
     machine = tmp_path / "machine"
-    for part in ("cluster.toml", "authority", f"nodes/{ADDRESSES[1]}"):
+    for part in ("cluster.toml", "authority/certificate.pem", f"nodes/{ADDRESSES[1]}"):
         source, target = profile.folder / part, machine / part
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
