@@ -41,6 +41,8 @@ class Reach:
         self._down: dict[int, Spells] = {}
         self._cut: dict[tuple[int, int], Spells] = {}
         self._cuts_open: dict[tuple[int, int], int] = {}
+        self._hampered: dict[int, Spells] = {}
+        self._burdens: dict[int, int] = {}
 
     def goes_down(self, slot: int, now_s: float) -> None:
         self._down.setdefault(slot, Spells()).begin(now_s)
@@ -61,6 +63,24 @@ class Reach:
         if self._cuts_open[pair] <= 0:
             self._cuts_open[pair] = 0
             self._cut.setdefault(pair, Spells()).end(now_s)
+
+    def hampered(self, slot: int, now_s: float) -> None:
+        """The machine works on, but badly; may be said several times."""
+        self._burdens[slot] = self._burdens.get(slot, 0) + 1
+        self._hampered.setdefault(slot, Spells()).begin(now_s)
+
+    def relieved(self, slot: int, now_s: float) -> None:
+        """One of its burdens is gone."""
+        self._burdens[slot] -= 1
+        if not self._burdens[slot]:
+            self._hampered[slot].end(now_s)
+
+    def was_clear(self, one: int, other: int, window: tuple[float, float]) -> bool:
+        """Whether both were up and well, and could talk with each other, during all of the window."""
+        burdens = [self._hampered.get(slot) for slot in (one, other)]
+        return self._is_clear((one, other), ((one, other),), window) and not any(
+            spell.within(*window) for spell in burdens if spell is not None
+        )
 
     def was_reachable(self, slot: int, voter: int, others: Sequence[int], window: tuple[float, float]) -> bool:
         """Whether the voter, or one other node that it reached throughout, could talk with the slot during all of the window."""

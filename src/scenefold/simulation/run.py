@@ -19,7 +19,9 @@ import trio
 
 from scenefold.base.errors import ScenefoldError
 from scenefold.client.scene import Scene
+from scenefold.scene.layout import META
 from scenefold.simulation import laws
+from scenefold.simulation.asking import Asker
 from scenefold.simulation.calm import Unrest, unrest
 from scenefold.simulation.clients import Client, MemoryKeyring, open_client
 from scenefold.simulation.cluster import Cluster, key_of, quiet_logs
@@ -34,6 +36,7 @@ from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
 from scenefold.simulation.weather import spares_of
 from scenefold.simulation.workload import CLIENTS, Tally, Worker, client_name, draw_places
+from scenefold.world import open_links
 from scenefold.world.sim import SimNet, SimulationStuck, Trace, run_simulated
 
 START_S_MAX = 30.0
@@ -122,6 +125,8 @@ class _Drama:
             for worker in workers:
                 work.start_soon(worker.run, stop)
             async with trio.open_nursery() as faults:
+                if clients[0].scene is not None:
+                    faults.start_soon(self._ask, cluster, clients[0].scene)
                 storm = self._storm = Storm(cluster, lambda node: drain(clients[0], node), faults)
                 for fault in self._schedule:
                     faults.start_soon(storm.befall, fault)
@@ -136,6 +141,11 @@ class _Drama:
             await self._until(lambda: cluster.watch.recorder.acknowledged >= OPERATIONS_MIN, ENOUGH_S_MAX)
             stop.set()
         self._operations = cluster.watch.recorder.acknowledged
+
+    async def _ask(self, cluster: Cluster, scene: Scene) -> None:
+        """Somebody whose questions must be answered as long as owners live."""
+        async with open_links(self._net.world("user:asker")) as links:
+            await Asker(cluster, links, scene, META, [*self._places.hot, *self._places.wide]).run()
 
     def _worker(self, client: Client, scene: Scene) -> Worker:
         return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally)

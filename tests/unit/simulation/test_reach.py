@@ -52,3 +52,19 @@ def test_two_cuts_of_one_link_end_with_the_second() -> None:
     assert not reach.was_reachable(3, 0, [0, 3], WINDOW)
     reach.mended(0, 3, 50.0)
     assert reach.was_reachable(3, 0, [0, 3], WINDOW)
+
+
+def test_two_were_clear_of_each_other_only_if_both_were_up_and_well_and_nothing_lay_between() -> None:
+    reach = Reach()
+    assert reach.was_clear(1, 2, WINDOW)
+    reach.hampered(1, 1.0)
+    reach.hampered(1, 2.0)
+    reach.relieved(1, 3.0)
+    assert not reach.was_clear(1, 2, WINDOW) and reach.was_clear(2, 3, WINDOW), "it still bears one of two burdens"
+    reach.relieved(1, 4.0)
+    assert reach.was_clear(1, 2, (4.0, 9.0)) and not reach.was_clear(1, 2, (3.5, 9.0))
+    reach.cut(2, 1, 10.0)
+    assert not reach.was_clear(1, 2, (5.0, 12.0))
+    reach.mended(2, 1, 13.0)
+    reach.goes_down(2, 14.0)
+    assert not reach.was_clear(1, 2, (13.0, 15.0))
