@@ -17,8 +17,9 @@ from typing import Any
 import pytest
 import trio
 
-from integration.living_clusters import PATIENCE_S, Kept, half_arrived, living_cluster
-from scenefold.client import ClusterStatus
+from integration.living_clusters import PATIENCE_S, SPACE, Kept, Living, half_arrived, living_cluster
+from scenefold.client import ClusterStatus, connect
+from scenefold.client.reports import NodeReport
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ SMALL = Size(4, 2_000, 12_000, 1_000_000)
 FULL = Size(8, 20_000, 3_000, 1_000_000)
 """Pieces of at least three megabytes: two batches of a handover, of which one has arrived at some time."""
 
+READ_S_MAX = 15.0
+"""For a client to find who has a place, with a dead node among those that claim it."""
 
 pytestmark = pytest.mark.slow
 
@@ -108,6 +111,43 @@ async def test_a_joiner_that_dies_half_way_leaves_everything_where_it_was_and_ma
         living.nodes.start(joiner)
         await living.at_rest(3)
         await living.kept.check()
+
+
+async def owns_something(living: Living, address: str) -> bool:
+    report = (await living.cluster.reports([address]))[address]
+    return isinstance(report, NodeReport) and report.arc is not None
+
+
+async def test_records_of_a_piece_are_readable_while_its_giver_is_dead(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 3, spares=1) as living:
+        kept, (newcomer,) = living.kept, living.nodes.spares
+        # The last node is the fullest, so the newcomer gets half of that, and nobody else moves anything to it.
+        await kept.put_evenly(300, 1_000)
+        await kept.put_evenly(300, 2_000, last_part=1 / 3)
+        giver = living.nodes.addresses[2]
+        living.nodes.start(newcomer)
+        with trio.fail_after(PATIENCE_S):
+            # Within the second in which it would tell everybody where its arc begins now.
+            while not await owns_something(living, newcomer):  # noqa: ASYNC110 - another process tells nobody of it
+                await trio.sleep(0.01)
+        await living.nodes.kill(giver)
+        found = await living.until(lambda status: any(node.address == newcomer and node.arc is not None for node in status.nodes))
+        arcs = {node.address: node.arc for node in found.nodes if node.arc is not None}
+        assert sum(node.share for node in found.nodes) <= 1, "what was given away is not counted twice"
+        moved = {place: payload for place, payload in kept.records.items() if place in arcs[newcomer]}
+        assert len(moved) >= 50 and arcs[newcomer].last < arcs[giver].first
+        # Who knows the newcomer, and who begins now with whatever table it is given.
+        with trio.fail_after(READ_S_MAX):
+            assert await kept.space.get_many(list(moved)) == list(moved.values())
+            assert {place async for place in kept.space.query(arcs[newcomer].first, arcs[newcomer].last)} == set(moved)
+        for _ in range(3):
+            async with connect(living.nodes.profile) as other:
+                space = (await other.scenes.open("kept")).space(SPACE)
+                with trio.fail_after(READ_S_MAX):
+                    assert await space.get_many(list(moved)) == list(moved.values())
+        living.nodes.start(giver)
+        await living.at_rest(4)
+        await kept.check()
 
 
 async def test_a_draining_node_that_is_killed_goes_on_leaving_when_it_is_back(tmp_path: Path) -> None:
