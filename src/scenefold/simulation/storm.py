@@ -15,19 +15,14 @@ from typing import ClassVar
 
 import trio
 
-from scenefold.peer.lives import Lives
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import granted_life, incarnation_of, lives_of
+from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.faults import Fault, Kind
-from scenefold.simulation.rotting import TableRot
 from scenefold.simulation.workload import CLIENTS, client_name
-from scenefold.store.layout import RECORDS
-from scenefold.world.sim import CALM, Point, Weather, dice
+from scenefold.world.sim import CALM, Point, Weather
 
 RESERVE_LEFT_BYTES = 128 << 20
 """Half of a store's reserve: new records are refused, what may use the reserve goes on."""
-RECORDED_LOOK_S, RECORDED_LOOKS_MAX = 0.5, 40
-"""For a node that was restarted to be granted a lease: it may be cut off, or the voter down."""
 
 _POINTS = {
     Kind.CRASH_BEFORE_COMMIT: Point.BEFORE_COMMIT,
@@ -48,8 +43,7 @@ class Storm:
         self._watch = cluster.watch
         self._drain = drain
         self._nursery = nursery
-        self._dice = dice(cluster.net.seed, "storm")
-        self._table_rot = TableRot(cluster)
+        self._disks = DiskFaults(cluster, self._begins, lambda: self._is_over)
         self._weather: dict[Fault, Weather] = {}
         self._wait_for_handover: list[list[float]] = []
         self._is_over = False
@@ -76,8 +70,6 @@ class Storm:
 
     async def _act(self, fault: Fault) -> None:
         match fault.kind:
-            case Kind.CORRUPTION:
-                await self._corrupt(fault)
             case Kind.CLOCK_OFFSET:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
@@ -219,65 +211,8 @@ class Storm:
         if node.is_wanted:
             self._net.trap(node.address, point, max(1, int(fault.amount)), spring)
 
-    async def _corrupt(self, fault: Fault) -> None:
-        """Bits of records turn over, and rarely one of what the store keeps beside them."""
-        node, has_begun = self._node(fault), False
-        for _ in range(int(fault.amount)):
-            before = self._watch.records(node.slot)
-            key = node.disk.corrupt(RECORDS, self._dice)
-            if key is None:
-                break
-            if not has_begun:
-                self._begins(fault)
-            has_begun = True
-            self._watch.damaged(node.slot, key, before)
-        if self._table_rot.strike(node):
-            if not has_begun:
-                self._begins(fault)
-            await self._table_rot.until_noticed(node)
-
-    async def _wipe(self, fault: Fault) -> None:
-        """The machine dies, and comes back with an empty disk."""
-        node = self._node(fault)
-        if not self._cluster.crash(node.slot):
-            return
-        self._begins(fault)
-        self._cluster.wipe(node, "loses its disk")
-        await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
-
-    async def _restore(self, fault: Fault) -> None:
-        """A backup is made, and the node works on; later its disk is the backup again.
-
-        Restored is only what the voter can tell from the node itself. A start in between makes it so at once, and every second
-        node is started again right after the backup; the passing of a minute does, too.
-        """
-        node = self._node(fault)
-        if node.has_left or incarnation_of(node.disk) is None:
-            return
-        backup, incarnation, lives = node.disk.snapshot(), incarnation_of(node.disk), lives_of(node.disk)
-        if fault.begin_s % 1 < 0.5 and self._cluster.crash(node.slot):
-            await self._cluster.restart(node.slot, 0.2)
-        await trio.sleep_until(fault.end_s)
-        if not (self._is_over or self._has_lived_on(node, incarnation, lives)) and self._cluster.crash(node.slot):
-            await self._cluster.restart(node.slot, 0.2)
-            for _ in range(RECORDED_LOOKS_MAX):
-                if self._has_lived_on(node, incarnation, lives):
-                    break
-                await trio.sleep(RECORDED_LOOK_S)
-        if self._is_over or node.has_left or not self._has_lived_on(node, incarnation, lives):
-            return
-        was_up = self._cluster.crash(node.slot)
-        self._begins(fault)
-        before = self._watch.records(node.slot)
-        node.disk.restore(backup)
-        self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
-        if was_up:
-            await self._cluster.restart(node.slot, 0.5)
-
-    def _has_lived_on(self, node: Node, incarnation: bytes | None, lives: Lives) -> bool:
-        """Whether the node was granted a life that is not among these, and is still of this incarnation."""
-        granted = granted_life(self._cluster.voter.disk, node.node_id)
-        return incarnation_of(node.disk) == incarnation and granted is not None and granted[0] == incarnation and granted[1] not in lives
+    async def _hit_disk(self, fault: Fault) -> None:
+        await self._disks.befall(fault)
 
     def _set_clocks(self, fault: Fault) -> None:
         """The time of day jumps, of a node and of a client."""
@@ -333,8 +268,9 @@ class Storm:
         Kind.PAUSE: _pause,
         Kind.RESET: _reset,
         Kind.CRASH: _crash,
-        Kind.WIPED_DISK: _wipe,
-        Kind.RESTORED_BACKUP: _restore,
+        Kind.CORRUPTION: _hit_disk,
+        Kind.WIPED_DISK: _hit_disk,
+        Kind.RESTORED_BACKUP: _hit_disk,
         Kind.JOIN: _join,
         Kind.KILL_IN_JOIN: _join,
         Kind.DRAIN: _drain_node,

@@ -1,0 +1,103 @@
+"""What takes disks away: bits that turn over, empty disks, backups put back (specs/17-simulation.md, Faults).
+
+A disk loses what was acknowledged, so the observer is told exactly what lay there before, and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import trio
+
+from scenefold.peer.lives import Lives
+from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.disks import granted_life, incarnation_of, lives_of
+from scenefold.simulation.faults import Fault, Kind
+from scenefold.simulation.rotting import TableRot
+from scenefold.store.layout import RECORDS
+from scenefold.world.sim import dice
+
+RECORDED_LOOK_S, RECORDED_LOOKS_MAX = 0.5, 40
+"""For a node that was restarted to be granted a lease: it may be cut off, or the voter down."""
+
+
+class DiskFaults:
+    """Those of a storm. `begins` is told of a fault once it takes effect; `is_over` says whether the storm is."""
+
+    def __init__(self, cluster: Cluster, begins: Callable[[Fault], None], is_over: Callable[[], bool]) -> None:
+        self._cluster = cluster
+        self._watch = cluster.watch
+        self._begins = begins
+        self._is_over = is_over
+        self._dice = dice(cluster.net.seed, "storm")
+        self._table_rot = TableRot(cluster)
+
+    async def befall(self, fault: Fault) -> None:
+        """Make it happen now."""
+        match fault.kind:
+            case Kind.CORRUPTION:
+                await self._corrupt(fault)
+            case Kind.WIPED_DISK:
+                await self._wipe(fault)
+            case _:
+                await self._restore(fault)
+
+    async def _corrupt(self, fault: Fault) -> None:
+        """Bits of records turn over, and rarely one of what the store keeps beside them."""
+        node, has_begun = self._cluster.nodes[fault.slots[0]], False
+        for _ in range(int(fault.amount)):
+            before = self._watch.records(node.slot)
+            key = node.disk.corrupt(RECORDS, self._dice)
+            if key is None:
+                break
+            if not has_begun:
+                self._begins(fault)
+            has_begun = True
+            self._watch.damaged(node.slot, key, before)
+        if self._table_rot.strike(node):
+            if not has_begun:
+                self._begins(fault)
+            await self._table_rot.until_noticed(node)
+
+    async def _wipe(self, fault: Fault) -> None:
+        """The machine dies, and comes back with an empty disk."""
+        node = self._cluster.nodes[fault.slots[0]]
+        if not self._cluster.crash(node.slot):
+            return
+        self._begins(fault)
+        self._cluster.wipe(node, "loses its disk")
+        await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
+
+    async def _restore(self, fault: Fault) -> None:
+        """A backup is made, and the node works on; later its disk is the backup again.
+
+        Restored is only what the voter can tell from the node itself. A start in between makes it so at once, and every second
+        node is started again right after the backup; the passing of a minute does, too.
+        """
+        node = self._cluster.nodes[fault.slots[0]]
+        if node.has_left or incarnation_of(node.disk) is None:
+            return
+        backup, incarnation, lives = node.disk.snapshot(), incarnation_of(node.disk), lives_of(node.disk)
+        if fault.begin_s % 1 < 0.5 and self._cluster.crash(node.slot):
+            await self._cluster.restart(node.slot, 0.2)
+        await trio.sleep_until(fault.end_s)
+        if not (self._is_over() or self._has_lived_on(node, incarnation, lives)) and self._cluster.crash(node.slot):
+            await self._cluster.restart(node.slot, 0.2)
+            for _ in range(RECORDED_LOOKS_MAX):
+                if self._has_lived_on(node, incarnation, lives):
+                    break
+                await trio.sleep(RECORDED_LOOK_S)
+        if self._is_over() or node.has_left or not self._has_lived_on(node, incarnation, lives):
+            return
+        was_up = self._cluster.crash(node.slot)
+        self._begins(fault)
+        before = self._watch.records(node.slot)
+        node.disk.restore(backup)
+        self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
+        if was_up:
+            await self._cluster.restart(node.slot, 0.5)
+
+    def _has_lived_on(self, node: Node, incarnation: bytes | None, lives: Lives) -> bool:
+        """Whether the node was granted a life that is not among these, and is still of this incarnation."""
+        granted = granted_life(self._cluster.voter.disk, node.node_id)
+        return incarnation_of(node.disk) == incarnation and granted is not None and granted[0] == incarnation and granted[1] not in lives
