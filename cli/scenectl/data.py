@@ -202,7 +202,7 @@ def ls(
         found: list[str] = []
         async with connect(output.profile) as cluster:
             asked = await _space(await cluster.scenes.open(scene), space)
-            async for location in asked.query(first.first, last.last):
+            async for location in asked.query(first.first, last.last, deleted=True):
                 if len(found) == limit:
                     return asked.id, found, True
                 found.append(location.hex())

@@ -10,9 +10,7 @@ from __future__ import annotations
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
-
-STEPS_MAX = 65_536
-"""Places tried for one wanted location, given out and taken ones together."""
+from scenefold.client.runs import STEPS_MAX, stepped
 
 
 class FreePlaces:
@@ -26,7 +24,7 @@ class FreePlaces:
         """The next place along the line from `wanted` that was not given out before."""
         step = self._next.get((space, wanted), 0)
         while step < STEPS_MAX:
-            place = _stepped(wanted, step)
+            place = stepped(wanted, step)
             step += 1
             if (space, place) not in self._given:
                 self._next[space, wanted] = step
@@ -38,7 +36,9 @@ class FreePlaces:
             remedy="the scene is smaller than its lattice can tell apart; scale it up",
         )
 
-
-def _stepped(wanted: Location, step: int) -> Location:
-    """`step` places on; from the end of the line it goes on at its beginning."""
-    return Location.from_number((wanted.number + step) % (1 << 160))
+    def claim(self, space: SpaceId, place: Location) -> bool:
+        """Keep a place that was not given out for whoever found it; False if it was."""
+        if (space, place) in self._given:
+            return False
+        self._given.add((space, place))
+        return True

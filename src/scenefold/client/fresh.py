@@ -1,8 +1,9 @@
 """Records that overwrite nothing: an importer's atoms at the curve index of their centre, or the next free place.
 
 Each record asks for a place that must be empty. If something lies there, it is looked at: an equal payload is
-what an interrupted import left behind, and is kept in its stead; anything else makes the record step on along
-the line. So an import can be repeated, does not grow the store, and never harms what is there.
+what an interrupted import left behind, and is kept in its stead; a deleted record is replaced, if no equal one lies in the run
+behind it; anything else makes the record step on along the line. So an import can be repeated, does not grow the store, and
+never harms what is there.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import Location
 from scenefold.client.access import SceneAccess, Wish
 from scenefold.client.free_places import FreePlaces
+from scenefold.client.runs import run_behind
 from scenefold.wire import EXPECT_ABSENT
+
+_LOOK = 256
+"""Records of a run that are read together."""
 
 
 class FreshItem(NamedTuple):
@@ -38,9 +43,10 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
     places = FreePlaces() if places is None else places
     asked = [places.take(item.space, item.wanted) for item in items]
     stored: list[Stored | None] = [None] * len(items)
+    expected = [EXPECT_ABSENT] * len(items)
     pending = list(range(len(items)))
     while pending:
-        wishes = [Wish(items[index].space, asked[index], items[index].payload, EXPECT_ABSENT) for index in pending]
+        wishes = [Wish(items[index].space, asked[index], items[index].payload, expected[index]) for index in pending]
         taken: list[int] = []
         placed = await access.put(wishes, fresh=True)
         for index, outcome in zip(pending, placed, strict=True):
@@ -56,8 +62,34 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
         for index, found in zip(taken, there, strict=True):
             if found is not None and found.payload == items[index].payload:
                 stored[index] = Stored(asked[index], nodes[index], reused=True)
+                continue
+            if found is not None and found.deleted and expected[index] != found.digest:
+                equal = await _equal_behind(access, items[index], asked[index], places)
+                if equal is not None:
+                    stored[index] = Stored(equal, nodes[index], reused=True)
+                    continue
+                expected[index] = found.digest
             else:
                 # Each step takes one more of the bounded number of places, so this ends.
                 asked[index] = places.take(items[index].space, items[index].wanted)
-                pending.append(index)
+                expected[index] = EXPECT_ABSENT
+            pending.append(index)
     return [item for item in stored if item is not None]
+
+
+async def _equal_behind(access: SceneAccess, item: FreshItem, place: Location, places: FreePlaces) -> Location | None:
+    """Where in the run behind a place an equal record lies that nobody of this import has: it stepped over what is deleted now."""
+    batch: list[Location] = []
+    async for location in run_behind(access, item.space, place):
+        batch.append(location)
+        if len(batch) == _LOOK:
+            if (equal := await _equal_among(access, item, batch, places)) is not None:
+                return equal
+            batch = []
+    return await _equal_among(access, item, batch, places)
+
+
+async def _equal_among(access: SceneAccess, item: FreshItem, batch: Sequence[Location], places: FreePlaces) -> Location | None:
+    there = await access.get([(item.space, location) for location in batch])
+    equal = (location for location, found in zip(batch, there, strict=True) if found is not None and found.payload == item.payload)
+    return next((location for location in equal if places.claim(item.space, location)), None)

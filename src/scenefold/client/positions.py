@@ -1,13 +1,15 @@
 """From positions in the world to records and back, by what a scene's log says (specs/16-scene-log.md, Boxes).
 
 A box is carried back through the log's transforms, cut into a bounded number of arcs of the line, and each arc is asked for.
-Arcs hold more than the box does; what lies in no cell of the box is left out here.
+Arcs hold more than the box does; what lies in no cell of the box is left out here, but for records that may have wanted a
+place in one and found it taken: the run of occupied locations behind is followed, beyond an arc's end too.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import AsyncIterator, Sequence
+from contextlib import aclosing
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,6 +18,8 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_BOX_ARCS
 from scenefold.base.location import Location
 from scenefold.client.access import SceneAccess
+from scenefold.client.living import alive
+from scenefold.client.runs import STEPS_MAX, Run, run_behind
 from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, SPACE_NAMES
 from scenefold.scene.log import CellBox, LoggedSpace, SceneLog
 
@@ -24,7 +28,7 @@ _BATCH = 1_024
 
 
 class Found(NamedTuple):
-    """A record of a box, and where its cell's centre lies in the world now."""
+    """A record of a box, and where the centre of the cell that it lies in is in the world now."""
 
     location: Location
     position: tuple[float, ...]
@@ -42,19 +46,52 @@ async def logged_space(access: SceneAccess, space: SpaceId) -> LoggedSpace:
     return await _with_lattice_of_import(access, found) if space == GEOMETRY else found
 
 
-async def found_in_box(access: SceneAccess, space: LoggedSpace, low: Sequence[float], high: Sequence[float]) -> AsyncIterator[Found]:
+async def found_in_box(
+    access: SceneAccess, space: LoggedSpace, low: Sequence[float], high: Sequence[float], *, deleted: bool = False
+) -> AsyncIterator[Found]:
     """See `Space.query_box`."""
-    box = space.cell_box(low, high).grown(space.lattice.curve.cell_bits)
-    for arc in await access.in_crypto_lane(space.arcs_of, box, CLIENT_BOX_ARCS):
-        batch: list[Location] = []
-        async for location in access.locations(space.id, arc.first, arc.last):
-            batch.append(location)
-            if len(batch) == _BATCH:
-                for found in await access.in_crypto_lane(_inside, space, box, batch):
-                    yield found
-                batch = []
-        for found in await access.in_crypto_lane(_inside, space, box, batch):
-            yield found
+    occupied = _occupied(access, space, space.cell_box(low, high))
+    kept = occupied if deleted else alive(access, occupied, lambda location: (space.id, location))
+    async for batch in _batches(kept):
+        positions = await access.in_crypto_lane(space.world_of, batch)
+        for location, position in zip(batch, positions.tolist(), strict=True):
+            yield Found(location, tuple(position))
+
+
+async def _occupied(access: SceneAccess, space: LoggedSpace, box: CellBox) -> AsyncIterator[Location]:
+    """The locations that hold records of the box, in the order of the line; what a run brings beyond the line's end comes last."""
+    run = Run()
+    head: set[Location] = set()
+    arcs = await access.in_crypto_lane(space.arcs_of, box, CLIENT_BOX_ARCS)
+    for arc, following in zip(arcs, [*arcs[1:], None], strict=True):
+        async for batch in _batches(access.locations(space.id, arc.first, arc.last)):
+            insides = await access.in_crypto_lane(space.in_cells, batch, box)
+            for location, inside in zip(batch, insides.tolist(), strict=True):
+                if run.keeps(location, inside):
+                    if location.number < STEPS_MAX:
+                        head.add(location)
+                    yield location
+        if run.last != arc.last:
+            continue
+        async with aclosing(run_behind(access, space.id, arc.last)) as behind:
+            async for location in behind:
+                # In the next arc it is met anyway; behind the line's end, where the first arc has been, it is known already.
+                if (following is not None and location == following.first) or location in head:
+                    break
+                if not run.keeps(location, inside=False):
+                    break
+                yield location
+
+
+async def _batches(locations: AsyncIterator[Location]) -> AsyncIterator[list[Location]]:
+    batch: list[Location] = []
+    async for location in locations:
+        batch.append(location)
+        if len(batch) == _BATCH:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
 
 
 def movable(log: SceneLog, space: SpaceId) -> SpaceId:
@@ -83,15 +120,6 @@ def checked_factor(factor: float, space: SpaceId) -> float:
             f"a space is scaled by a finite factor above 0, not {by:g}", where=f"space {space}", remedy="0.5 halves it, 2 doubles it"
         )
     return by
-
-
-def _inside(space: LoggedSpace, box: CellBox, locations: list[Location]) -> list[Found]:
-    if not locations:
-        return []
-    kept = [location for location, inside in zip(locations, space.in_cells(locations, box), strict=True) if inside]
-    if not kept:
-        return []
-    return [Found(location, tuple(position)) for location, position in zip(kept, space.world_of(kept).tolist(), strict=True)]
 
 
 async def _with_lattice_of_import(access: SceneAccess, space: LoggedSpace) -> LoggedSpace:

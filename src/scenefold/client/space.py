@@ -148,12 +148,13 @@ class Space:
         wanted = await self._access.in_crypto_lane(space.locations_of, [list(position) for position, _ in items])
         return await self.put_fresh([(location, payload) for location, (_, payload) in zip(wanted, items, strict=True)])
 
-    async def query_box(self, low: Sequence[float], high: Sequence[float]) -> AsyncIterator[Found]:
-        """Records whose cell meets the box low..high of the world, or is next to one that does: location and position.
+    async def query_box(self, low: Sequence[float], high: Sequence[float], *, deleted: bool = False) -> AsyncIterator[Found]:
+        """Records put at positions in the box low..high of the world: location and position. `deleted`: deleted ones, too.
 
-        Deleted ones, too, as `query` does. A record that found its place taken lies a cell further, so look at what a payload
-        says where the edge matters.
+        None is missing that was put before. A record that found its place taken lies next along the line; since nobody can tell
+        from there what it wanted, whatever lies behind a record of the box without a gap is given, too, with the position of
+        the cell that it lies in. Look at what a payload says where the edge matters.
         SpaceFault for a box that is none, or that lies outside of the space.
         """
-        async for found in found_in_box(self._access, await self.info(), low, high):
+        async for found in found_in_box(self._access, await self.info(), low, high, deleted=deleted):
             yield found

@@ -94,7 +94,8 @@ async def test_a_deleted_place_is_empty_and_free_again(autojump_clock: MockClock
     deleted = await space.delete(FIRST, expect=first)
     assert deleted != first
     assert await space.get(FIRST) is None
-    assert [location async for location in space.query()] == [FIRST], "a range lists it still"
+    assert [location async for location in space.query()] == []
+    assert [location async for location in space.query(deleted=True)] == [FIRST], "what says so lies there still"
     assert await space.put(FIRST, b"two", expect=ABSENT)
     assert await space.get(FIRST) == b"two"
     with pytest.raises(Refused, match="there is a record already"):
@@ -109,12 +110,29 @@ async def test_deletions_differ_in_length(autojump_clock: MockClock) -> None:
     assert len({len(item.ciphertext) for item in nodes.records.values()}) > 1
 
 
-async def test_an_import_steps_over_deleted_records(autojump_clock: MockClock) -> None:
+async def test_an_import_takes_the_places_of_deleted_records_unless_what_it_brings_is_there(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     scene = _scene(nodes)
+    second = FIRST.next()
+    atoms = [FreshItem(FILES, FIRST, payload) for payload in (b"atom", b"atom", b"other")]
+    assert second is not None
+    before = await put_fresh(scene.access, atoms)
+    assert [stored.location for stored in before] == [FIRST, second, second.next()]
     await scene.space(FILES).delete(FIRST)
-    [stored] = await put_fresh(scene.access, [FreshItem(FILES, FIRST, b"atom")])
-    assert stored.location == FIRST.next()
+    again = await put_fresh(scene.access, [atoms[2]])
+    assert again == [before[2]._replace(reused=True)], "it lies behind the deleted one"
+    again = await put_fresh(scene.access, atoms)
+    assert sorted(stored.location for stored in again) == sorted(stored.location for stored in before)
+    assert await scene.space(FILES).get_many([stored.location for stored in again]) == [b"atom", b"atom", b"other"]
+
+
+async def test_a_list_that_leaves_out_the_deleted_names_what_cannot_be_read(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    await space.delete(PLACES[0])
+    nodes.records[FILES, PLACES[1]] = nodes.records[FILES, PLACES[2]]
+    assert [location async for location in space.query()] == PLACES[1:]
 
 
 async def test_node_managed_records_from_birth_to_death(autojump_clock: MockClock) -> None:
@@ -132,6 +150,8 @@ async def test_node_managed_records_from_birth_to_death(autojump_clock: MockCloc
         await records.replace(places[0], b"late", expect=stored[0].digest)
     await records.delete(places[1])
     assert await records.get(places[:3]) == [b"newer", None, b"image 2"]
+    assert places[1] not in await _all(records)
+    assert places[1] in [place async for place in records.query(deleted=True)]
     assert await scene.space(9).put_managed(b"one more") in await _all(records)
 
 

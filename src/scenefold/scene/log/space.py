@@ -50,13 +50,6 @@ class CellBox(NamedTuple):
     first: Cells
     last: Cells
 
-    def grown(self, cell_bits: int) -> CellBox:
-        """This and the cells beside it, of 2^cell_bits along every axis."""
-        import numpy as np
-
-        one, most = np.uint64(1), np.uint64((1 << cell_bits) - 1)
-        return CellBox(self.first - np.minimum(self.first, one), self.last + np.minimum(most - self.last, one))
-
 
 @dataclass(frozen=True)
 class LoggedSpace:
