@@ -72,6 +72,8 @@ class Hearing:
             if status.node == sender:
                 # It has signed the datagram, so this is news even of one that we do not know as a member.
                 self._roster.note_position(sender, status.log_position)
+            if status.node == self._own.me:
+                self._hear_of_myself(status, sender)
             if not self._roster.rises(status):
                 continue
             if self._take(status, sender, problem_of(status, self._key_of(status.node))):
@@ -99,7 +101,19 @@ class Hearing:
         if early:
             self._early[node] = status, sender
             return self._roster.note_life(status, now, relayed=node != sender)
+        if node == sender:
+            # By its own word it knows no more than we do: whatever said otherwise is over.
+            self._early.pop(node, None)
         return not is_contest and self._roster.hear(status, now, relayed=node != sender)
+
+    def _hear_of_myself(self, status: Status, sender: NodeId) -> None:
+        """Somebody speaks in our name, with our key, and later than we did: what we say must not be taken for older."""
+        own = self._own
+        if status.incarnation != own.incarnation or not own.may_follow(status.lamport) or problem_of(status, own.key.public):
+            return
+        own.follow(status.lamport)
+        self.is_contested = True
+        self.drop(address_of(sender), "myself", "somebody else signs statuses with the key of this node")
 
     def log_grew(self) -> None:
         """The roster has taken a newer log: what was early may be judged now."""

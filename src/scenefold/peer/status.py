@@ -24,6 +24,8 @@ TELL_FILL = 1 / 64
 _BLOCK_BYTES = 4096
 _FRACTION_ONE = 1 << 32
 _U32_MAX = _FRACTION_ONE - 1
+_LAST_FOLLOWED = _FRACTION_ONE - (1 << 30)
+"""Who hurries our counter on must not use it up: what is left lasts for years."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,14 @@ class OwnStatus:
             ray_queue_length=min(load.ray_queue_length, _U32_MAX),
             log_position=self.log_position,
         )
+
+    def may_follow(self, lamport: int) -> bool:
+        """Whether a Lamport time is one of this boot that is later than all that we said, with room for more behind it."""
+        return self._lamport < lamport < (self.boot << 32) + _LAST_FOLLOWED
+
+    def follow(self, lamport: int) -> None:
+        """Go on behind a Lamport time that somebody else has used in our name."""
+        self._lamport = max(self._lamport, lamport)
 
     def next(self) -> int:
         """A number above all before, in this boot and earlier ones: for a status, or a datagram."""

@@ -329,6 +329,42 @@ async def test_who_is_claimed_against_tells_all_where_its_arc_is(autojump_clock:
             await until(lambda: third.said_at(victim.own.me) > third.said_at(liar.own.me))
 
 
+async def test_a_claim_that_came_too_early_does_not_outlive_a_later_word_of_the_same_node(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3, registered=2) as them:
+        await them.start(0)
+        await them.start(1)
+        await trio.sleep(5)
+        robbed, other = them.of(1), them.of(0)
+        true, other.own.arc = robbed.own.arc, None
+        position = them.registry.position + 1
+        early = signed(replace(robbed.own.signed(), left_fence=None, lamport=(1 << 32) + 5_000_000, log_position=position))
+        data = sign_datagram(robbed.own.key, robbed.own.me, 1, encode_packet(PingBroadcast((early,))))
+        them.ether.send(data, "127.0.0.3", "127.0.0.2")
+        await trio.sleep(60)
+        them.register(2)
+        await trio.testing.wait_all_tasks_blocked()
+        assert other.roster.arcs()[robbed.own.me] == true
+
+
+@pytest.mark.expect_log("somebody else signs statuses with the key of this node")
+async def test_who_hears_its_own_key_speak_has_the_last_word(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(4) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(60)
+        robbed, third = them.of(1), them.of(2).roster
+        true = robbed.own.arc
+        stolen = signed(replace(robbed.own.signed(), left_fence=None, lamport=(1 << 32) + 5_000_000))
+        data = sign_datagram(robbed.own.key, robbed.own.me, (1 << 32) + 6_000_000, encode_packet(PingBroadcast((stolen,))))
+        them.ether.send(data, "127.0.0.3", "127.0.0.4")
+        await trio.testing.wait_all_tasks_blocked()
+        assert third.arcs()[robbed.own.me] != true
+        with trio.fail_after(120.0):
+            await until(lambda: third.arcs()[robbed.own.me] == true)
+        for lamport in ((2 << 32) + 1, (1 << 32) + (1 << 32) - 1, (1 << 32) + 1):
+            assert not robbed.own.may_follow(lamport), "another boot, no room behind it, or the past"
+
+
 async def test_a_repeated_status_is_no_sign_of_life(autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         await them.start(0)
