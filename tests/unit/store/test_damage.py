@@ -7,21 +7,24 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import trio
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.holding import Handover, Heard, Holding, Step
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.peer.lives import Lives, note_of, pack_granted
-from scenefold.store import LmdbDisk, Put, StoreDamaged, open_store
-from scenefold.store.layout import HEADERS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, TABLES
+from scenefold.store import LmdbDisk, Put, Spot, StoreDamaged, open_store
+from scenefold.store.layout import HEADERS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, TABLES, location_of
 from scenefold.store.sealing import SEALED, opened, sealed
 from scenefold.wire import Member
 from scenefold.world import Environment, WriteTransaction
 from unit.store.ends import leaves
-from unit.store.samples import NODE, SCENE, managed, place, put, whole_store, world
+from unit.store.samples import NODE, SCENE, arc, managed, object_id, place, put, whole_store, world
 
 EVERY_KEY = b"", b"\xff" * 64
 
@@ -169,6 +172,40 @@ async def test_a_put_meets_a_rotten_arc_and_is_not_acknowledged(tmp_path: Path) 
             await store.put([put(3)])
     assert any(isinstance(leaf, StoreDamaged) for leaf in leaves(caught.value))
     assert [key for table, key in raw(tmp_path) if table == RECORDS and key.endswith(b"\3")] == []
+
+
+@SAID
+async def test_a_rotten_place_of_an_object_ends_the_store_instead_of_hiding_the_object(tmp_path: Path) -> None:
+    async with open_store(world(), tmp_path, NODE) as store:
+        await store.put_holding(arc(0, 10), b"")
+        await store.merge([Put(managed(5), at=Location.from_number(99))])
+    (key,) = (key for table, key in raw(tmp_path) if table == OBJECTS)
+    rot(tmp_path, OBJECTS, key)
+    with pytest.raises(ExceptionGroup) as caught:
+        async with open_store(world(), tmp_path, NODE) as store:
+            await store.read([Spot(place(98), object_id(5))])
+    assert any(isinstance(leaf, StoreDamaged) for leaf in leaves(caught.value))
+
+
+@SAID
+async def test_a_store_that_has_met_damage_takes_nothing_more(tmp_path: Path) -> None:
+    await filled(tmp_path)
+    rot(tmp_path, NOTES, b"a note")
+
+    async def meet() -> None:
+        async with open_store(world(), tmp_path, NODE) as store:
+            await store.put([put(3)])
+            with pytest.raises(StoreDamaged):
+                await store.get_note("a note")
+            with trio.CancelScope(shield=True), pytest.raises(Refused) as refused:
+                await store.put([put(4)])
+            assert refused.value.reason is RejectReason.NOT_READY
+            await trio.sleep_forever()
+
+    with pytest.raises(StoreDamaged):
+        await meet()
+    stored = {location_of(key).number for table, key in raw(tmp_path) if table == RECORDS}
+    assert 3 in stored and 4 not in stored
 
 
 @pytest.mark.expect_log("the records are counted instead")
