@@ -88,7 +88,7 @@ class SceneAccess:
         Unreachable if an owner stays away, or if an answer was lost and nobody can tell any more what became of
         the record. `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
         """
-        await self._check_mode(wishes)
+        await self._check(wishes)
         placed: list[Placed | None] = [None] * len(wishes)
         pending = list(range(len(wishes)))
         current = list(wishes)
@@ -104,11 +104,12 @@ class SceneAccess:
                 if outcome.reason in _BEHIND and not refreshed and self.log is not None:
                     behind.append(index)
                 elif outcome.reason not in (0, RejectReason.STALE_VERSION):
+                    await self._explain(outcome.reason, wishes[index])
                     raise self._refused(outcome.reason, item)
             if behind:
                 # The log went on without us. What was not stored is signed anew, under the position that is known now.
                 await self.refresh()
-                await self._check_mode([wishes[index] for index in behind])
+                await self._check([wishes[index] for index in behind])
                 refreshed = True
             stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
             there = await self.get([wishes[index].key for index in stale])
@@ -164,8 +165,16 @@ class SceneAccess:
             raise LocalFault("the log of this scene is not known here", where=f"scene {self.name}")
         return self.log
 
-    async def _check_mode(self, wishes: Sequence[Wish]) -> None:
-        """An author writes nothing that is no output while the scene is being rendered (consensus.md §7)."""
+    async def _explain(self, reason: int, wish: Wish) -> None:
+        """A record of the wrong kind is refused as ill-formed. Of a space that is younger than what we know we know its kind now."""
+        if reason == RejectReason.ILL_FORMED:
+            await self.refresh()
+            self.identity.check_kind(wish.space, wish.object)
+
+    async def _check(self, wishes: Sequence[Wish]) -> None:
+        """An author writes nothing that is no output while the scene is being rendered (consensus.md §7), nor of the wrong kind."""
+        for wish in wishes:
+            self.identity.check_kind(wish.space, wish.object)
         if self._is_frozen(wishes):
             await self.refresh()
         if self._is_frozen(wishes):

@@ -8,9 +8,9 @@ under the scene's key. Any of these failing is DamagedData naming the place.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from scenefold.base.errors import DamagedData
+from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.client.births import writers_of
@@ -49,6 +49,8 @@ class SceneIdentity:
     """The log position that the coordinates in new payloads belong to; None: `position`."""
     outputs: frozenset[SpaceId] | None = None
     """In render mode the spaces that may still be written; None: edit mode."""
+    node_managed: Mapping[SpaceId, bool] = field(default_factory=dict)
+    """Of the known spaces: whether nodes choose where records lie."""
 
     def with_header(self, header: SceneLogPublic) -> SceneIdentity:
         """The same scene as a newer header tells of it. What payloads are written for stays as it was."""
@@ -59,7 +61,17 @@ class SceneIdentity:
             writers=writers_of(header),
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
+            node_managed={entry.space: entry.node_managed for entry in header.spaces},
         )
+
+    def check_kind(self, space: SpaceId, object_id: bytes) -> None:
+        """LocalFault for a record with a place where nodes choose it, or the other way about."""
+        is_managed = self.node_managed.get(space, bool(object_id))
+        if is_managed and not object_id:
+            remedy = "store it with put_managed, without a location"
+            raise LocalFault("the nodes choose where records of this space lie", where=f"space {space}", remedy=remedy)
+        if object_id and not is_managed:
+            raise LocalFault("records of this space lie where you put them", where=f"space {space}", remedy="give a location or a position")
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,6 +45,8 @@ class KnownScene:
     keys: Mapping[KeyId, PublicKey]
     writers: Mapping[KeyId, Sequence[WriterEntry]]
     spaces: frozenset[SpaceId]
+    managed: frozenset[SpaceId]
+    """Those of them in which nodes choose the places."""
 
     @classmethod
     def of(cls, public: SceneLogPublic) -> KnownScene:
@@ -52,7 +54,8 @@ class KnownScene:
         writers: dict[KeyId, list[WriterEntry]] = {}
         for entry in public.writers:
             writers.setdefault(entry.key, []).append(entry)
-        return cls(public, keys, writers, frozenset(entry.space for entry in public.spaces))
+        managed = frozenset(entry.space for entry in public.spaces if entry.node_managed)
+        return cls(public, keys, writers, frozenset(entry.space for entry in public.spaces), managed)
 
     def writer_key(self, header: RecordHeader) -> PublicKey:
         """The key of the header's writer, if it may write at the header's epoch; Refused otherwise."""
@@ -69,6 +72,9 @@ def verified_put(item: PutItem, scene: KnownScene) -> Put:
     """The record to be stored; Refused with the reason why it must not be."""
     record = Record(header_bytes=item.header, signature=item.signature, ciphertext=item.ciphertext)
     header = _verified(record, item, scene)
+    if header.placement != PLACED_BY_NODE and header.space in scene.managed:
+        # Not asked of copies: an early version let such records in, and they must be movable.
+        raise Refused(RejectReason.ILL_FORMED, "nodes choose the places in this space, and the record names one")
     if header.epoch < scene.public.write_floor:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
     return Put(record, item.expect)

@@ -103,6 +103,7 @@ class SpaceEntry:
     copies: int
     copies_min: int
     render_output: bool
+    node_managed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +136,7 @@ SPACE_ENTRY = Struct(
     ("copies", U8),
     ("copies_min", U8),
     ("render_output", BOOL),
+    ("node_managed", BOOL),
 )
 WRITER_ENTRY = Struct(WriterEntry, ("key", U32), ("from_position", U64), ("until_position", U64))
 KEY_ENTRY = Struct(KeyEntry, ("suite", U8), ("raw", Bin(lengths=(32, 384))))

@@ -74,6 +74,21 @@ async def test_records_at_one_position_are_all_found_there(autojump_clock: MockC
         assert len({item.location async for item in space.query_box(point, point)} & set(places)) == 2
 
 
+async def test_records_are_of_the_kind_of_their_space(autojump_clock: MockClock, tmp_path: Path) -> None:
+    scene = await scene_of(FakeNodes(), tmp_path)
+    hall, results = await scene.create_space("hall", BOX), await scene.create_space("results", node_managed=True)
+    with pytest.raises(LocalFault, match="the nodes choose where records of this space lie"):
+        await results.put(Location.from_number(5), b"here")
+    with pytest.raises(LocalFault, match="the nodes choose"):
+        await results.delete(Location.from_number(5))
+    with pytest.raises(LocalFault, match="the nodes choose"):
+        await results.put_at((0.5, 0.5, 0.5), b"here")
+    with pytest.raises(LocalFault, match="lie where you put them"):
+        await hall.put_managed(b"anywhere")
+    place = await results.put_managed(b"anywhere")
+    assert [found async for found in results.managed.query()] == [place]
+
+
 async def test_records_say_under_which_position_they_were_written(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     scene = await scene_of(nodes, tmp_path)

@@ -32,7 +32,7 @@ def first_header(**changes: Any) -> SceneLogPublic:
         position=1,
         write_floor=0,
         mode=SceneMode.EDIT,
-        spaces=(SpaceEntry(SPACE, SpaceId(0), FIRST, 1, 1, False),),
+        spaces=(SpaceEntry(SPACE, SpaceId(0), FIRST, 1, 1, render_output=False, node_managed=False),),
         writers=(WriterEntry(WRITER.key_id, 0, FOR_EVER),),
         public_key=HEADER_KEY.key_id,
         private_key=KeyId(0),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+from dataclasses import replace
 
 import pytest
 import trio
@@ -32,6 +33,7 @@ from scenefold.wire import (
     ReturnData,
     ReturnRange,
 )
+from unit.peer import data_nodes
 from unit.peer.data_nodes import LEFT, MIDDLE, RIGHT, SCENE, Neighbours, Node, arc, item, managed_item, with_nodes
 from unit.peer.scenes_made import SPACE
 
@@ -212,6 +214,19 @@ def test_node_managed_records_find_their_place() -> None:
         assert isinstance(accepted, AcceptData) and accepted.location in RIGHT
 
     with_nodes(test, LEFT, RIGHT)
+
+
+def test_nobody_places_a_record_where_nodes_choose_the_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    managed = tuple(replace(entry, node_managed=True) for entry in SCENE.spaces)
+    monkeypatch.setattr(data_nodes, "SCENE", replace(SCENE, spaces=managed))
+
+    async def test(_: Neighbours, one: Node) -> None:
+        assert await put(one, item(5), managed_item(NEAR)) == [RejectReason.ILL_FORMED, 0]
+        listed = await query(one, 0, Location.from_number(NEAR_END))
+        assert isinstance(listed, ReturnRange)
+        assert listed.objects == (NEAR,)
+
+    with_nodes(test, arc(0, NEAR_END))
 
 
 def test_a_node_that_owns_nothing_sends_new_objects_on() -> None:

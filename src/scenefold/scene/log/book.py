@@ -108,7 +108,7 @@ class SceneLog:
     def public_spaces(self) -> tuple[SpaceEntry, ...]:
         """What the public header says of the spaces, in the order of their creation."""
         return tuple(
-            SpaceEntry(space.id, space.parent, space.offset, space.copies, space.copies_min, space.render_output)
+            SpaceEntry(space.id, space.parent, space.offset, space.copies, space.copies_min, space.render_output, space.node_managed)
             for space in self.spaces.values()
         )
 
