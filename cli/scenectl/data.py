@@ -174,7 +174,7 @@ def ls(
     limit: Annotated[int, whole(1, 2**63 - 1)] = 1000,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """List locations that hold records, in the order of the line; deleted ones, too, until they are purged.
+    """List locations that hold records, in the order of the line; deleted ones are left out.
 
     Example: scenectl data ls geometry --scene kitchen --first 40 --last 7f --profile studio
 

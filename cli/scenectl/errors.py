@@ -26,6 +26,7 @@ _REFUSALS = {
     RejectReason.POSITION_TAKEN: REFUSED,
     RejectReason.POSITION_BEHIND: REFUSED,
     RejectReason.PEER_MISSED: REFUSED,
+    RejectReason.STALE_VERSION: REFUSED,
     RejectReason.MODE_FORBIDS: REFUSED,
     RejectReason.NOT_AUTHORISED: REFUSED,
     RejectReason.NO_MAJORITY: REFUSED,
@@ -33,7 +34,7 @@ _REFUSALS = {
     RejectReason.NOT_READY: UNREACHABLE,
     RejectReason.BUSY: UNREACHABLE,
 }
-"""Reasons by which consensus or the mode forbids, or behind which a node is away; the others are failures."""
+"""Reasons by which consensus, the mode or another's record forbids, or behind which a node is away; the others are failures."""
 
 
 class Interrupted(Exception):

@@ -89,7 +89,7 @@ def test_data_errors(profile: str, scene: str, tmp_path: Path) -> None:
     assert "does not fit" in big.error
     scenectl("data", "put", "files", "02", "-", *at, profile=profile, stdin=b"first")
     second = scenectl("data", "put", "files", "02", "-", *at, "--new", profile=profile, stdin=b"second")
-    assert second.code == 1
+    assert second.code == 4
     assert "already" in second.error
     assert scenectl("data", "get", "files", "02", *at, profile=profile).out == b"first"
     unknown = scenectl("data", "get", "files", "02", "--scene", "attic", profile=profile)

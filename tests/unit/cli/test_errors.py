@@ -25,6 +25,7 @@ CODES = [
     (Refused(RejectReason.MODE_FORBIDS, "w"), 4),
     (Refused(RejectReason.NO_MAJORITY, "w"), 4),
     (Refused(RejectReason.NOT_AUTHORISED, "w"), 4),
+    (Refused(RejectReason.STALE_VERSION, "w"), 4),
     (Refused(RejectReason.STORAGE_FULL, "w"), 1),
     (KeyboardInterrupt(), 130),
     (Interrupted(), 130),
