@@ -130,6 +130,8 @@ def test_a_seed_that_tests_too_little_is_a_failure_of_the_harness(
         ("--replay 1 --keep 99", "does not have"),
         ("--replay 1 --keep a", "no list of faults"),
         ("--trace x --seeds 0:2", "give --replay"),
+        ("--faults rain", "no list of kinds of faults; there are: partition, "),
+        ("--faults join,drain --workload data", "leaves all of these"),
         ("--trace /nowhere/x --replay 1", "No such file"),
     ],
 )

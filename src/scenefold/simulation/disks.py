@@ -59,6 +59,12 @@ def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
     return [(handover.piece, handover.peer) for _, handover in decode_holding(note).handovers if handover.gives]
 
 
+def handover_peers(disk: Disk) -> list[Member]:
+    """With whom handovers are under way here, on either side."""
+    note = _kept(disk, HOLDING, _NOTE)
+    return [handover.peer for _, handover in decode_holding(note).handovers] if note else []
+
+
 def counted(disk: Disk) -> dict[Place, Version]:
     """The records on a disk that count: not those that its node has given away for good and is about to delete."""
     note = _kept(disk, HOLDING, _NOTE)
@@ -73,8 +79,7 @@ def counted(disk: Disk) -> dict[Place, Version]:
 
 def has_open_handover(disk: Disk) -> bool:
     """Whether a handover is under way here, on either side, down to the last deletion."""
-    note = _kept(disk, HOLDING, _NOTE)
-    return bool(note and decode_holding(note).handovers)
+    return bool(handover_peers(disk))
 
 
 def incarnation_of(disk: Disk) -> bytes | None:

@@ -41,6 +41,12 @@ class Kind(Enum):
     KILL_IN_HANDOVER = "kill during handover"
 
 
+VOTER = 0
+"""Its slot."""
+HANDOVER_STEPS = 5
+"""Durable ones that matter: offered, noted, released, claimed, given."""
+
+
 class Whom(Enum):
     """Whom a fault hits."""
 
@@ -66,37 +72,47 @@ class Shape:
     seconds: tuple[float, float]
     amount: tuple[float, float] = (0.0, 0.0)
     meaning: str = ""
+    long_odds: float = 0.0
+    """Of lasting nearly as long as it may, from early on."""
     moves_members: bool = False
     """Whether the fault is one of membership, and left out of the workload `data`."""
 
 
 KINDS: dict[Kind, Shape] = {
-    Kind.PARTITION: Shape(0.66, Whom.GROUP, (2, 70)),
-    Kind.ONE_WAY: Shape(0.66, Whom.PAIR, (2, 60)),
+    Kind.PARTITION: Shape(0.66, Whom.GROUP, (2, 70), long_odds=0.2),
+    Kind.ONE_WAY: Shape(0.66, Whom.PAIR, (2, 60), long_odds=0.5),
     Kind.CLOG: Shape(0.7, Whom.PAIR, (2, 40)),
     Kind.LOSS: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams lost"),
     Kind.DUPLICATION: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams doubled"),
     Kind.REORDERING: Shape(0.66, Whom.ALL, (3, 20), (0.05, 1.5), "seconds that a datagram may be late"),
     Kind.SLOW_NODE: Shape(0.7, Whom.ONE, (3, 20), (10, 400), "times as slow"),
-    Kind.PAUSE: Shape(0.7, Whom.ONE, (1, 60)),
+    Kind.PAUSE: Shape(0.7, Whom.ONE, (1, 60), long_odds=0.3),
     Kind.RESET: Shape(0.66, Whom.PAIR, (0.5, 4), (1, 4), "resets, spread over the time"),
-    Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 60), (0, 1), "above 0.5 its machine vanishes silently"),
+    Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 60), (0, 1), "above 0.5 its machine vanishes silently", long_odds=0.2),
     Kind.CRASH_BEFORE_COMMIT: Shape(0.95, Whom.ONE, (1, 15), (1, 10), "which commit from then on"),
     Kind.CRASH_AFTER_COMMIT: Shape(0.98, Whom.ONE, (1, 15), (1, 10), "which commit from then on"),
     Kind.CRASH_BEFORE_SEND: Shape(0.95, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.CRASH_AFTER_SEND: Shape(0.85, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.TORN_WRITE: Shape(0.82, Whom.ONE, (1, 15)),
     Kind.DISK_FULL: Shape(0.7, Whom.ONE, (3, 20), (0, 1), "above 0.5 the reserve is used up too"),
-    Kind.SLOW_DISK: Shape(0.66, Whom.ONE, (3, 20), (0.05, 1.0), "seconds a commit"),
+    Kind.SLOW_DISK: Shape(0.66, Whom.ONE, (3, 60), (0.05, 1.0), "seconds a commit", long_odds=0.2),
     Kind.CORRUPTION: Shape(0.75, Whom.ONE, (0, 0), (1, 3), "records"),
     Kind.WIPED_DISK: Shape(0.72, Whom.NO_VOTER, (0.5, 8)),
     Kind.RESTORED_BACKUP: Shape(1.0, Whom.NO_VOTER, (5, 20)),
-    Kind.CLOCK_RATE: Shape(0.66, Whom.ONE, (10, 60), (-0.009, 0.009), "rate error; consensus assumes at most 1 %"),
+    Kind.CLOCK_RATE: Shape(0.66, Whom.ONE, (10, 60), (-0.009, 0.009), "rate error; consensus assumes at most 1 %", long_odds=0.2),
     Kind.CLOCK_OFFSET: Shape(0.66, Whom.ONE, (0, 0), (-3600, 3600), "seconds that the time of day jumps"),
     Kind.JOIN: Shape(0.7, Whom.SPARE, (0, 0), moves_members=True),
     Kind.DRAIN: Shape(0.7, Whom.NO_VOTER, (5, 30), (0, 1), "above 0.5 it comes back as a newcomer", moves_members=True),
     Kind.KILL_IN_JOIN: Shape(0.66, Whom.SPARE, (1, 15), (1, 12), "which commit of the joiner", moves_members=True),
-    Kind.KILL_IN_HANDOVER: Shape(0.85, Whom.ALL, (2, 15), (1, 5), "which commit of any open handover", moves_members=True),
+    Kind.KILL_IN_HANDOVER: Shape(
+        0.95,
+        Whom.ALL,
+        (2, 60),
+        (1, 2 * HANDOVER_STEPS),
+        f"which step of any handover; above {HANDOVER_STEPS} its peer dies",
+        0.3,
+        moves_members=True,
+    ),
 }
 
 

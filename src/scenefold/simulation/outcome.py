@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from scenefold.simulation.faults import Schedule
+from scenefold.simulation.faults import Kind, Schedule
 from scenefold.simulation.story import Violation
 from scenefold.simulation.weather import STORM_S, Climate, draw
 
@@ -26,6 +26,8 @@ class Order:
     workload: Workload = "all"
     mutant: str | None = None
     storm_s: float = STORM_S
+    kinds: tuple[Kind, ...] = ()
+    """Of all kinds of faults only these; (): any."""
     keep: tuple[int, ...] | None = None
     """Of the schedule that the seed draws, only the faults with these numbers, from 0; None: all."""
     trace_file: str | None = None
@@ -38,7 +40,7 @@ class Order:
 
     @property
     def climate(self) -> Climate:
-        return Climate(self.nodes, members=self.workload != "data", storm_s=self.storm_s)
+        return Climate(self.nodes, members=self.workload != "data", storm_s=self.storm_s, kinds=self.kinds)
 
     @property
     def replay(self) -> str:
@@ -48,6 +50,8 @@ class Order:
             words.append(f"--workload {self.workload}")
         if self.storm_s != STORM_S:
             words.append(f"--seconds {self.storm_s:g}")
+        if self.kinds:
+            words.append(f"--faults '{','.join(kind.value for kind in self.kinds)}'")
         if self.mutant is not None:
             words.append(f"--mutant '{self.mutant}'")
         if self.keep is not None:

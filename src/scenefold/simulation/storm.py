@@ -17,7 +17,8 @@ import trio
 
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disk_faults import DiskFaults
-from scenefold.simulation.faults import Fault, Kind
+from scenefold.simulation.disks import handover_peers
+from scenefold.simulation.faults import HANDOVER_STEPS, Fault, Kind
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.world.sim import CALM, Point, Weather
 
@@ -45,7 +46,8 @@ class Storm:
         self._nursery = nursery
         self._disks = DiskFaults(cluster, self._begins, lambda: self._is_over)
         self._weather: dict[Fault, Weather] = {}
-        self._wait_for_handover: list[list[float]] = []
+        self._wait_for_handover: dict[Fault, int] = {}
+        """How many steps each still lets pass."""
         self._is_over = False
         self._watch.on_handover = self._handover_moves
 
@@ -73,7 +75,7 @@ class Storm:
             case Kind.CLOCK_OFFSET:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
-                self._wait_for_handover.append([fault.amount, fault.end_s - fault.begin_s])
+                self._wait_for_handover[fault] = 1 + int(fault.amount - 1) % HANDOVER_STEPS
             case kind if kind in _POINTS:
                 self._set_trap(fault, _POINTS[kind])
             case kind:
@@ -245,14 +247,19 @@ class Storm:
         """Called in the middle of a commit that changes an open handover."""
         if self._is_over:
             return
-        for waiting in self._wait_for_handover:
-            waiting[0] -= 1
-            if waiting[0] <= 0 and self._cluster.crash(slot):
-                self._wait_for_handover.remove(waiting)
-                self.happened[Kind.KILL_IN_HANDOVER.value] += 1
-                self._watch.tell(slot, "is killed in a handover")
-                self._nursery.start_soon(self._cluster.restart, slot, waiting[1])
+        for fault in list(self._wait_for_handover):
+            self._wait_for_handover[fault] -= 1
+            if self._wait_for_handover[fault] <= 0 and self._cluster.crash(victim := self._victim(fault, slot)):
+                del self._wait_for_handover[fault]
+                self._begins(fault)
+                self._watch.tell(victim, "is killed in a handover")
+                self._nursery.start_soon(self._cluster.restart, victim, fault.end_s - fault.begin_s)
                 return
+
+    def _victim(self, fault: Fault, slot: int) -> int:
+        """Who makes the step, or the one that it concerns: what that has done last, nobody may know yet."""
+        peers = handover_peers(self._cluster.nodes[slot].disk) if fault.amount > HANDOVER_STEPS else []
+        return next((other for peer in peers if (other := self._cluster.slot_of(peer.node)) in self._cluster.running), slot)
 
     _LASTING: ClassVar[dict[Kind, Callable[[Storm, Fault], Awaitable[None]]]] = {
         Kind.PARTITION: _partition,

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from scenefold.simulation.faults import KINDS, Kind
 from scenefold.simulation.mutants import MUTANTS
 from scenefold.simulation.outcome import WORKLOADS, Order
 from scenefold.simulation.weather import STORM_S
@@ -40,7 +41,10 @@ def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Na
         if len(seeds) > 1:
             parser.error("--trace is for one seed: give --replay")
         _check_writable(parser, options.trace)
-    orders = [Order(seed, options.nodes, options.workload, options.mutant, options.seconds, options.keep, options.trace) for seed in seeds]
+    if options.faults and options.workload == "data" and all(KINDS[kind].moves_members for kind in options.faults):
+        parser.error("--workload data leaves all of these --faults out")
+    asked = options.nodes, options.workload, options.mutant, options.seconds, options.faults, options.keep, options.trace
+    orders = [Order(seed, *asked) for seed in seeds]
     if options.keep is not None and max(options.keep, default=-1) >= (known := len(replace(orders[0], keep=None).schedule)):
         parser.error(f"--keep names a fault that this seed does not have: it has {known}, from 0")
     return orders, options
@@ -65,6 +69,7 @@ def _parser() -> Parser:
     parser.add_argument("--jobs", type=number(int, 1, JOBS_MAX), default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--mutant", choices=sorted(MUTANTS), metavar="NAME", help=f"break the product first: {', '.join(sorted(MUTANTS))}")
     parser.add_argument("--seconds", type=seconds, default=STORM_S, metavar="V", help=f"virtual seconds of storm (default {STORM_S:g})")
+    parser.add_argument("--faults", type=_kinds, default=(), metavar="KIND,…", help="these kinds of faults, and no others")
     parser.add_argument("--trace", metavar="FILE", help="write every event of a single seed to a file")
     parser.add_argument("--keep", type=_keep, metavar="0,3,…", help="only these faults of the schedule, as a shortened story says")
     parser.add_argument("--no-shorten", dest="shorten", action="store_false", help="tell stories with all their faults")
@@ -98,6 +103,14 @@ def _seeds(text: str) -> range:
     if seeds.stop - seeds.start > SEEDS_MAX:
         raise argparse.ArgumentTypeError(f"{text!r} holds more than {SEEDS_MAX} seeds")
     return seeds
+
+
+def _kinds(text: str) -> tuple[Kind, ...]:
+    try:
+        return tuple(dict.fromkeys(map(Kind, text.split(","))))
+    except ValueError:
+        known = ", ".join(kind.value for kind in Kind)
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of kinds of faults; there are: {known}") from None
 
 
 def _keep(text: str) -> tuple[int, ...]:

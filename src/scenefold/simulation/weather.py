@@ -10,7 +10,7 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from scenefold.simulation.faults import KINDS, Fault, Kind, Schedule, Shape, Whom
+from scenefold.simulation.faults import KINDS, VOTER, Fault, Kind, Schedule, Shape, Whom
 
 STORM_S = 80.0
 """Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
@@ -19,29 +19,33 @@ QUIET_START_S = 4.0
 AGAIN_MAX = 3
 LONG_S = 50.0
 """Removal after 20 s of silence, its probes, and the wait for leases take some 40 s together."""
-LONG_ODDS = 0.2
 FAULTS_MIN = 8
 SPARES_MAX = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Climate:
-    """What a schedule is drawn for: `members` False leaves joins, drains and their interruptions out."""
+    """What a schedule is drawn for: `members` False leaves joins, drains and their interruptions out.
+
+    `kinds`: none but these, and each of them; (): any, of which each seed lacks some.
+    """
 
     nodes: int
     members: bool = True
     storm_s: float = STORM_S
+    kinds: tuple[Kind, ...] = ()
 
 
 def draw(seed: int, climate: Climate) -> Schedule:
     """The schedule of a seed."""
     dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}")
-    allowed = [kind for kind, shape in KINDS.items() if climate.members or not shape.moves_members]
-    kinds = [kind for kind in allowed if dice.random() < KINDS[kind].odds]
-    while len(kinds) < FAULTS_MIN:
-        kinds.append(dice.choice(allowed))
-    repeatable = [kind for kind in kinds if KINDS[kind].whom is not Whom.SPARE]
-    kinds += [dice.choice(repeatable) for _ in range(dice.randint(0, AGAIN_MAX))]
+    allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
+    allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
+    kinds = [kind for kind in allowed if climate.kinds or dice.random() < KINDS[kind].odds]
+    if repeatable := [kind for kind in allowed if KINDS[kind].whom is not Whom.SPARE]:
+        kinds += [dice.choice(repeatable) for _ in range(FAULTS_MIN - len(kinds))]
+    if repeatable := [kind for kind in kinds if kind in repeatable]:
+        kinds += [dice.choice(repeatable) for _ in range(dice.randint(0, AGAIN_MAX))]
     dice.shuffle(kinds)
     spares = iter(range(climate.nodes, climate.nodes + SPARES_MAX))
     faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
@@ -58,7 +62,8 @@ def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spar
     # Short faults are as likely as long ones on a scale of ratios: most real ones are short, and the long ones remove nodes.
     low, high = shape.seconds
     seconds = low * (high / low) ** dice.random() if low else 0.0
-    if high >= LONG_S and dice.random() < LONG_ODDS:
+    is_long = dice.random() < shape.long_odds
+    if is_long:
         # Long enough, and early enough, that the others give a node up and another one takes its place meanwhile.
         begin_s, seconds = QUIET_START_S + dice.random() * QUIET_START_S, dice.uniform(LONG_S, high)
     if kind in (Kind.JOIN, Kind.KILL_IN_JOIN, Kind.DRAIN):
@@ -67,9 +72,18 @@ def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spar
     if kind is Kind.KILL_IN_HANDOVER:
         # It lies in wait for a handover from here on; `end_s` only says for how long the node stays down.
         begin_s = QUIET_START_S
-    amount = dice.uniform(*shape.amount)
-    amount = float(round(amount)) if shape.amount[0] >= 1 else round(amount, 4)
-    return Fault(kind, round(begin_s, 3), round(begin_s + seconds, 3), _slots(shape.whom, climate.nodes, dice, spares), amount)
+    slots = _slots(shape.whom, climate.nodes, dice, spares)
+    if kind is Kind.ONE_WAY and is_long:
+        # The voter gives nodes up, so a long cut keeps it from hearing one that all others hear.
+        slots = next(slot for slot in slots if slot != VOTER), VOTER
+    return Fault(kind, round(begin_s, 3), round(begin_s + seconds, 3), slots, _amount(shape, dice))
+
+
+def _amount(shape: Shape, dice: random.Random) -> float:
+    low, high = shape.amount
+    if low < 1:
+        return round(dice.uniform(low, high), 4)
+    return float(dice.randint(int(low), int(high)))
 
 
 def _slots(whom: Whom, nodes: int, dice: random.Random, spares: Iterator[int]) -> tuple[int, ...]:

@@ -6,8 +6,8 @@ from collections import Counter
 
 import pytest
 
-from scenefold.simulation.faults import KINDS, Kind, Whom
-from scenefold.simulation.weather import FAULTS_MIN, Climate, draw, spares_of
+from scenefold.simulation.faults import KINDS, VOTER, Fault, Kind, Whom
+from scenefold.simulation.weather import FAULTS_MIN, LONG_S, Climate, draw, spares_of
 
 FIVE = Climate(5)
 
@@ -48,6 +48,21 @@ def test_slots_are_founders_or_spares_of_ones_own() -> None:
 def test_without_members_nobody_joins_or_leaves() -> None:
     for seed in range(100):
         assert not any(KINDS[fault.kind].moves_members for fault in draw(seed, Climate(5, members=False)))
+
+
+@pytest.mark.parametrize("kinds", [(Kind.JOIN,), (Kind.ONE_WAY,), (Kind.RESTORED_BACKUP, Kind.JOIN), (Kind.CRASH, Kind.LOSS, Kind.DRAIN)])
+def test_a_climate_of_some_kinds_has_each_of_them_and_no_other(kinds: tuple[Kind, ...]) -> None:
+    for seed in range(50):
+        schedule = draw(seed, Climate(5, kinds=kinds))
+        assert {fault.kind for fault in schedule} == set(kinds)
+        assert len(schedule) >= FAULTS_MIN or kinds == (Kind.JOIN,)
+
+
+def test_the_voter_is_often_and_for_long_deaf_to_a_node_that_all_others_hear() -> None:
+    def is_such(fault: Fault) -> bool:
+        return fault.kind is Kind.ONE_WAY and fault.slots[1] == VOTER and fault.end_s - fault.begin_s >= LONG_S
+
+    assert sum(any(map(is_such, draw(seed, FIVE))) for seed in range(200)) > 40
 
 
 @pytest.mark.parametrize("nodes", [3, 4, 7, 50])
