@@ -121,6 +121,9 @@ class Draining:
         if self._leaving:
             what = "this node has handed everything over and is leaving"
             raise Refused(RejectReason.NOT_AUTHORISED, what, remedy="start it again once it has ended: it joins anew")
+        if not self._ordered.is_set():
+            # Whoever waits for the order waits for this event.
+            return
         await self._store.put_note(_NOTE, _NOT_ORDERED)
         self._ordered = trio.Event()
         self._begun = None

@@ -254,6 +254,25 @@ async def test_who_does_not_answer_or_refuses_is_named(autojump_clock: trio.test
     assert text == f"it takes nothing now ({address_of(node(0))}); {address_of(node(2))} does not answer"
 
 
+@pytest.mark.parametrize("running_first", [True, False])
+async def test_an_order_after_a_cancelled_one_or_none_is_carried_out(running_first: bool, autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    leaving = street.houses[1]
+    leaving.fill_evenly(10, KIB)
+    async with running(street):
+        if running_first:
+            leaving.has_lease = False
+            await tell(leaving, ORDER)
+            await trio.sleep(3)
+        await tell(leaving, DrainNode(check_only=False, cancel=True))
+        leaving.has_lease = True
+        await trio.sleep(3)
+        assert leaving.arc is not None
+        await tell(leaving, ORDER)
+        with trio.fail_after(60):
+            await until(street, lambda: leaving.arc is None)
+
+
 async def test_cancelling_comes_too_late_once_everything_is_given_away(autojump_clock: trio.testing.MockClock) -> None:
     street = Street([64 * MIB] * 2)
     leaving = street.houses[1]
