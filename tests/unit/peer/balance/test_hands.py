@@ -260,6 +260,7 @@ async def test_an_order_after_a_cancelled_one_or_none_is_carried_out(running_fir
     leaving = street.houses[1]
     leaving.fill_evenly(10, KIB)
     async with running(street):
+        await trio.sleep(1)
         if running_first:
             leaving.has_lease = False
             await tell(leaving, ORDER)
