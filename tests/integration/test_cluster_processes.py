@@ -19,6 +19,8 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import Location
 from scenefold.node.local import LocalCluster, local_cluster
+from scenefold.store import LmdbDisk
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, TABLES
 from scenefold.wire import (
     AcceptSceneProposal,
     DrainNode,
@@ -203,6 +205,23 @@ async def test_another_nodes_data_folder_is_refused(tmp_path: Path, profile: Clu
     await run_to_end(first)
     code, event, log = await run_to_end(node_command(profile, "127.0.0.3", tmp_path / "data"))
     assert code == 1 and "belongs to node 127.0.0.2" in event["what"]
+    assert "Traceback" not in log
+
+
+@pytest.mark.parametrize(
+    ("table", "key"), [(IDENTITY, b"incarnation"), (HOLDING, b"note"), (NOTES, b"cluster-log/00000000"), (NOTES, b"cluster-log/lives")]
+)
+async def test_a_damaged_data_folder_stops_the_node_with_one_error(tmp_path: Path, profile: ClusterProfile, table: str, key: bytes) -> None:
+    data = tmp_path / "data"
+    command = node_command(profile, "127.0.0.2", data, "--seed", "127.0.0.9", "--seed-wait", "0.2")
+    await run_to_end(command)
+    environment = LmdbDisk().open(data, TABLES)
+    environment.update(lambda transaction: transaction.put(table, key, b"what nobody wrote"))
+    environment.close()
+    code, event, log = await run_to_end(command)
+    assert (code, event["event"], event["where"]) == (1, "failed", str(data)), log
+    assert event["what"] == f"{key.decode()!r} in the table {table!r} of the store has changed on the disk"
+    assert "wipe the folder" in event["remedy"]
     assert "Traceback" not in log
 
 

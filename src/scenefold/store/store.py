@@ -238,9 +238,15 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
         identity = await workers.run("store", claim, environment, str(folder), node_id, incarnation)
         writer = GroupWriter(workers, environment, reserve_bytes)
         writer.counts = await workers.run("store", _in_view, environment, read_counts)
-        async with background_tasks() as nursery:
-            nursery.start_soon(writer.run)
-            yield Store(world, environment, identity, writer)
+        try:
+            async with background_tasks() as nursery:
+                nursery.start_soon(writer.run)
+                yield Store(world, environment, identity, writer)
+        except BaseExceptionGroup:
+            # Who read the damage and who hears that the store is closing end with it: that is one error, not many.
+            if writer.damage is None:
+                raise
+            raise writer.damage from None
     finally:
         with trio.CancelScope(shield=True):
             await workers.run("store", environment.close)

@@ -61,7 +61,8 @@ class GroupWriter:
         self.counts: dict[SpaceAddress, Counts] = {}
         self.commits = 0
         self._is_full = False
-        self._damage: StoreDamaged | None = None
+        self.damage: StoreDamaged | None = None
+        """Why nothing more is taken."""
 
     async def submit(self, change: Change[R]) -> R:
         """Apply a change; returns when it is durable. Cancelled, the change may or may not happen."""
@@ -80,7 +81,7 @@ class GroupWriter:
 
     def halt(self, damage: StoreDamaged) -> None:
         """A reader has met damage that no node may go on with: take nothing more, and let `run` end with it."""
-        self._damage = self._damage or damage
+        self.damage = self.damage or damage
         self._entrance.close()
 
     async def run(self) -> None:
@@ -101,9 +102,10 @@ class GroupWriter:
                 for waiting, answer in zip(batch, committed.answers, strict=True):
                     waiting.finish(answer)
                 batch = []
-            if self._damage is not None:
-                raise self._damage
+            if self.damage is not None:
+                raise self.damage
         except StoreDamaged as damage:
+            self.damage = self.damage or damage
             _log.critical("%s", damage)
             raise
         except DiskFailed as error:
