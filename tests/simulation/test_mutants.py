@@ -37,8 +37,6 @@ BUSY = (Kind.RESET, Kind.DUPLICATION, Kind.CLOCK_OFFSET)
 """Clients meeting at the same places are enough."""
 MOVES = (Kind.JOIN, Kind.DRAIN, Kind.KILL_IN_HANDOVER, Kind.SLOW_DISK)
 """Bounds move while much is written to what moves, slowly, and givers die with an open offer."""
-DEAD_GIVERS = (Kind.KILL_IN_HANDOVER, *BUSY)
-"""They die before they have told what is no longer theirs."""
 SILENCE = (Kind.PAUSE, Kind.RESET, Kind.CLOCK_OFFSET)
 """Nodes that live are removed, and others take their places. Too many cuts at once, and the voter trusts itself no more."""
 CUTS = (Kind.ONE_WAY, *BUSY)
@@ -55,7 +53,6 @@ PROVOKED = {
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "settling time": Provocation(laws.SETTLED, MOVES),
     "version check": Provocation(laws.LINEARIZABLE, BUSY),
-    "both claimants": Provocation(laws.REACHED, DEAD_GIVERS, 60.0),
 }
 
 

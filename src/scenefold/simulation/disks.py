@@ -10,7 +10,7 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.crypto.record_header import version_key
-from scenefold.peer.line.holding import Step
+from scenefold.peer.line.holding import Handover, Step
 from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.lives import Lives, note_of, unpack_granted, unpack_lives
 from scenefold.peer.own_life import NOTE as LIVES_NOTE
@@ -59,10 +59,10 @@ def receivers_of(disk: Disk) -> list[tuple[Arc, Member]]:
     return [(handover.piece, handover.peer) for _, handover in decode_holding(note).handovers if handover.gives]
 
 
-def handover_peers(disk: Disk) -> list[Member]:
-    """With whom handovers are under way here, on either side."""
+def handovers_of(disk: Disk) -> list[Handover]:
+    """What is under way here, on either side, down to the last deletion."""
     note = _kept(disk, HOLDING, _NOTE)
-    return [handover.peer for _, handover in decode_holding(note).handovers] if note else []
+    return [handover for _, handover in decode_holding(note).handovers] if note else []
 
 
 def counted(disk: Disk) -> dict[Place, Version]:
@@ -79,7 +79,7 @@ def counted(disk: Disk) -> dict[Place, Version]:
 
 def has_open_handover(disk: Disk) -> bool:
     """Whether a handover is under way here, on either side, down to the last deletion."""
-    return bool(handover_peers(disk))
+    return bool(handovers_of(disk))
 
 
 def incarnation_of(disk: Disk) -> bytes | None:

@@ -44,7 +44,8 @@ class Kind(Enum):
 VOTER = 0
 """Its slot."""
 HANDOVER_STEPS = 5
-"""Durable ones that matter: offered, noted, released, claimed, given."""
+"""Durable ones: offered, noted, released, taken, given. The number of one, or that of it and all of them together, is an amount."""
+TAKEN = 4
 
 
 class Whom(Enum):
@@ -109,7 +110,7 @@ KINDS: dict[Kind, Shape] = {
         Whom.ALL,
         (2, 60),
         (1, 2 * HANDOVER_STEPS),
-        f"which step of any handover; above {HANDOVER_STEPS} its peer dies",
+        f"which step of any handover; {HANDOVER_STEPS} more: its peer dies",
         0.3,
         moves_members=True,
     ),

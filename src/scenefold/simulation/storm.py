@@ -15,9 +15,10 @@ from typing import ClassVar
 
 import trio
 
+from scenefold.peer.line.holding import Handover, Step
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disk_faults import DiskFaults
-from scenefold.simulation.disks import handover_peers
+from scenefold.simulation.disks import handovers_of
 from scenefold.simulation.faults import HANDOVER_STEPS, Fault, Kind
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.world.sim import CALM, Point, Weather
@@ -32,6 +33,7 @@ _POINTS = {
     Kind.CRASH_AFTER_SEND: Point.AFTER_SEND,
     Kind.TORN_WRITE: Point.BEFORE_COMMIT,
 }
+_STEPS = (Step.OFFERED, Step.NOTED, Step.RELEASED, Step.TAKEN, Step.GIVEN)
 
 
 class Storm:
@@ -46,8 +48,8 @@ class Storm:
         self._nursery = nursery
         self._disks = DiskFaults(cluster, self._begins, lambda: self._is_over)
         self._weather: dict[Fault, Weather] = {}
-        self._wait_for_handover: dict[Fault, int] = {}
-        """How many steps each still lets pass."""
+        self._wait_for_handover: list[Fault] = []
+        self._handovers: dict[int, list[Handover]] = {}
         self._is_over = False
         self._watch.on_handover = self._handover_moves
 
@@ -75,7 +77,7 @@ class Storm:
             case Kind.CLOCK_OFFSET:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
-                self._wait_for_handover[fault] = 1 + int(fault.amount - 1) % HANDOVER_STEPS
+                self._wait_for_handover.append(fault)
             case kind if kind in _POINTS:
                 self._set_trap(fault, _POINTS[kind])
             case kind:
@@ -245,21 +247,28 @@ class Storm:
 
     def _handover_moves(self, slot: int) -> None:
         """Called in the middle of a commit that changes an open handover."""
+        before = self._handovers.get(slot, [])
+        self._handovers[slot] = handovers_of(self._cluster.nodes[slot].disk)
         if self._is_over:
             return
-        for fault in list(self._wait_for_handover):
-            self._wait_for_handover[fault] -= 1
-            if self._wait_for_handover[fault] <= 0 and self._cluster.crash(victim := self._victim(fault, slot)):
-                del self._wait_for_handover[fault]
-                self._begins(fault)
-                self._watch.tell(victim, "is killed in a handover")
-                self._nursery.start_soon(self._cluster.restart, victim, fault.end_s - fault.begin_s)
-                return
+        for handover in self._handovers[slot]:
+            if any((other.id, other.step) == (handover.id, handover.step) for other in before):
+                continue
+            for fault in list(self._wait_for_handover):
+                if self._kills_at(fault, slot, handover):
+                    self._wait_for_handover.remove(fault)
+                    return
 
-    def _victim(self, fault: Fault, slot: int) -> int:
-        """Who makes the step, or the one that it concerns: what that has done last, nobody may know yet."""
-        peers = handover_peers(self._cluster.nodes[slot].disk) if fault.amount > HANDOVER_STEPS else []
-        return next((other for peer in peers if (other := self._cluster.slot_of(peer.node)) in self._cluster.running), slot)
+    def _kills_at(self, fault: Fault, slot: int, handover: Handover) -> bool:
+        """Whether this is the step that a fault lies in wait for, and who is to die at it has died."""
+        of_peer, step = divmod(int(fault.amount) - 1, HANDOVER_STEPS)
+        victim = self._cluster.slot_of(handover.peer.node) if of_peer else slot
+        if handover.step is not _STEPS[step] or not self._cluster.crash(victim):
+            return False
+        self._begins(fault)
+        self._watch.tell(victim, "is killed in a handover")
+        self._nursery.start_soon(self._cluster.restart, victim, fault.end_s - fault.begin_s)
+        return True
 
     _LASTING: ClassVar[dict[Kind, Callable[[Storm, Fault], Awaitable[None]]]] = {
         Kind.PARTITION: _partition,

@@ -10,7 +10,7 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from scenefold.simulation.faults import KINDS, VOTER, Fault, Kind, Schedule, Shape, Whom
+from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, TAKEN, VOTER, Fault, Kind, Schedule, Shape, Whom
 
 STORM_S = 80.0
 """Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
@@ -72,11 +72,14 @@ def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spar
     if kind is Kind.KILL_IN_HANDOVER:
         # It lies in wait for a handover from here on; `end_s` only says for how long the node stays down.
         begin_s = QUIET_START_S
-    slots = _slots(shape.whom, climate.nodes, dice, spares)
+    slots, amount = _slots(shape.whom, climate.nodes, dice, spares), _amount(shape, dice)
     if kind is Kind.ONE_WAY and is_long:
         # The voter gives nodes up, so a long cut keeps it from hearing one that all others hear.
         slots = next(slot for slot in slots if slot != VOTER), VOTER
-    return Fault(kind, round(begin_s, 3), round(begin_s + seconds, 3), slots, _amount(shape, dice))
+    if kind is Kind.KILL_IN_HANDOVER and is_long:
+        # The giver is dead for long, and has told nobody that the piece is another's now.
+        amount = HANDOVER_STEPS + TAKEN
+    return Fault(kind, round(begin_s, 3), round(begin_s + seconds, 3), slots, amount)
 
 
 def _amount(shape: Shape, dice: random.Random) -> float:
