@@ -66,7 +66,7 @@ class Whom(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How faults of a kind are drawn. `odds`: of being in a seed at all. `amount`: see `meaning`."""
+    """How faults of a kind are drawn. `odds`: of being in a seed at all; above 1, of being there once more. `amount`: see `meaning`."""
 
     odds: float
     whom: Whom
@@ -87,11 +87,11 @@ KINDS: dict[Kind, Shape] = {
     Kind.DUPLICATION: Shape(0.66, Whom.ALL, (5, 40), (0.02, 0.3), "share of datagrams doubled"),
     Kind.REORDERING: Shape(0.66, Whom.ALL, (3, 20), (0.05, 1.5), "seconds that a datagram may be late"),
     Kind.SLOW_NODE: Shape(0.7, Whom.ONE, (3, 20), (10, 400), "times as slow"),
-    Kind.PAUSE: Shape(0.7, Whom.ONE, (1, 60), long_odds=0.3),
+    Kind.PAUSE: Shape(0.75, Whom.ONE, (1, 60), long_odds=0.3),
     Kind.RESET: Shape(0.66, Whom.PAIR, (0.5, 4), (1, 4), "resets, spread over the time"),
     Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 60), (0, 1), "above 0.5 its machine vanishes silently", long_odds=0.2),
-    Kind.CRASH_BEFORE_COMMIT: Shape(0.95, Whom.ONE, (1, 15), (1, 10), "which commit from then on"),
-    Kind.CRASH_AFTER_COMMIT: Shape(0.98, Whom.ONE, (1, 15), (1, 10), "which commit from then on"),
+    Kind.CRASH_BEFORE_COMMIT: Shape(1.1, Whom.ONE, (1, 15), (1, 10), "which commit from then on"),
+    Kind.CRASH_AFTER_COMMIT: Shape(1.1, Whom.ONE, (1, 15), (1, 10), "which commit from then on"),
     Kind.CRASH_BEFORE_SEND: Shape(0.95, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.CRASH_AFTER_SEND: Shape(0.85, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.TORN_WRITE: Shape(0.82, Whom.ONE, (1, 15)),
@@ -99,11 +99,11 @@ KINDS: dict[Kind, Shape] = {
     Kind.SLOW_DISK: Shape(0.66, Whom.ONE, (3, 60), (0.05, 1.0), "seconds a commit", long_odds=0.2),
     Kind.CORRUPTION: Shape(0.75, Whom.ONE, (0, 0), (1, 3), "records"),
     Kind.WIPED_DISK: Shape(0.72, Whom.NO_VOTER, (0.5, 8)),
-    Kind.RESTORED_BACKUP: Shape(1.0, Whom.NO_VOTER, (5, 20)),
+    Kind.RESTORED_BACKUP: Shape(1.15, Whom.NO_VOTER, (5, 20)),
     Kind.CLOCK_RATE: Shape(0.66, Whom.ONE, (10, 60), (-0.009, 0.009), "rate error; consensus assumes at most 1 %", long_odds=0.2),
     Kind.CLOCK_OFFSET: Shape(0.66, Whom.ONE, (0, 0), (-3600, 3600), "seconds that the time of day jumps"),
     Kind.JOIN: Shape(0.7, Whom.SPARE, (0, 0), moves_members=True),
-    Kind.DRAIN: Shape(0.7, Whom.NO_VOTER, (5, 30), (0, 1), "above 0.5 it comes back as a newcomer", moves_members=True),
+    Kind.DRAIN: Shape(0.78, Whom.NO_VOTER, (5, 30), (0, 1), "above 0.5 it comes back as a newcomer", moves_members=True),
     Kind.KILL_IN_JOIN: Shape(0.66, Whom.SPARE, (1, 15), (1, 12), "which commit of the joiner", moves_members=True),
     Kind.KILL_IN_HANDOVER: Shape(
         0.95,

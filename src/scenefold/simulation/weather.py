@@ -41,7 +41,7 @@ def draw(seed: int, climate: Climate) -> Schedule:
     dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}")
     allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
     allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
-    kinds = [kind for kind in allowed if climate.kinds or dice.random() < KINDS[kind].odds]
+    kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(KINDS[kind].odds, dice))]
     if repeatable := [kind for kind in allowed if KINDS[kind].whom is not Whom.SPARE]:
         kinds += [dice.choice(repeatable) for _ in range(FAULTS_MIN - len(kinds))]
     if repeatable := [kind for kind in kinds if kind in repeatable]:
@@ -55,6 +55,10 @@ def draw(seed: int, climate: Climate) -> Schedule:
 def spares_of(schedule: Schedule, nodes: int) -> list[int]:
     """The slots that a schedule starts beside the founders."""
     return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes})
+
+
+def _times(odds: float, dice: random.Random) -> int:
+    return int(odds) + (dice.random() < odds % 1)
 
 
 def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spares: Iterator[int]) -> Fault:
