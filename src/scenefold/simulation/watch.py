@@ -254,7 +254,9 @@ class Watch:
             self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
         # A stray of which the owner has another copy, elsewhere in its arc, is acknowledged for that one.
         stored = version_at(self._disks[slot], place, location) or self.records(slot).get(place)
-        if stored is None or stored.order < version.order:
+        # What rotted between the commit and the answer was durable, and its loss stands in its history already.
+        has_rotted = stored is None and any(copy.place == place for copy in self.rot.on(slot))
+        if not has_rotted and (stored is None or stored.order < version.order):
             self.violated(laws.DURABLE, f"n{slot} acknowledges {name}, which its disk does not hold", location=location, slots=(slot,))
         for other, owner in self._running.items():
             if other != slot and owner.owns(home) and owner.has_lease():

@@ -222,6 +222,17 @@ def rots(stage: Stage, slot: int) -> None:
     stage.watch.damaged(slot, key, before)
 
 
+def test_what_rots_between_commit_and_answer_was_durable() -> None:
+    stage = Stage()
+    stage.machines[1].store(record(1))
+    rots(stage, 1)
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
+    assert stage.laws == []
+    stage.machines[1].tables[RECORDS].clear()
+    stage.watch.acknowledges(1, PLACE, version(1), HERE)
+    assert stage.laws == [laws.DURABLE], "it is not there at all"
+
+
 def test_what_rotted_is_excused_until_it_is_written_anew() -> None:
     stage = Stage()
     stage.machines[1].store(record(1))
