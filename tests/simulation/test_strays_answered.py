@@ -43,7 +43,7 @@ def answers(*, loses_lease: bool, checked: bool = True) -> tuple[list[int], list
 
         strays._take = taking
         if not checked:
-            strays._still_so = lambda outcome: outcome
+            strays._still_so = lambda _item, outcome: outcome
         items = await items_of(rest)
         assert len(items) == 2
         reply = await strays_handler(rest)(HandRecords(items), f"node:{rest.cluster.nodes[2].node_id}")

@@ -16,7 +16,7 @@ from typing import Any
 
 from scenefold.base.ids import NodeId
 from scenefold.crypto import HEADER_DOMAIN, LOG_DOMAIN
-from scenefold.peer import gossip
+from scenefold.peer import hearing
 from scenefold.peer.balance import balancer
 from scenefold.peer.log_book import LogBook
 from scenefold.peer.registry import Registry
@@ -69,7 +69,7 @@ def fill_tables(cluster: Cluster) -> None:
 @contextmanager
 def nothing_told_at_start() -> Iterator[None]:
     """Nodes that start meanwhile do not tell all others of themselves: they did so before the restart."""
-    module: Any = gossip
+    module: Any = hearing
     before, module.TELL_S = module.TELL_S, NEVER_S
     try:
         yield
@@ -91,7 +91,7 @@ def nothing_balanced() -> Iterator[None]:
 @contextmanager
 def quick_packets() -> Iterator[None]:
     """Each datagram is decoded, and each status judged, once in this process."""
-    module: Any = gossip
+    module: Any = hearing
     decode, problem_of = module.decode_packet, module.problem_of
     module.decode_packet, module.problem_of = lru_cache(REMEMBERED_MAX)(decode), lru_cache(REMEMBERED_MAX)(problem_of)
     try:
