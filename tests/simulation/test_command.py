@@ -17,7 +17,7 @@ from scenefold.simulation.shrink import Shortened
 from simulation.runs import command
 
 KEYS = {"seeds", "violations", "faults", "operations", "operations_min", "faults_min", "short"}
-MUTANT = ("--mutant", "version check", "--seconds", "20")
+MUTANT = ("--mutant", "version check", "--seconds", "20", "--faults", "connection reset,duplication")
 
 
 def test_the_report_of_seeds_that_hold() -> None:
