@@ -16,7 +16,7 @@ from typing import Any
 
 from scenefold.base.ids import NodeId
 from scenefold.crypto import HEADER_DOMAIN, LOG_DOMAIN
-from scenefold.peer import hearing
+from scenefold.peer import gossip, hearing
 from scenefold.peer.balance import balancer
 from scenefold.peer.log_book import LogBook
 from scenefold.peer.registry import Registry
@@ -69,7 +69,7 @@ def fill_tables(cluster: Cluster) -> None:
 @contextmanager
 def nothing_told_at_start() -> Iterator[None]:
     """Nodes that start meanwhile do not tell all others of themselves: they did so before the restart."""
-    module: Any = hearing
+    module: Any = gossip
     before, module.TELL_S = module.TELL_S, NEVER_S
     try:
         yield
