@@ -36,6 +36,8 @@ PROPOSE_LATER_S = 5.0
 of probing: what they have heard by gossip may be a long time ago."""
 PROPOSE_SPREAD_S = 0.1
 """For each member: the others hold back by chance besides, so that not all propose at once."""
+SILENT_ROUNDS_MIN = 3
+"""One round can be lost to bad luck, when the only one who could tell has just been restarted."""
 FRESH_S = 40.0
 """A proposal rests on a round of probing that is not older."""
 
@@ -89,6 +91,8 @@ class Suspect:
     next_at: float = 0.0
     """When it is probed again, proposed again, or when its being cleared ends."""
     rounds: int = 0
+    silent_rounds: int = 0
+    """Those in which nobody heard it."""
     silent_at: float | None = None
     """End of the last round of probing in which nobody heard it."""
     propose_from: float = 0.0
@@ -170,6 +174,7 @@ class Suspicion:
             if suspect.silent_at is None:
                 suspect.propose_from = now + hold_back_s
             self._end_round(suspect, now)
+            suspect.silent_rounds += 1
             suspect.silent_at = now
             suspect.helpers = helpers
             suspect.asked |= set(helpers)
@@ -187,7 +192,7 @@ class Suspicion:
     def _is_to_go(self, suspect: Suspect, proof_at: Callable[[Suspect], float], now: float) -> bool:
         if suspect.state is not State.SILENT or now < suspect.propose_from:
             return False
-        if suspect.silent_at is None or now - suspect.silent_at > FRESH_S:
+        if suspect.silent_rounds < SILENT_ROUNDS_MIN or suspect.silent_at is None or now - suspect.silent_at > FRESH_S:
             return False
         needed_s = silence_needed_s(suspect.member, self._remove_after_s)
         return now - proof_at(suspect) >= needed_s and self._step(suspect, Event.LONG_ENOUGH)

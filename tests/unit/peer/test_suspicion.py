@@ -16,6 +16,7 @@ from scenefold.peer.suspicion import (
     FRESH_S,
     PROBES_MAX,
     REFUSED_AGAIN_S,
+    SILENT_ROUNDS_MIN,
     TRANSITIONS,
     Cause,
     Event,
@@ -95,15 +96,28 @@ def test_if_nobody_can_be_asked_nothing_is_confirmed() -> None:
 
 def test_a_proposal_rests_on_fresh_probes() -> None:
     suspicion = suspected()
-    probed(suspicion, 0.0)
-    assert to_propose(suspicion, 2.0 + FRESH_S + 100.0) == []
+    for now in (0.0, 20.0, 40.0):
+        probed(suspicion, now)
+    assert to_propose(suspicion, 42.0 + FRESH_S + 60.0) == []
     probed(suspicion, 150.0)
     assert len(to_propose(suspicion, 153.0)) == 1
+
+
+def test_a_proposal_rests_on_several_rounds_of_probes() -> None:
+    suspicion = suspected(at=200.0)
+    for now in (200.0, 210.0):
+        probed(suspicion, now)
+        assert to_propose(suspicion, now + 2.0) == []
+    suspicion.nobody_to_ask(*suspicion.turn(220.0), 222.0)
+    assert to_propose(suspicion, 222.0) == [], "a round that says nothing is none"
+    suspect = probed(suspicion, 240.0)
+    assert to_propose(suspicion, 242.0) == [suspect]
 
 
 def test_who_proposes_leaves_it_to_others_first() -> None:
     suspicion = suspected()
     probed(suspicion, 0.0, hold_back_s=130.0)
+    probed(suspicion, 60.0, hold_back_s=999.0)
     probed(suspicion, 117.0, hold_back_s=999.0)
     assert to_propose(suspicion, 131.9) == []
     assert len(to_propose(suspicion, 132.0)) == 1
@@ -111,7 +125,7 @@ def test_who_proposes_leaves_it_to_others_first() -> None:
 
 def test_a_refused_removal_is_proposed_again_later_after_new_probes() -> None:
     suspicion = suspected()
-    suspect = probed(suspicion, 119.0)
+    suspect = [probed(suspicion, now) for now in (60.0, 90.0, 119.0)][-1]
     assert to_propose(suspicion, 125.0) == [suspect]
     suspicion.refused(suspect, 126.0)
     probed(suspicion, 126.0)
@@ -125,7 +139,8 @@ def test_news_end_the_matter_at_every_step(steps: int) -> None:
     if steps == 1:
         suspicion.turn(0.0)
     if steps >= 2:
-        probed(suspicion, 119.0)
+        for now in (60.0, 90.0, 119.0):
+            probed(suspicion, now)
     if steps == 3:
         assert to_propose(suspicion, 122.0)
     suspicion.review(lambda _member: 3, 122.0)
@@ -189,6 +204,7 @@ class Neighbourhood(RuleBasedStateMachine):
         self.under_way: list[Suspect] = []
         self.proposed: list[Suspect] = []
         self.last_silence: float | None = None
+        self.silences = 0
 
     @rule(seconds=st.floats(0.1, 60.0))
     def wait(self, seconds: float) -> None:
@@ -198,6 +214,7 @@ class Neighbourhood(RuleBasedStateMachine):
     def suspect(self, cause: Cause) -> None:
         if self.suspicion.suspect(MEMBER, cause, self.signs, self.now):
             self.last_silence = None
+            self.silences = 0
 
     @rule()
     def look(self) -> None:
@@ -208,6 +225,7 @@ class Neighbourhood(RuleBasedStateMachine):
             assert self.now - self.proof_at >= REMOVE_AFTER_S
             assert suspect.signs == self.signs, "there are news of it"
             assert self.last_silence is not None and self.now - self.last_silence <= FRESH_S
+            assert self.silences >= SILENT_ROUNDS_MIN
         self.proposed += found
 
     @rule()
@@ -228,6 +246,7 @@ class Neighbourhood(RuleBasedStateMachine):
             self.suspicion.nobody_hears(suspect, (), 0.0, self.now)
             if is_current:
                 self.last_silence = self.now
+                self.silences += 1
 
     @precondition(lambda self: self.proposed)
     @rule()
