@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Protocol
 
 from scenefold.base.errors import DamagedData
@@ -65,15 +65,17 @@ def handovers_of(disk: Disk) -> list[Handover]:
     return [handover for _, handover in decode_holding(note).handovers] if note else []
 
 
-def counted(disk: Disk) -> dict[Place, Version]:
-    """The records on a disk that count: not those that its node has given away for good and is about to delete."""
-    note = _kept(disk, HOLDING, _NOTE)
-    handovers = decode_holding(note).handovers if note else []
-    given = [handover.piece for _, handover in handovers if handover.step is Step.GIVEN]
+def counted(disk: Disk, taken: Collection[Place] = ()) -> dict[Place, Version]:
+    """The records on a disk that count: not those that its node has given away for good and is about to delete.
+
+    `taken`: what another node durably owned a moment ago. If this one has released it, the other's word of that may be on its way.
+    """
     found = records_of(disk)
-    for piece in given:
-        for place in records_of(disk, piece):
-            del found[place]
+    for handover in handovers_of(disk):
+        if handover.step in (Step.GIVEN, Step.RELEASED):
+            for place in records_of(disk, handover.piece):
+                if handover.step is Step.GIVEN or place in taken:
+                    found.pop(place, None)
     return found
 
 

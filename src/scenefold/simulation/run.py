@@ -42,7 +42,7 @@ from scenefold.world.sim import SimNet, SimulationStuck, Trace, run_simulated
 START_S_MAX = 30.0
 AFTERMATH_S = 6.0
 """Clients work on for so long after everything has healed: what a fault broke often shows only then."""
-ENOUGH_S_MAX = 120.0
+ENOUGH_S_MAX = 240.0
 """After a storm in which hardly anybody could be served clients work on until there is something to judge."""
 QUIET_S_MAX = 240.0
 """Removing, waiting for leases, adopting, joining again and offering strays take about a minute; twice that, twice over."""

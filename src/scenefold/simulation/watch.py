@@ -100,13 +100,14 @@ class Watch:
 
     def disk_replaced(self, slot: int, before: Mapping[Place, Version], incarnation: bytes | None, why: str) -> None:
         """A disk was wiped or rolled back: what only it held is lost, and its incarnation will never own anything again."""
+        taken = {place for place in before if self._owner_of(place.home) == slot}
         if incarnation is not None:
             self.lineage.gone(Holder(slot, incarnation))
             self._replaced.add(Holder(slot, incarnation))
         self._holdings[slot] = holding_of(self._disks[slot])
         if (backup := incarnation_of(self._disks[slot])) is not None:
             self.put_back[slot] = backup
-        counting = {other: self._sound(other, counted(disk)) for other, disk in self._disks.items()}
+        counting = {other: self._sound(other, counted(disk, taken)) for other, disk in self._disks.items()}
         self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
         histories = self.recorder.histories
         for place, version in sorted(self.records(slot).items()):

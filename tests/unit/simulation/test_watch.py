@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import pytest
+
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LAST, Arc, Location
 from scenefold.crypto import Record, RecordPlace, SigningKey, seal_record
@@ -288,6 +290,22 @@ def test_a_backup_may_bring_the_rot_back() -> None:
     stage.machines[1].tables[RECORDS] = backup
     stage.watch.disk_replaced(1, before, None, "is put back")
     assert stage.watch.recorder.damaged == {PLACE}
+
+
+@pytest.mark.parametrize("claimed", [True, False])
+def test_whose_word_of_having_taken_a_piece_is_on_its_way_may_take_the_records_along(claimed: bool) -> None:
+    """Its giver, which has them still, deletes them once it hears that; if nothing was claimed, they stay where they are."""
+    stage = Stage()
+    stage.machines[1].store(record(1))
+    if claimed:
+        stage.give(1, 2)
+    else:
+        stage.machines[2].tables[RECORDS].update(stage.machines[1].tables[RECORDS])
+    before = stage.watch.records(2)
+    assert before
+    stage.machines[2].tables = {RECORDS: {}, HOLDING: {}, IDENTITY: {}}
+    stage.watch.disk_replaced(2, before, member(2).incarnation, "is wiped")
+    assert [type(event) for event in stage.watch.recorder.histories.of(PLACE)] == [Loss] * claimed
 
 
 def test_keys_and_places_are_the_same_thing() -> None:

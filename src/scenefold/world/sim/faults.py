@@ -86,7 +86,11 @@ class Faults:
     def slow(self, name: str, factor: float) -> None:
         """All that comes to a machine or goes from it takes `factor` times longer, its workers too; 1 ends it."""
         self.note("slow", name, factor)
+        was_slower = factor < self.paths.slowness(name)
         self.paths.slow(name, factor)
+        if was_slower:
+            # What was sent while it was slow must not be late for as long as it would have been.
+            self._hurry([pipe for pipe in self.all_pipes() if name in pipe.path])
 
     def reset(self, one: str, other: str) -> int:
         """Break all connections between two machines; both hear it. Returns how many there were."""

@@ -180,6 +180,22 @@ def test_a_clogged_stream_crawls_and_recovers() -> None:
     simulated(main)
 
 
+def test_what_was_sent_while_a_machine_was_slow_is_not_late_for_ever() -> None:
+    async def main(net: SimNet) -> None:
+        async with connected(net) as (here, there):
+            net.slow(B, 1000.0)
+            await here.send(bytes(100))
+            with trio.move_on_after(5) as waited:
+                await there.receive(1000)
+            assert waited.cancelled_caught
+            net.slow(B, 1.0)
+            began = trio.current_time()
+            assert await there.receive(1000)
+            assert trio.current_time() - began < 1
+
+    simulated(main, Weather(Delay(0.05, 0.0, 0.05)))
+
+
 def test_everything_of_a_slow_machine_takes_longer() -> None:
     async def main(net: SimNet) -> list[float]:
         world, other = node(net, A), node(net, B)
