@@ -155,7 +155,7 @@ class Calls:
                 try:
                     self._take(await self.ask(address, RequestTable(), RespondTable, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S))
                     return
-                except (Unreachable, Refused):
+                except (Unreachable, Refused, PeerFault):
                     continue
 
     def _take(self, reply: RespondTable) -> None:

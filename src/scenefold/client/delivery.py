@@ -16,7 +16,7 @@ from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_REQUEST_S, CLIENT_STAT
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.patience import Patience, is_passing
+from scenefold.client.patience import Patience, heaviest, is_passing
 from scenefold.client.sealing import Key
 from scenefold.client.split import frames
 from scenefold.client.together import together
@@ -25,7 +25,7 @@ from scenefold.wire import GetMany, GetManyReply, PutItem, PutMany, PutManyReply
 
 STORED = 0
 
-Error = Unreachable | Refused
+Error = Unreachable | Refused | PeerFault
 
 
 class Delivered(NamedTuple):
@@ -54,11 +54,11 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
         address = calls.address_of(node)
         try:
             reply = await calls.ask_in_turn(address, packet, PutManyReply)
-        except Unreachable:
+            if len(reply.outcomes) != len(frame):
+                raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
+        except (Unreachable, PeerFault):
             doubtful.update(frame)
             raise
-        if len(reply.outcomes) != len(frame):
-            raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
         for index, outcome in zip(frame, reply.outcomes, strict=True):
             if outcome.reason == RejectReason.NOT_MY_LOCATION:
                 passed = elsewhere.setdefault(index, set())
@@ -79,7 +79,7 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
     def pending() -> list[int]:
         return [index for index, outcome in enumerate(outcomes) if outcome is None]
 
-    await _rounds(calls, pending, parts, send)
+    await _rounds(calls, locations, elsewhere, pending, parts, send)
     return [outcome for outcome in outcomes if outcome is not None]
 
 
@@ -92,13 +92,16 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
     """
     missing = object()
     found: list[RecordBytes | object | None] = [missing] * len(keys)
+    elsewhere: dict[int, set[NodeId]] = {}
     locations = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
+
+    def is_contested(index: int) -> bool:
+        return len(calls.to_ask(locations[index])) > 1
 
     async def ask(node: NodeId, frame: list[int]) -> None:
         address = calls.address_of(node)
         # One that hangs must not hold up what another one that may have the place can answer.
-        is_one_of_two = any(len(calls.to_ask(locations[index])) > 1 for index in frame)
-        timeout_s = CLIENT_STATUS_S if is_one_of_two else CLIENT_REQUEST_S
+        timeout_s = CLIENT_STATUS_S if is_contested(frame[0]) else CLIENT_REQUEST_S
         while frame:
             packet = GetMany(scene, position, tuple(RecordKey(*keys[index]) for index in frame))
             reply = await calls.ask_in_turn(address, packet, GetManyReply, timeout_s=timeout_s)
@@ -112,49 +115,68 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
         ones = [1] * len(keys)
-        routed = _routed(calls, locations, pending, {}, {})
-        return [(node, frame) for node, indices in routed.items() for frame in frames(indices, ones, CLIENT_GET_KEYS)]
+        # Apart, so that the little time for a contested place is not all that the others have.
+        halves = [[index for index in pending if is_contested(index) == contested] for contested in (False, True)]
+        routed = [part for half in halves for part in _routed(calls, locations, half, {}, elsewhere).items()]
+        return [(node, frame) for node, indices in routed for frame in frames(indices, ones, CLIENT_GET_KEYS)]
 
     def pending() -> list[int]:
         return [index for index, record in enumerate(found) if record is missing]
 
-    await _rounds(calls, pending, parts, ask)
+    await _rounds(calls, locations, elsewhere, pending, parts, ask)
     return found  # type: ignore[return-value]
 
 
 async def _rounds(
     calls: Calls,
+    locations: Sequence[Location],
+    elsewhere: dict[int, set[NodeId]],
     pending: Callable[[], list[int]],
     parts: Callable[[list[int]], list[tuple[NodeId, list[int]]]],
     exchange: Callable[[NodeId, list[int]], Awaitable[None]],
 ) -> None:
-    """Exchange all pending parts at once, again and again with pauses, until nothing is pending or tries run out."""
+    """Exchange all pending parts at once, again and again with pauses, until nothing is pending or tries run out.
+
+    What a node refuses for good, or answers with nonsense, ends it, but the first time if all of that may be somebody
+    else's: those are asked instead (`elsewhere`).
+    """
     patience = Patience()
+    believed_no_more: set[NodeId] = set()
     await calls.learn()
     while True:
         waiting = pending()
         if not waiting:
             return
         errors: list[Error] = []
+        unbelieved: list[tuple[NodeId, list[int]]] = []
 
-        async def attempt_part(node: NodeId, frame: list[int], errors: list[Error] = errors) -> None:
+        async def attempt_part(
+            node: NodeId, frame: list[int], errors: list[Error] = errors, unbelieved: list[tuple[NodeId, list[int]]] = unbelieved
+        ) -> None:
             try:
                 await exchange(node, frame)
             except Unreachable as error:
                 errors.append(error)
-            except Refused as error:
-                if not is_passing(error.reason):
-                    raise
+            except (Refused, PeerFault) as error:
+                if isinstance(error, PeerFault) or not is_passing(error.reason):
+                    if node in believed_no_more or not _may_be_others(calls, locations, elsewhere, node, frame):
+                        raise
+                    unbelieved.append((node, frame))
                 errors.append(error)
 
         await together(partial(attempt_part, node, frame) for node, frame in parts(waiting))
+        for node, frame in unbelieved:
+            believed_no_more.add(node)
+            for index in frame:
+                elsewhere.setdefault(index, set()).add(node)
         left = pending()
         if not left:
             return
         # A node that says nothing wears patience out faster than one that says "not now".
-        worst = next((found for found in errors if isinstance(found, Unreachable)), errors[0] if errors else None)
-        if not patience.bears(worst):
-            raise worst or _unsettled(len(left))
+        silence = next((found for found in errors if isinstance(found, Unreachable)), None)
+        passing = next((found for found in errors if isinstance(found, Refused) and is_passing(found.reason)), None)
+        if not patience.bears(silence or passing):
+            raise silence or (heaviest(errors) if errors else _unsettled(len(left)))
         await calls.pause(patience)
         await calls.refresh()
 
@@ -173,6 +195,16 @@ def _routed(
                 passed.clear()
         routed.setdefault(node, []).append(index)
     return routed
+
+
+def _may_be_others(calls: Calls, locations: Sequence[Location], elsewhere: dict[int, set[NodeId]], node: NodeId, frame: list[int]) -> bool:
+    """Whether for each of these records there is another node to ask, which has not passed it on already."""
+
+    def others(index: int) -> bool:
+        passed = {node, *elsewhere.get(index, ())}
+        return any(owner.node_id not in passed for owner in calls.table.candidates(locations[index]))
+
+    return all(others(index) for index in frame)
 
 
 def stale_answer(address: str) -> Refused:

@@ -1,7 +1,8 @@
 """Hedged requests: whoever hangs does not hold up a question that others can answer.
 
 One node after the other is asked: the next one as soon as one cannot be reached, or has said nothing for a while, and
-then both may still answer. The first answer, or refusal, is what counts. So only for what may be asked twice.
+then both may still answer. The first answer, or refusal, is what counts; a packet that is no answer is like silence, since
+one node that is wrong must not speak for all. So only for what may be asked twice.
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import ScenefoldError, Unreachable
+from scenefold.base.errors import PeerFault, ScenefoldError, Unreachable
 from scenefold.world import background_tasks
 
 T = TypeVar("T")
 
 
 async def first_answer(tries: Sequence[Callable[[], Awaitable[T]]], *, next_after_s: float, at_a_time: int) -> T:
-    """What the first of the tries returns or raises, but for Unreachable; that of the last one if all raise it."""
+    """What the first of the tries returns or raises, but for Unreachable and PeerFault; of these the last one, Unreachable rather."""
     assert tries and at_a_time >= 1
     ended, ends = trio.open_memory_channel[T | ScenefoldError](len(tries))
 
@@ -32,6 +33,7 @@ async def first_answer(tries: Sequence[Callable[[], Awaitable[T]]], *, next_afte
         ended.send_nowait(end)
 
     begun = over = 0
+    silence: Unreachable | None = None
     async with background_tasks() as nursery:
         while True:
             if begun < len(tries) and begun - over < at_a_time:
@@ -43,5 +45,10 @@ async def first_answer(tries: Sequence[Callable[[], Awaitable[T]]], *, next_afte
                 over += 1
                 if not isinstance(end, ScenefoldError):
                     return end
-                if over == len(tries) or not isinstance(end, Unreachable):
+                if isinstance(end, Unreachable):
+                    silence = end
+                elif not isinstance(end, PeerFault):
                     raise end
+                if over == len(tries):
+                    # Who was silent may be back soon, so this is worth another try.
+                    raise silence or end

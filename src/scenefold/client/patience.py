@@ -6,7 +6,9 @@ and says so; waiting for it is the whole remedy. A node that says nothing may be
 
 from __future__ import annotations
 
-from scenefold.base.errors import Refused, Unreachable
+from collections.abc import Sequence
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_PAUSE_S, CLIENT_PAUSE_S_MAX, CLIENT_TRIES_MAX
 from scenefold.base.reasons import RejectReason
 
@@ -17,6 +19,20 @@ _PASSING = frozenset({RejectReason.BUSY, RejectReason.NOT_READY, RejectReason.NO
 def is_passing(reason: int) -> bool:
     """Whether a refusal for this reason is worth another try after a pause."""
     return reason in _PASSING
+
+
+def heaviest(problems: Sequence[Unreachable | Refused | PeerFault]) -> Unreachable | Refused | PeerFault:
+    """What several who may own a place come to if none has an answer: a refusal that lasts, else what may pass.
+
+    Who answers with nonsense counts only if nobody said anything else: it must not speak for the others.
+    """
+
+    def weight(problem: Unreachable | Refused | PeerFault) -> int:
+        if isinstance(problem, PeerFault):
+            return 0
+        return 2 if isinstance(problem, Refused) and not is_passing(problem.reason) else 1
+
+    return max(reversed(problems), key=weight)
 
 
 class Patience:

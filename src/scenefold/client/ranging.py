@@ -16,7 +16,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import stale_answer
-from scenefold.client.patience import is_passing
+from scenefold.client.patience import heaviest, is_passing
 from scenefold.client.table import Owner
 from scenefold.wire import QueryRange, RejectRange, ReturnRange
 
@@ -42,15 +42,22 @@ async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool) -> 
     """The owner's answer for the beginning of the question; a RejectRange only for reasons that last."""
 
     async def ask() -> ReturnRange | RejectRange:
-        # Where claims overlap one of them is old; which one, only those know who are asked.
-        *others, last = calls.to_ask(question.first)
-        for owner in others:
+        # Where claims overlap one of them is old, or a lie; which one, only those know who are asked.
+        candidates = calls.to_ask(question.first)
+        problems: list[Unreachable | Refused | PeerFault] = []
+        rejection: RejectRange | None = None
+        for owner in candidates:
             try:
-                return await ask_one(owner, CLIENT_STATUS_S)
-            except (Unreachable, Refused) as problem:
-                if isinstance(problem, Refused) and not is_passing(problem.reason):
-                    raise
-        return await ask_one(last, CLIENT_REQUEST_S)
+                reply = await ask_one(owner, CLIENT_REQUEST_S if owner is candidates[-1] else CLIENT_STATUS_S)
+            except (Unreachable, Refused, PeerFault) as problem:
+                problems.append(problem)
+                continue
+            if isinstance(reply, ReturnRange):
+                return reply
+            rejection = rejection or reply
+        if rejection is not None:
+            return rejection
+        raise heaviest(problems)
 
     async def ask_one(owner: Owner, timeout_s: float) -> ReturnRange | RejectRange:
         packet = QueryRange(question.scene, question.space, question.first, min(question.last, calls.table.end_of(question.first)))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from trio.testing import MockClock
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.limits import CLIENT_ASKED_MAX, CLIENT_NEXT_S, CLIENT_REQUEST_S
 from scenefold.base.reasons import RejectReason
 from scenefold.client.hedging import first_answer
@@ -44,6 +44,8 @@ class Tries:
             self.under_way -= 1
         if what == "away":
             raise Unreachable(f"away {number}")
+        if what == "nonsense":
+            raise PeerFault(f"nonsense {number}")
         if what == "refuses":
             raise Refused(RejectReason.BUSY, "later")
         return number
@@ -81,6 +83,14 @@ async def test_a_refusal_is_an_answer(autojump_clock: MockClock) -> None:
 async def test_if_nobody_answers_the_last_reason_is_given(autojump_clock: MockClock) -> None:
     with pytest.raises(Unreachable, match="away 1"):
         await asked(Tries((5.0, "away"), (9.0, "away"), (4.0, "away")))
+
+
+async def test_one_that_answers_with_nonsense_does_not_speak_for_all(autojump_clock: MockClock) -> None:
+    assert await asked(Tries((0.1, "nonsense"), (0.1, "answers"))) == 1
+    with pytest.raises(Unreachable, match="away 0"):
+        await asked(Tries((0.1, "away"), (0.1, "nonsense")))
+    with pytest.raises(PeerFault, match="nonsense 1"):
+        await asked(Tries((0.1, "nonsense"), (0.1, "nonsense")))
 
 
 @given(

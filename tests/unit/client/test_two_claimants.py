@@ -6,8 +6,13 @@ import pytest
 import trio
 from trio.testing import MockClock
 
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LAST, WHOLE_LINE, Arc
-from scenefold.wire import GetMany, PutMany, QueryRange
+from scenefold.base.reasons import RejectReason
+from scenefold.wire import Fault, GetMany, Packet, PutMany, PutManyReply, PutOutcome, QueryRange, RespondTable
+from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
 
@@ -79,3 +84,66 @@ async def test_places_that_all_candidates_deny_are_asked_for_again_with_a_new_ta
 def test_the_fake_nodes_own_disjoint_arcs() -> None:
     arcs = [arc for _, arc in FakeNodes().table.arcs()]
     assert arcs[0].first == WHOLE_LINE.first and arcs[-1] == Arc(arcs[-1].first, LAST)
+
+
+@pytest.mark.parametrize("wrong", [RespondTable(()), Fault(RejectReason.ILL_FORMED, "what?")])
+@pytest.mark.parametrize("liar", [FIRST_NODE, LAST_NODE])
+async def test_who_claims_everything_and_answers_with_nonsense_blocks_nothing(wrong: Packet, liar: str, autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    owners = nodes.table
+    await _scene(nodes).space(FILES).put_many(ITEMS)
+    nodes.claims[liar] = WHOLE_LINE
+    theirs = [place for place in PLACES if owners.owner_of(place).address != liar]
+    honest = nodes._answer
+
+    def answer(address: str, packet: Packet) -> Packet:
+        return wrong if address == liar and isinstance(packet, GetMany | PutMany | QueryRange) else honest(address, packet)
+
+    nodes._answer = answer  # type: ignore[method-assign]
+    for fresh in (_scene(nodes).space(FILES), _scene(nodes).space(FILES)):
+        assert all(payload is not None for payload in await fresh.get_many(theirs))
+        await fresh.put(theirs[0], b"newer")
+        assert await fresh.get(theirs[0]) == b"newer"
+        in_arc = next(arc for owner, arc in owners.arcs() if theirs[0] in arc)
+        assert [place async for place in fresh.query(theirs[0], in_arc.last)] == [place for place in theirs if place in in_arc]
+    with pytest.raises((PeerFault, Refused)):
+        await _scene(nodes).space(FILES).get(next(place for place in PLACES if place not in theirs))
+
+
+async def test_a_write_that_was_answered_with_nonsense_may_have_been_carried_out(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    mine = next(place for place in PLACES if nodes.table.owner_of(place).address == LAST_NODE)
+    nodes.claims[FIRST_NODE] = WHOLE_LINE
+    honest = nodes._answer
+
+    def answer(address: str, packet: Packet) -> Packet:
+        if address == FIRST_NODE and isinstance(packet, PutMany):
+            return RespondTable(())
+        if isinstance(packet, PutMany):
+            return PutManyReply(tuple(PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0)) for item in packet.items))
+        return honest(address, packet)
+
+    nodes._answer = answer  # type: ignore[method-assign]
+    with pytest.raises(Unreachable, match="the answer to a write was lost"):
+        await _scene(nodes).space(FILES).put(mine, b"mine", expect=bytes(32))
+
+
+async def test_places_that_one_alone_claims_have_their_time_beside_one_that_two_claim(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    theirs = [place for place in PLACES if nodes.table.owner_of(place).address == FIRST_NODE]
+    await _scene(nodes).space(FILES).put_many(ITEMS)
+    # Of what the first node owns the second one claims the last place, too.
+    nodes.claims[MIDDLE] = Arc(theirs[-1], nodes.table.owners[1].right_bound or LAST)
+    space = _scene(nodes).space(FILES)
+    await space.get(PLACES[-1])
+    plain, limits = nodes.request, []
+
+    async def request(address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if isinstance(packet, GetMany):
+            limits.append((timeout, [key.location for key in packet.keys]))
+        return await plain(address, priority, packet, timeout)
+
+    nodes.request = request  # type: ignore[method-assign]
+    await space.get_many(theirs)
+    assert (CLIENT_REQUEST_S, theirs[:-1]) in limits
+    assert all(locations == theirs[-1:] for timeout, locations in limits if timeout == CLIENT_STATUS_S)
