@@ -3,6 +3,10 @@
 The line keeps its holding here: an arc, or none, and a note that only it reads. Both change in one transaction, and
 every put is checked against the arc inside the transaction that stores it. So there is no moment, whatever crashes
 when, at which a record is acknowledged for a place that was given away before.
+
+A holding is one incarnation's. When the identity is renewed, the tasks of the life that ends run on until they hear of
+it, and may have a change on its way that would write the old arc behind the renewal. So who writes names its incarnation,
+and is judged in the transaction too; and the holding says whose it is.
 """
 
 from __future__ import annotations
@@ -10,7 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from scenefold.base.errors import Refused
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
+from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import storage_full
 from scenefold.store.layout import HOLDING, IDENTITY
 from scenefold.store.sealing import damaged
@@ -19,6 +25,7 @@ from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 ARC_KEY = b"arc"
 NOTE_KEY = b"note"
+OWNER_KEY = b"incarnation"
 
 
 class StoredHolding(NamedTuple):
@@ -42,17 +49,30 @@ def read_arc(transaction: ReadTransaction) -> Arc | None:
 
 
 def read_holding(transaction: ReadTransaction) -> StoredHolding | None:
-    """None if none was ever written, or the identity was renewed since."""
+    """None if none was ever written, or the identity was renewed since. Another incarnation's is damage."""
+    owner = transaction.get(HOLDING, OWNER_KEY)
+    # Folders of before have none. Taking it for nothing would be no way out: a founder would begin with its first arc anew.
+    if owner is not None and bytes(owner) != _incarnation(transaction):
+        raise damaged("the stored arc of this node is of an incarnation that is over")
     note = transaction.get(HOLDING, NOTE_KEY)
     if note is None and transaction.get(HOLDING, ARC_KEY) is not None:
         raise damaged("the note about this node's arc is not there, and the arc is")
     return None if note is None else StoredHolding(read_arc(transaction), bytes(note))
 
 
+def _incarnation(transaction: ReadTransaction) -> bytes:
+    """Whose the folder is now."""
+    return bytes(transaction.get(IDENTITY, b"incarnation") or b"")
+
+
 @dataclass(frozen=True, slots=True)
 class PutHolding:
-    """Replace the arc and the note together. It may use the reserve: giving an arc away makes room."""
+    """Replace the arc and the note together, if this incarnation is the store's still: else Refused, and nothing changes.
 
+    It may use the reserve: giving an arc away makes room.
+    """
+
+    incarnation: bytes
     arc: Arc | None
     note: bytes
 
@@ -64,9 +84,13 @@ class PutHolding:
     def uses_reserve(self) -> bool:
         return True
 
-    def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
+    def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> Refused | None:
+        if _incarnation(transaction) != self.incarnation:
+            return Refused(RejectReason.NOT_READY, "this incarnation of the node is over", remedy="try again once the node runs")
+        transaction.put(HOLDING, OWNER_KEY, self.incarnation)
         transaction.put(HOLDING, ARC_KEY, b"" if self.arc is None else self.arc.first + self.arc.last)
         transaction.put(HOLDING, NOTE_KEY, self.note)
+        return None
 
     def when_full(self) -> None:
         raise storage_full()
@@ -90,6 +114,7 @@ class RenewIdentity:
         transaction.put(IDENTITY, b"incarnation", self.incarnation)
         transaction.delete(HOLDING, ARC_KEY)
         transaction.delete(HOLDING, NOTE_KEY)
+        transaction.delete(HOLDING, OWNER_KEY)
 
     def when_full(self) -> None:
         raise storage_full()

@@ -54,6 +54,7 @@ class Store:
         self._environment = environment
         self._writer = writer
         self.identity = identity
+        self._opened_as = identity.incarnation
         self.damaged = 0
         """Reads since the start that met a record which had changed on the disk."""
 
@@ -154,11 +155,17 @@ class Store:
         return await self._view(read_holding)
 
     async def put_holding(self, arc: Arc | None, note: bytes) -> None:
-        """Keep the arc that puts are checked against, and the line's note, in one transaction. Durable on return."""
-        await self._writer.submit(PutHolding(arc, note))
+        """Keep the arc that puts are checked against, and the line's note, in one transaction. Durable on return.
+
+        Refused once the identity was renewed: whoever holds this store is of the life before, and a new one opens it anew.
+        """
+        await self._writer.submit(PutHolding(self._opened_as, arc, note))
 
     async def renew_identity(self) -> StoreIdentity:
-        """Become a newcomer: a new incarnation that holds nothing. Records stay; the boot counter goes on."""
+        """Become a newcomer: a new incarnation that holds nothing until the store is opened anew.
+
+        Records stay; the boot counter goes on.
+        """
         incarnation = self._entropy.token(INCARNATION_BYTES)
         await self._writer.submit(RenewIdentity(incarnation))
         self.identity = replace(self.identity, incarnation=incarnation)

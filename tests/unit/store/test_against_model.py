@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import trio
 
+from scenefold.base.errors import Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import WHOLE_LINE, Arc, Location
 from scenefold.crypto import OBJECT_BYTES, PLACED_BY_NODE, Record, RecordPlace, object_of, signed_place, version_key, wanted_place
@@ -98,6 +99,8 @@ class Trial:
         self.choices: list[dict[Spot, Record]] = []
         """What else a crash may leave."""
         self.seq = 0
+        self.incarnation = b""
+        """Of this life: once it is renewed, the life that goes on can hold nothing."""
 
     async def step(self, store: Store) -> None:
         self.before = copy.deepcopy(self.model)
@@ -181,9 +184,14 @@ class Trial:
         assert await store.remove(chosen) == len(gone)
 
     async def _arc(self, store: Store) -> None:
-        self.model.arc = None if self.dice.random() < 0.2 else self._piece()
-        self.model.note = self.dice.randbytes(3)
-        await store.put_holding(self.model.arc, self.model.note)
+        arc = None if self.dice.random() < 0.2 else self._piece()
+        note = self.dice.randbytes(3)
+        if store.identity.incarnation != self.incarnation:
+            with pytest.raises(Refused):
+                await store.put_holding(arc, note)
+            return
+        self.model.arc, self.model.note = arc, note
+        await store.put_holding(arc, note)
 
     async def _slide(self, store: Store) -> None:
         cut = self.dice.randrange(1, LENGTH)
@@ -228,6 +236,7 @@ class Trial:
         arc_now = None if holding is None else holding.arc
         self.model = Model(there, arc_now, None if holding is None else holding.note)
         self.before, self.choices = self.model, []
+        self.incarnation = store.identity.incarnation
         assert store.record_count == len(there)
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 import trio
+import trio.testing
 
+from scenefold.base.errors import Refused
 from scenefold.base.location import WHOLE_LINE
 from scenefold.base.reasons import RejectReason
 from scenefold.store import LmdbDisk, Outcome, PutResult, Store, StoreDamaged, StoredHolding, open_store
@@ -79,11 +81,46 @@ async def test_a_renewed_node_holds_nothing_and_keeps_its_records(tmp_path: Path
         assert (store.identity.incarnation, store.identity.boot) == (after.incarnation, after.boot + 1)
 
 
-ARC, NOTE = b"arc", b"note"
+async def test_a_life_that_ends_gives_the_next_incarnation_no_arc(tmp_path: Path) -> None:
+    """Its tasks run on until they hear of the renewal: what they write is in one commit with it, or in a later one."""
+    refusals: list[Refused] = []
+
+    async def hold_on() -> None:
+        with pytest.raises(Refused) as caught:
+            await store.put_holding(WHOLE_LINE, b"")
+        refusals.append(caught.value)
+
+    async with whole_store(world(), tmp_path) as store:
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(store.renew_identity)
+            await trio.testing.wait_all_tasks_blocked(0.0)
+            nursery.start_soon(hold_on)
+        await hold_on()
+        assert [refusal.reason for refusal in refusals] == [RejectReason.NOT_READY] * 2
+        assert await outcomes(store, 1) == [Outcome.NOT_OWNED]
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.holding() is None
+        await store.put_holding(arc(1, 2), b"note")
+        assert await store.holding() == StoredHolding(arc(1, 2), b"note")
+
+
+async def test_a_holding_from_before_it_named_its_incarnation_is_read(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path):
+        pass
+    environment = LmdbDisk().open(tmp_path, TABLES)
+    environment.update(lambda transaction: transaction.delete(HOLDING, OWNER))
+    environment.close()
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.holding() == StoredHolding(WHOLE_LINE, b"")
+
+
+ARC, NOTE, OWNER = b"arc", b"note", b"incarnation"
 
 
 @pytest.mark.expect_log("arc of this node|about this node's arc")
-@pytest.mark.parametrize(("key", "value"), [(ARC, b"x"), (ARC, b"\xff" * 20 + b"\0" * 20), (ARC, None), (NOTE, None)])
+@pytest.mark.parametrize(
+    ("key", "value"), [(ARC, b"x"), (ARC, b"\xff" * 20 + b"\0" * 20), (ARC, None), (NOTE, None), (OWNER, b"another life's x")]
+)
 async def test_a_holding_that_cannot_be_ends_the_store(tmp_path: Path, key: bytes, value: bytes | None) -> None:
     async with whole_store(world(), tmp_path):
         pass

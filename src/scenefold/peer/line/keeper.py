@@ -1,5 +1,7 @@
 """The one place where a node's holding changes: one change at a time, durable before anybody sees it.
 
+A life that ends because the store has a new incarnation keeps nothing more: the store refuses it.
+
 Before each change, handovers with incarnations that the log has removed are dropped (but for pieces that can be taken
 back), so no decision is made beside what the log says. The mirror in memory (`holding`, and the arc that this node tells others) follows the disk.
 """

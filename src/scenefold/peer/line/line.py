@@ -171,6 +171,6 @@ class Line:
                 try:
                     await self._parts.keeper.change(lambda holding: holding)
                 except Refused:
-                    # The disk is full: tried again with the next news, and before every change.
+                    # The disk is full: tried again with the next news, and before every change. Or this life is ending.
                     self._parts.events["not kept"] += 1
             await self._parts.cluster_log.changed_after(registry.position)
