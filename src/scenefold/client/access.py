@@ -11,13 +11,14 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple, TypeVar
 
-from scenefold.base.errors import LocalFault, Refused, Unreachable
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import deliver, fetch
+from scenefold.client.doubt import Doubted, no_refusal_in_doubt, note
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, deleted_all, open_all, seal_all
@@ -88,6 +89,12 @@ class SceneAccess:
         Unreachable if an owner stays away, or if an answer was lost and nobody can tell any more what became of
         the record. `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
         """
+        doubted: Doubted = {}
+        with no_refusal_in_doubt(doubted):
+            return await self._put(wishes, fresh, doubted)
+
+    async def _put(self, wishes: Sequence[Wish], fresh: bool, doubted: Doubted) -> list[Placed]:
+        """`doubted`, by number of the wish: kept up to date, over all the records that a wish is signed as."""
         await self._check(wishes)
         placed: list[Placed | None] = [None] * len(wishes)
         pending = list(range(len(wishes)))
@@ -99,11 +106,12 @@ class SceneAccess:
             behind: list[int] = []
             for index, item, outcome in zip(pending, items, outcomes, strict=True):
                 placed[index] = Placed(outcome.reason, digest_of(item), outcome.node, outcome.location)
-                if outcome.reason == RejectReason.STALE_VERSION and outcome.doubtful and not fresh:
-                    raise self._in_doubt(item)
+                is_stale = outcome.reason == RejectReason.STALE_VERSION
+                is_settled = outcome.reason == 0 or (is_stale and fresh)
+                note(doubted, index, item, doubtful=outcome.doubtful, settled=is_settled)
                 if outcome.reason in _BEHIND and not refreshed and self.log is not None:
                     behind.append(index)
-                elif outcome.reason not in (0, RejectReason.STALE_VERSION):
+                elif not is_settled and (not is_stale or index in doubted):
                     await self._explain(outcome.reason, wishes[index])
                     raise self._refused(outcome.reason, item)
             if behind:
@@ -262,11 +270,6 @@ class SceneAccess:
         for part in sealed:
             items += part
         return items
-
-    def _in_doubt(self, item: PutItem) -> Unreachable:
-        where = f"scene {self.name}, space {item.space}, {item.location.hex()}"
-        what = "the answer to a write was lost, and another version is there by now"
-        return Unreachable(what, where=where, remedy="read it, then decide whether to write again")
 
     def _refused(self, reason: int, item: PutItem) -> Refused:
         where = f"scene {self.name}, space {item.space}, {item.location.hex()}"

@@ -16,6 +16,7 @@ from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_REQUEST_S, CLIENT_STAT
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
+from scenefold.client.doubt import Doubted, left_open, no_refusal_in_doubt, note
 from scenefold.client.patience import Patience, heaviest, is_passing
 from scenefold.client.sealing import Key
 from scenefold.client.split import frames
@@ -35,19 +36,20 @@ class Delivered(NamedTuple):
     node: NodeId
     location: Location
     doubtful: bool
-    """Whether it may have been stored by an earlier try whose answer was lost."""
+    """Whether it may have been stored by an earlier try whose answer was lost, or was 16."""
 
 
 async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Location]) -> list[Delivered]:
     """Send every item to the owner of its location. Durable, or refused for a lasting reason.
 
-    Unreachable if an owner stays away, Refused if one cannot accept anything for longer than a lease gap lasts.
+    Unreachable if an owner stays away; if one cannot accept anything for longer than a lease gap lasts, Refused, or
+    Unreachable if it may have stored something.
     """
     outcomes: list[Delivered | None] = [None] * len(items)
     sizes = [len(item.ciphertext) + len(item.header) + len(item.signature) + 48 for item in items]
     hints: dict[int, NodeId] = {}
     elsewhere: dict[int, set[NodeId]] = {}
-    doubtful: set[int] = set()
+    doubted: Doubted = {}
 
     async def send(node: NodeId, frame: list[int]) -> None:
         packet = PutMany(tuple(items[index] for index in frame))
@@ -56,8 +58,8 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
             reply = await calls.ask_in_turn(address, packet, PutManyReply)
             if len(reply.outcomes) != len(frame):
                 raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
-        except (Unreachable, PeerFault):
-            doubtful.update(frame)
+        except (Unreachable, PeerFault, Refused) as error:
+            doubted.update(left_open(error, dict(zip(frame, packet.items, strict=True))))
             raise
         for index, outcome in zip(frame, reply.outcomes, strict=True):
             if outcome.reason == RejectReason.NOT_MY_LOCATION:
@@ -66,10 +68,11 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
                 if outcome.owner and outcome.owner not in passed:
                     hints[index] = outcome.owner
             elif not is_passing(outcome.reason):
-                outcomes[index] = Delivered(outcome.reason, node, outcome.location, index in doubtful)
+                outcomes[index] = Delivered(outcome.reason, node, outcome.location, index in doubted)
+                note(doubted, index, items[index], doubtful=False, settled=outcome.reason == STORED)
             elif outcome.reason == RejectReason.NOT_READY:
                 # The node may have stored it, and lost its lease before it could say so.
-                doubtful.add(index)
+                doubted[index] = items[index]
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
         routed = _routed(calls, locations, pending, hints, elsewhere)
@@ -79,7 +82,8 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
     def pending() -> list[int]:
         return [index for index, outcome in enumerate(outcomes) if outcome is None]
 
-    await _rounds(calls, locations, elsewhere, pending, parts, send)
+    with no_refusal_in_doubt(doubted):
+        await _rounds(calls, locations, elsewhere, pending, parts, send)
     return [outcome for outcome in outcomes if outcome is not None]
 
 
