@@ -172,6 +172,7 @@ def ls(
     first: PlaceOption = LINE_START,
     last: PlaceOption = LINE_END,
     limit: Annotated[int, whole(1, 2**63 - 1)] = 1000,
+    deleted: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """List locations that hold records, in the order of the line; deleted ones are left out.
@@ -190,6 +191,8 @@ def ls(
         Leading digits of the last one; what is missing is filled with f.
     limit
         Most locations to list.
+    deleted
+        List those of deleted records, too. That is faster, since who leaves them out must read all records.
     """
     from scenectl.running import run
     from scenefold.base.errors import UsageFault
@@ -202,7 +205,7 @@ def ls(
         found: list[str] = []
         async with connect(output.profile) as cluster:
             asked = await _space(await cluster.scenes.open(scene), space)
-            async for location in asked.query(first.first, last.last, deleted=True):
+            async for location in asked.query(first.first, last.last, deleted=deleted):
                 if len(found) == limit:
                     return asked.id, found, True
                 found.append(location.hex())

@@ -71,6 +71,8 @@ def test_a_deleted_record_is_gone_and_its_place_is_free(profile: str, scene: str
     at = ["--scene", scene]
     assert scenectl("data", "put", "meta", "33", "-", *at, profile=profile, stdin=b"first").code == 0
     assert scenectl("data", "delete", "meta", "33", *at, "--json", profile=profile).json["location"] == "33".ljust(40, "0")
+    listings = [["data", "ls", "meta", "--first", "33", "--last", "33", *at, "--json", *more] for more in ([], ["--deleted"])]
+    assert [len(scenectl(*listing, profile=profile).json["locations"]) for listing in listings] == [0, 1]
     for verb in ("get", "delete"):
         gone = scenectl("data", verb, "meta", "33", *at, profile=profile)
         assert gone.code == 1 and "no record" in gone.error
