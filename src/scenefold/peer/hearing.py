@@ -99,7 +99,9 @@ class Hearing:
         elif node == sender:
             self._claimed_since.pop(node, None)
         if early:
-            self._early[node] = status, sender
+            waiting = self._early.get(node)
+            if waiting is None or status.lamport > waiting[0].lamport or status.incarnation != waiting[0].incarnation:
+                self._early[node] = status, sender
             return self._roster.note_life(status, now, relayed=node != sender)
         if node == sender:
             # By its own word it knows no more than we do: whatever said otherwise is over.

@@ -346,6 +346,27 @@ async def test_a_claim_that_came_too_early_does_not_outlive_a_later_word_of_the_
         assert other.roster.arcs()[robbed.own.me] == true
 
 
+@pytest.mark.parametrize("numbers", [(10, 20), (20, 10)])
+async def test_of_claims_that_came_too_early_the_newest_counts_in_whatever_order_they_came(
+    numbers: tuple[int, int], autojump_clock: trio.testing.MockClock
+) -> None:
+    async with village(4, registered=3) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(5)
+        hearer, author = them.of(0), them.of(1)
+        hearer.own.arc = None
+        now, position = author.own.signed(), them.registry.position + 1
+        them.ether.lost = lambda _source, _target: True
+        for number in numbers:
+            bound = Location.from_number(number)
+            early = signed(replace(now, lamport=now.lamport + number, left_fence=None, right_bound=bound, log_position=position))
+            hearer.gossip._hearing.hear(PingBroadcast((early,), request_id=1), them.of(2).own.me)
+        them.register(3)
+        await trio.testing.wait_all_tasks_blocked()
+        assert hearer.roster.arcs()[author.own.me].last == Location.from_number(20)
+
+
 @pytest.mark.expect_log("somebody else signs statuses with the key of this node")
 async def test_who_hears_its_own_key_speak_has_the_last_word(autojump_clock: trio.testing.MockClock) -> None:
     async with village(4) as them:
