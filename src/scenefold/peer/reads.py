@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import trio
 
-from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import BULK_BYTES_MAX
 from scenefold.base.location import Location
@@ -113,7 +113,7 @@ class Reads:
         return not leased
 
     async def _ask_in_turn(self, candidates: tuple[NodeId, ...], request: GetMany) -> GetManyReply:
-        """The answer of the first that has one; the first error if none has."""
+        """The answer of the first that has one; the first refusal if none has, rather than nonsense."""
         problems: list[Refused] = []
         for owner in candidates:
             is_last = owner == candidates[-1]
@@ -121,13 +121,16 @@ class Reads:
                 return await self._ask(owner, request, FORWARD_S_MAX if is_last else FORWARD_OTHER_S)
             except Refused as refusal:
                 problems.append(refusal)
-        raise problems[0]
+        # Nonsense of one must not be the word on what another one may have in a moment.
+        raise next((found for found in problems if found.reason is not RejectReason.ILL_FORMED), problems[0])
 
     async def _ask(self, owner: NodeId, request: GetMany, timeout_s: float) -> GetManyReply:
         try:
             reply = await self._peers.ask(owner, Priority.LOW, request, GetManyReply, timeout_s)
         except Unreachable as problem:
             raise silent_owner(owner) from problem
+        except PeerFault as problem:
+            raise Refused(RejectReason.ILL_FORMED, "an owner answered with another packet") from problem
         except Refused as refusal:
             if refusal.reason is not RejectReason.NOT_MY_LOCATION:
                 raise

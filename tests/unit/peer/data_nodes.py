@@ -10,7 +10,7 @@ from typing import Any
 
 import trio
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of, node_id_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
@@ -120,6 +120,8 @@ class Neighbours:
         self.net = net
         self.nodes: dict[NodeId, Node] = {}
         self.away: set[NodeId] = set()
+        self.nonsense: set[NodeId] = set()
+        """They answer with packets that are no answers."""
         self.believed: dict[NodeId, NodeId] = {}
         """Owners that some node wrongly believes in, whatever the place."""
         self.also_believed: list[NodeId] = []
@@ -146,6 +148,8 @@ class _Seen:
         await trio.lowlevel.checkpoint()
         if member in self._all.away:
             raise Unreachable("nobody there", where=address_of(member))
+        if member in self._all.nonsense:
+            raise PeerFault("this is no answer", where=address_of(member))
         reply = await self._all.nodes[member].ask(packet, f"node:{self._me}")
         if isinstance(reply, Fault):
             raise Refused(RejectReason(reply.reason), reply.text)

@@ -154,6 +154,20 @@ def test_of_two_that_may_own_a_place_the_one_that_lives_answers() -> None:
     with_nodes(test, None, arc(0, 49), arc(50, 99))
 
 
+def test_of_two_that_may_own_a_place_one_that_answers_with_nonsense_hides_nothing() -> None:
+    async def test(neighbours: Neighbours, asked: Node, liar: Node, owner: Node) -> None:
+        assert await put(owner, item(50)) == [0]
+        neighbours.nonsense.add(liar.me)
+        neighbours.believed[asked.me], neighbours.also_believed = liar.me, [owner.me]
+        assert found(await get(asked, 50)) == [True]
+        neighbours.away.add(owner.me)
+        assert reason_of(await get(asked, 50)) is RejectReason.NOT_READY, "the owner may be back soon"
+        neighbours.also_believed = []
+        assert reason_of(await get(asked, 50)) is RejectReason.ILL_FORMED
+
+    with_nodes(test, None, arc(0, 49), arc(50, 99))
+
+
 def test_a_frozen_place_takes_no_writes_and_delays_them_only_for_a_moment() -> None:
     async def test(_: Neighbours, one: Node) -> None:
         await one.line.freeze(arc(50, NEAR_END))
