@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 from scenefold.base.cover import Cover, runs
 from scenefold.base.ids import NodeId
@@ -79,5 +80,14 @@ class RoutingTable:
         if known is not None and known.lamport >= news.lamport:
             return self
         if known is not None and known.right_bound == news.right_bound:
-            return self
-        return RoutingTable([owner for owner in self.owners if owner.node_id != news.node_id] + [news])
+            return self._confirmed(replace(known, lamport=news.lamport))
+        return RoutingTable([owner for node, owner in self._by_id.items() if node != news.node_id] + [news])
+
+    def _confirmed(self, owner: Owner) -> RoutingTable:
+        """The table that knows of the same bounds that one of them is newer: what is older than that cannot change it any more.
+
+        Each reply brings such news, so the cover of the line is not made again; the owners in it keep the times they had.
+        """
+        table = copy(self)
+        table._by_id = {**self._by_id, owner.node_id: owner}
+        return table

@@ -78,6 +78,12 @@ def test_only_newer_news_change_the_table() -> None:
     assert table.owner_of(Location.from_number(8)).node_id == 2
     joined = changed.updated(Owner(NodeId(3), "c", FIRST, 1))
     assert joined.owner_of(FIRST).node_id == 3
+    confirmed = table.updated(Owner(NodeId(1), "a", Location.from_number(5), 9))
+    assert confirmed.updated(Owner(NodeId(1), "a", Location.from_number(9), 8)) is confirmed, "what was confirmed at 9 is not from before"
+    assert confirmed.updated(Owner(NodeId(1), "a", Location.from_number(9), 10)).owner_of(Location.from_number(8)).node_id == 1
+    assert (table.by_id(NodeId(1)).lamport, confirmed.by_id(NodeId(1)).lamport) == (7, 9)  # type: ignore[union-attr]
+    later = confirmed.updated(Owner(NodeId(2), "b", Location.from_number(99), 8))
+    assert later.by_id(NodeId(1)).lamport == 9, "also when the table is made anew"  # type: ignore[union-attr]
 
 
 @given(st.lists(st.integers(0, 50), max_size=60), st.integers(1, 120), st.integers(1, 7))
