@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.store.statistics import Tally
-from scenefold.world.ports import WriteTransaction
+from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 R_co = TypeVar("R_co", covariant=True)
 
@@ -26,6 +26,15 @@ class Change(Protocol[R_co]):
 
     def when_full(self) -> R_co:
         """The answer if the disk is full, or Refused."""
+        ...
+
+
+@runtime_checkable
+class Judged(Protocol[R_co]):
+    """A change to which a full disk is not the whole answer: what it wants may be there already, or be out of date."""
+
+    def look(self, transaction: ReadTransaction, /) -> R_co:
+        """The answer without a byte written."""
         ...
 
 

@@ -21,7 +21,7 @@ from scenefold.store.judging import Outcome, Put, PutResult, judge
 from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, stored_header, unpack_record
 from scenefold.store.placing import displaced, free_place, move_object, note_place, place_of
 from scenefold.store.statistics import Tally
-from scenefold.world.ports import WriteTransaction
+from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 _FRAMING_BYTES = 512
 """Header, signature, key and the tree's own bytes of one record."""
@@ -46,6 +46,11 @@ class PutRecords:
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
         return [_put(transaction, tally, arc, header, put) for header, put in self.puts]
+
+    def look(self, transaction: ReadTransaction, /) -> list[PutResult]:
+        """As `apply`, but what would have to be written is full: so a repetition of what is there is stored, whatever room there is."""
+        arc = read_arc(transaction)
+        return [_look(transaction, arc, header, put) for header, put in self.puts]
 
     def when_full(self) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -177,6 +182,21 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
     spot = _place(transaction, arc, new, None)
     result = _write(transaction, tally, new, put.record, put.expect, spot)
     return replace(result, location=spot.place.location)
+
+
+def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+    spot = _spot(new, None)
+    if arc is None or spot.home not in arc:
+        return PutResult(Outcome.NOT_OWNED)
+    known = place_of(transaction, new.scene, new.space, spot.object) if spot.object else None
+    if known is not None:
+        spot = _spot(new, known)
+    value = transaction.get(RECORDS, record_key(*spot))
+    present = stored_header(value) if value is not None and _is_sound(value) else None
+    result = judge(new, put.expect, present)
+    if result.outcome is Outcome.STORED and present != new:
+        return PutResult(Outcome.FULL)
+    return replace(result, location=known)
 
 
 def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at: Location | None) -> Spot:

@@ -17,10 +17,10 @@ import trio
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.store.changes import Change
+from scenefold.store.changes import Change, Judged
 from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, SpaceAddress, Tally
-from scenefold.world.ports import DiskFailed, DiskFull, Environment, Workers, WriteTransaction
+from scenefold.world.ports import DiskFailed, DiskFull, Environment, ReadTransaction, Workers, WriteTransaction
 
 R = TypeVar("R")
 
@@ -148,7 +148,7 @@ class GroupWriter:
 
 
 def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_bytes: int) -> Committed:
-    """Apply changes in one synced transaction (in the writing thread). What has no room is answered, not raised."""
+    """Apply changes in one synced transaction (in the writing thread). What has no room is looked at, answered, not raised."""
     space = environment.space()
     room_bytes = space.free + space.reusable - reserve_bytes
     admitted = []
@@ -159,18 +159,21 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
 
     def apply(transaction: WriteTransaction) -> Committed:
         tally = Tally()
-        answers = [change.apply(transaction, tally) if fits else _full(change) for change, fits in zip(changes, admitted, strict=True)]
+        answers = [
+            change.apply(transaction, tally) if fits else _full(change, transaction) for change, fits in zip(changes, admitted, strict=True)
+        ]
         return Committed(answers, tally.write(transaction), admitted.count(False))
 
     try:
         return environment.update(apply)
     except DiskFull:
-        return Committed([_full(change) for change in changes], {}, len(changes))
+        with environment.read() as view:
+            return Committed([_full(change, view) for change in changes], {}, len(changes))
 
 
-def _full(change: Change[Any]) -> Any:
+def _full(change: Change[Any], view: ReadTransaction) -> Any:
     try:
-        return change.when_full()
+        return change.look(view) if isinstance(change, Judged) else change.when_full()
     except Refused as refusal:
         return refusal
 

@@ -9,6 +9,7 @@ from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey, seal_record
 from scenefold.simulation.history import NEVER_ENDED, Listing, Outcome, Place, Read, Write
+from scenefold.simulation.linearizable import judge
 from scenefold.simulation.recording import Recorder
 from scenefold.wire import GetMany, PutItem, RecordBytes, RecordKey, ReturnRange
 
@@ -65,6 +66,31 @@ def test_what_was_not_even_looked_at_is_no_event(reason: int) -> None:
     book = recorder()
     book.written("c0", 1, [item(1)], [reason])
     assert book.histories.of(PLACE) == []
+
+
+@pytest.mark.parametrize("reason", [r for r in RejectReason if r is not RejectReason.STALE_VERSION])
+def test_a_refusal_takes_nothing_back_that_an_earlier_try_may_have_done(reason: int) -> None:
+    """The first answer was lost: whatever a later one refuses, the record may be there, and may be read."""
+    book = recorder()
+    put = item(1)
+    book.written("c0", book.histories.moment(), [put], None)
+    book.written("c0", book.histories.moment(), [put], [reason])
+    assert {event.outcome for event in book.histories.of(PLACE) if isinstance(event, Write)} == {Outcome.MAYBE}
+    for there in (None, RecordBytes(put.signature, put.header, put.ciphertext)):
+        read(book, [there])
+        assert judge(book.histories.of(PLACE)).holds
+
+
+def test_a_lost_try_that_is_refused_for_its_version_was_overtaken_or_never_happened() -> None:
+    book = recorder()
+    old, new = item(1), item(2)
+    book.written("c0", book.histories.moment(), [old], None)
+    book.written("c1", book.histories.moment(), [new], [0])
+    book.written("c0", book.histories.moment(), [old], [RejectReason.STALE_VERSION])
+    read(book, [RecordBytes(new.signature, new.header, new.ciphertext)])
+    assert judge(book.histories.of(PLACE)).holds
+    read(book, [RecordBytes(old.signature, old.header, old.ciphertext)])
+    assert not judge(book.histories.of(PLACE)).holds
 
 
 def read(book: Recorder, records: list[RecordBytes | None], *, stale: bool = False) -> None:

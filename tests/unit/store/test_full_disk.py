@@ -13,9 +13,11 @@ import trio
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.store import LmdbDisk, Outcome
+from scenefold.store import LmdbDisk, Outcome, Put, open_store
+from scenefold.store.layout import RECORDS, record_key
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
-from unit.store.samples import SCENE, place, put, record, whole_store, world
+from unit.store.samples import NODE, SCENE, arc, managed, place, put, record, whole_store, world
+from unit.store.test_damage import rot
 
 FILLING = """
 import resource, signal, sys
@@ -116,3 +118,67 @@ async def test_a_failing_disk_stops_the_node(tmp_path: Path) -> None:
         await use_it()
     async with whole_store(world(), tmp_path) as store:
         assert await store.get_many([place(1)]) == [None]
+
+
+FULL = 1 << 60
+"""A reserve that no disk has."""
+
+
+async def outcomes_when_full(folder: Path, puts: Sequence[Put]) -> list[Outcome]:
+    async with open_store(world(), folder, NODE, reserve_bytes=FULL) as store:
+        return [result.outcome for result in await store.put(puts)]
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_what_is_there_is_acknowledged_again_when_the_disk_has_filled_up(tmp_path: Path) -> None:
+    """Its first answer may have been lost, and its writer would take a refusal for the truth."""
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1, seq=5)])
+    asked = [
+        put(1, seq=5),
+        put(1, seq=5, expect=b""),
+        put(1, seq=4),
+        put(1, seq=6, expect=bytes(32)),
+        put(1, seq=6),
+        put(2),
+        put(2, expect=bytes(32)),
+    ]
+    wanted = [Outcome.STORED, Outcome.STORED, Outcome.STALE, Outcome.EXISTS, Outcome.FULL, Outcome.FULL, Outcome.EXISTS]
+    assert await outcomes_when_full(tmp_path, asked) == wanted
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.get_many([place(1), place(2)]) == [record(1, seq=5), None]
+        await store.put_holding(arc(2, 9), b"")
+    assert await outcomes_when_full(tmp_path, [put(1, seq=5), put(2)]) == [Outcome.NOT_OWNED, Outcome.FULL]
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_what_is_there_is_acknowledged_again_when_the_commit_has_no_room(tmp_path: Path) -> None:
+    """A repetition waits in the same batch as what makes the disk full."""
+    disk = TroubledDisk()
+    async with whole_store(offline_world(disk=disk), tmp_path) as store:
+        await store.put([put(1)])
+        disk.trouble = DiskFull("no room at all")
+        assert [result.outcome for result in await store.put([put(2), put(1)])] == [Outcome.FULL, Outcome.STORED]
+        disk.trouble = None
+        assert await store.get_many([place(1), place(2)]) == [record(1), None]
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_an_object_that_is_there_is_acknowledged_again_and_where_it_lies(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        [first] = await store.put([Put(managed(1))])
+    async with open_store(world(), tmp_path, NODE, reserve_bytes=FULL) as store:
+        again, newer, other = await store.put([Put(managed(1)), Put(managed(1, seq=2)), Put(managed(2))])
+        assert again == first
+        assert again.location is not None
+        assert [newer.outcome, other.outcome] == [Outcome.FULL] * 2
+        assert (await store.statistics()).records == 1
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_what_has_rotted_is_not_acknowledged_on_a_full_disk(tmp_path: Path) -> None:
+    """It would have to be written anew."""
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1)])
+    rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 250)
+    assert await outcomes_when_full(tmp_path, [put(1)]) == [Outcome.FULL]
