@@ -16,7 +16,7 @@ from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, checked_factor, checked_offset, found_in_box, logged_space, movable
-from scenefold.client.sealing import Opened, payload_of
+from scenefold.client.sealing import Key, Opened, payload_of
 from scenefold.scene.log import LoggedSpace
 from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
 
@@ -99,8 +99,16 @@ class Space:
 
         `deleted`: those of deleted records, too. That is faster, since only who reads a record can tell.
         """
-        found = self._access.locations(self.id, first, last)
-        return found if deleted else alive(self._access, found, lambda location: (self.id, location))
+        return self._access.locations(self.id, first, last) if deleted else self._living(first, last)
+
+    async def _living(self, first: Location, last: Location) -> AsyncIterator[Location]:
+        async for location, _ in alive(self._access, self._access.entries(self.id, first, last), self._key):
+            yield location
+
+    def _key(self, entry: tuple[Location, bytes]) -> Key:
+        location, object_id = entry
+        # In a node-managed space a record is read by its object: nobody could verify it as one of this place.
+        return (self.id, location, object_id) if object_id else (self.id, location)
 
     @property
     def managed(self) -> ManagedRecords:

@@ -89,6 +89,15 @@ async def test_records_are_of_the_kind_of_their_space(autojump_clock: MockClock,
     assert [found async for found in results.managed.query()] == [place]
 
 
+async def test_what_lies_in_a_managed_space_is_listed_by_place_too_until_it_is_deleted(autojump_clock: MockClock, tmp_path: Path) -> None:
+    results = await (await scene_of(FakeNodes(), tmp_path)).create_space("results", node_managed=True)
+    place = await results.put_managed(b"anywhere")
+    assert [location async for location in results.query()] == [place.location]
+    await results.managed.delete(place)
+    assert [location async for location in results.query()] == []
+    assert [location async for location in results.query(deleted=True)] == [place.location]
+
+
 async def test_records_say_under_which_position_they_were_written(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     scene = await scene_of(nodes, tmp_path)
