@@ -139,7 +139,7 @@ def test_a_cluster_of_its_own_nodes_one_missing(tmp_path: Path) -> None:
         assert taken.code == 1
         assert "port" in taken.error
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=30)
+        process.communicate(timeout=90)
         assert process.returncode == 0
     foreign = scenectl("node", "run", "--address", addresses[1], "--data", tmp_path / "data", profile=profile)
     assert foreign.code == 1
@@ -152,7 +152,7 @@ def test_ctrl_c_and_a_closed_terminal_leave_nothing_behind(number: signal.Signal
     with running("node", "local", "1", "--ports", ports, "--json", TMPDIR=str(tmp_path)) as (process, _):
         assert list(tmp_path.iterdir())
         process.send_signal(number)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=90)
         assert process.returncode == 130
         assert b"Traceback" not in err
     assert not list(tmp_path.iterdir())
