@@ -18,13 +18,17 @@ from scenefold.base.reasons import RejectReason
 
 CANDIDATES_MAX = 3
 """Nodes that one read is forwarded to, one after the other: more than two claim a place only if one of them lies."""
+LOOKS_MAX = 3
+"""An arc that changes during a look makes it worthless; one that changes all the time is a case for the asker's patience."""
 
 
 class Holdings(Protocol):
     """This node's part of the line, as it is durable (peer/line)."""
 
     @property
-    def arc(self) -> Arc | None: ...
+    def arc(self) -> Arc | None:
+        """The same object as long as nothing of it is given or taken: one that went and came back is another one."""
+        ...
 
     def owns(self, location: Location) -> bool: ...
 

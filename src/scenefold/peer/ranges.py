@@ -11,13 +11,10 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import wanted_place
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.holdings import Holdings, Lease
+from scenefold.peer.holdings import LOOKS_MAX, Holdings, Lease
 from scenefold.peer.scenes import Scenes
 from scenefold.store import RangeAnswer, Store
 from scenefold.wire import Packet, QueryRange, RejectRange, ReturnRange
-
-LOOKS_MAX = 3
-"""An arc that changes during a look makes it worthless; one that changes all the time is a case for the asker's patience."""
 
 
 class Ranges:
@@ -41,8 +38,8 @@ class Ranges:
                 return range_rejection(packet, RejectReason.OUTSIDE_BOUNDS)
             arc = self._line.arc
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
-            if self._line.arc != arc:
-                # What was given away may have been deleted while we looked.
+            if self._line.arc is not arc:
+                # What was given away may have been deleted while we looked, also if an equal arc is ours again.
                 continue
             stale = not self._lease.holds()
             locations, objects = self._decided_here(answer)

@@ -21,7 +21,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordPlace, wanted_place
 from scenefold.peer.handlers import Handlers, node_of
-from scenefold.peer.holdings import Holdings, Lease, Owners, no_lease, other_candidates, silent_owner
+from scenefold.peer.holdings import LOOKS_MAX, Holdings, Lease, Owners, no_lease, other_candidates, silent_owner
 from scenefold.peer.peers import Peers
 from scenefold.peer.scenes import Scenes
 from scenefold.store import Spot, Store
@@ -101,10 +101,18 @@ class Reads:
         """Read what is ours into `found`; True if it may be stale."""
         if not keys:
             return False
-        records = await self._store.read([Spot(RecordPlace(scene, key.space, key.location), key.object) for key in keys])
-        if not all(self._line.owns(_home_of(key)) for key in keys):
-            # Given away while we looked: the records may have been deleted behind the new owner's back.
-            raise Refused(RejectReason.NOT_READY, "the place is changing hands")
+        spots = [Spot(RecordPlace(scene, key.space, key.location), key.object) for key in keys]
+        for _ in range(LOOKS_MAX):
+            arc = self._line.arc
+            records = await self._store.read(spots)
+            if self._line.arc is arc:
+                break
+            if not all(self._line.owns(_home_of(key)) for key in keys):
+                # Given away while we looked: the records may have been deleted behind the new owner's back.
+                raise Refused(RejectReason.NOT_READY, "the place is changing hands")
+            # Ours again or ours still: only another look can tell.
+        else:
+            raise Refused(RejectReason.NOT_READY, "the arc is changing all the time")
         leased = self._lease.holds()
         for key, record in zip(keys, records, strict=True):
             if record is None and not leased:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import trio
@@ -166,6 +167,44 @@ def test_of_two_that_may_own_a_place_one_that_answers_with_nonsense_hides_nothin
         assert reason_of(await get(asked, 50)) is RejectReason.ILL_FORMED
 
     with_nodes(test, None, arc(0, 49), arc(50, 99))
+
+
+@pytest.mark.parametrize("ways", [1, 9])
+def test_what_went_and_came_back_during_a_look_is_looked_at_again(ways: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test(_: Neighbours, one: Node) -> None:
+        assert await put(one, item(5)) == [0]
+        left = 0
+
+        async def went_and_came_back() -> bool:
+            nonlocal left
+            left -= 1
+            if left >= 0:
+                await one.line.change(None)
+                await one.line.change(arc(0, 99))
+            return left >= 0
+
+        true_read, true_range = one.store.read, one.store.range
+
+        async def read(spots: Any) -> Any:
+            return [None] if await went_and_came_back() else await true_read(spots)
+
+        async def in_range(*question: Any) -> Any:
+            answer = await true_range(*question)
+            return replace(answer, locations=()) if await went_and_came_back() else answer
+
+        monkeypatch.setattr(one.store, "read", read)
+        monkeypatch.setattr(one.store, "range", in_range)
+        left = ways
+        reply = await get(one, 5)
+        left = ways
+        listed = await query(one, 0)
+        if ways == 1:
+            assert found(reply) == [True]
+            assert isinstance(listed, ReturnRange) and len(listed.locations) == 1
+        else:
+            assert reason_of(reply) is reason_of(listed) is RejectReason.NOT_READY
+
+    with_nodes(test, arc(0, 99))
 
 
 def test_a_frozen_place_takes_no_writes_and_delays_them_only_for_a_moment() -> None:
