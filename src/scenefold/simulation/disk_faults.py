@@ -20,6 +20,9 @@ from scenefold.world.sim import dice
 RECORDED_LOOK_S, RECORDED_LOOKS_MAX = 0.5, 40
 """For a node that was restarted to be granted a lease: it may be cut off, or the voter down."""
 
+HANDOVER_STEPS_MAX = 5
+"""A backup that is made at a step of a handover is made at one of so many that the node takes from then on."""
+
 
 class DiskFaults:
     """Those of a storm. `begins` is told of a fault once it takes effect; `is_over` says whether the storm is."""
@@ -31,6 +34,7 @@ class DiskFaults:
         self._is_over = is_over
         self._dice = dice(cluster.net.seed, "storm")
         self._table_rot = TableRot(cluster)
+        self._at_step: dict[int, trio.Event] = {}
 
     async def befall(self, fault: Fault) -> None:
         """Make it happen now."""
@@ -41,6 +45,16 @@ class DiskFaults:
                 await self._wipe(fault)
             case _:
                 await self._restore(fault)
+
+    def handover_moves(self, slot: int) -> None:
+        """A step of a handover has become durable there, just now."""
+        self._at_step.pop(slot, trio.Event()).set()
+
+    async def _step_of_handover(self, slot: int, count: int, end_s: float) -> None:
+        """Return at the n-th from now on, if it comes in time."""
+        with trio.move_on_at(end_s):
+            for _ in range(count):
+                await self._at_step.setdefault(slot, trio.Event()).wait()
 
     async def _corrupt(self, fault: Fault) -> None:
         """Bits of records turn over, and rarely one of what the store keeps beside them."""
@@ -69,12 +83,15 @@ class DiskFaults:
         await self._cluster.restart(node.slot, fault.end_s - fault.begin_s)
 
     async def _restore(self, fault: Fault) -> None:
-        """A backup is made, and the node works on; later its disk is the backup again.
+        """A backup is made, half of them at a step of a handover, and the node works on; later its disk is the backup again.
 
         Restored is only what the voter can tell from the node itself. A start in between makes it so at once, and every second
         node is started again right after the backup; the passing of a minute does, too.
         """
         node = self._cluster.nodes[fault.slots[0]]
+        if fault.begin_s % 0.5 < 0.25:
+            count = 1 + int(fault.begin_s * 1000) % HANDOVER_STEPS_MAX
+            await self._step_of_handover(node.slot, count, (fault.begin_s + fault.end_s) / 2)
         if node.has_left or incarnation_of(node.disk) is None:
             return
         backup, incarnation, lives = node.disk.snapshot(), incarnation_of(node.disk), lives_of(node.disk)

@@ -247,6 +247,7 @@ class Storm:
 
     def _handover_moves(self, slot: int) -> None:
         """Called in the middle of a commit that changes an open handover."""
+        self._disks.handover_moves(slot)
         before = self._handovers.get(slot, [])
         self._handovers[slot] = handovers_of(self._cluster.nodes[slot].disk)
         if self._is_over:
