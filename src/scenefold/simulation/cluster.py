@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import trio
 
@@ -26,11 +25,12 @@ from scenefold.peer import NodeContext, NodeSettings
 from scenefold.peer.balance.draining import NodeDrained
 from scenefold.peer.enrolment import IdentityRenewed
 from scenefold.simulation import laws
+from scenefold.simulation.acknowledged import see_acknowledged
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
 from scenefold.store import StoreDamaged
-from scenefold.wire import HandItem, HandRecords, Packet, PutItem, PutManyReply, PutOutcome
+from scenefold.wire import HandItem, PutItem
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.sim import Point, SimDisk, SimNet
 
@@ -257,35 +257,12 @@ class Cluster:
         node.context = context
         self._running[node.slot] = node
         self.watch.reach.comes_up(node.slot, self.net.now)
-        self._watch_acknowledgements(node, context)
 
-    # --------------------------------------------------------------------------------------------------- observers
-
-    def _watch_acknowledgements(self, node: Node, context: NodeContext) -> None:
-        """Look at each answer to a write, a client's or a stray's, at the moment at which it is made."""
-        writes: Any = context.data.writes
-        table: Any = context.handlers._table
-        put: Callable[..., Any] = writes.put
-        hand, senders = table[HandRecords]
-
-        def look(items: Sequence[PutItem | HandItem], outcomes: Sequence[PutOutcome]) -> None:
+        def acknowledged(item: PutItem | HandItem, location: Location) -> None:
             if self._running.get(node.slot) is node and node.context is context:
-                for item, outcome in zip(items, outcomes, strict=True):
-                    if outcome.reason == 0:
-                        self.watch.acknowledges(node.slot, *named(item), outcome.location)
+                self.watch.acknowledges(node.slot, *named(item), location)
 
-        async def watched_put(items: list[PutItem]) -> list[PutOutcome]:
-            outcomes: list[PutOutcome] = await put(items)
-            look(items, outcomes)
-            return outcomes
-
-        async def watched_hand(packet: HandRecords, peer: str) -> Packet:
-            reply: PutManyReply = await hand(packet, peer)
-            look(packet.items, reply.outcomes)
-            return reply
-
-        writes.put = watched_put
-        table[HandRecords] = watched_hand, senders
+        see_acknowledged(context, acknowledged)
 
 
 def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
