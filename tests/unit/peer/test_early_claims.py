@@ -1,0 +1,68 @@
+"""If this fails, a claim by a log that is not known here yet counts too early, or for ever, or an older one counts instead of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import trio
+
+from scenefold.base.location import WHOLE_LINE, Location
+from scenefold.crypto import sign_datagram
+from scenefold.wire import PingBroadcast, encode_packet
+from unit.peer.test_gossip import signed
+from unit.peer.village import node_at, village
+
+
+async def test_who_knows_more_of_the_log_is_believed_once_we_know_as_much(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3, registered=2) as them:
+        await them.start(0)
+        await them.start(1)
+        await them.of(0).gossip.somebody_heard()
+        await trio.sleep(1)
+        them.of(0).own.arc = None
+        them.of(1).own.arc, them.of(1).own.log_position = WHOLE_LINE, them.registry.position + 1
+        await trio.sleep(5)
+        assert them.of(0).roster.arcs()[node_at(1)] != WHOLE_LINE
+        them.ether.lost = lambda _source, _target: True
+        them.register(2)
+        await trio.testing.wait_all_tasks_blocked()
+        assert them.of(0).roster.arcs()[node_at(1)] == WHOLE_LINE, "what was told before the log came counts without being told again"
+
+
+async def test_a_claim_that_came_too_early_does_not_outlive_a_later_word_of_the_same_node(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(3, registered=2) as them:
+        await them.start(0)
+        await them.start(1)
+        await trio.sleep(5)
+        robbed, other = them.of(1), them.of(0)
+        true, other.own.arc = robbed.own.arc, None
+        position = them.registry.position + 1
+        early = signed(replace(robbed.own.signed(), left_fence=None, lamport=(1 << 32) + 5_000_000, log_position=position))
+        data = sign_datagram(robbed.own.key, robbed.own.me, 1, encode_packet(PingBroadcast((early,))))
+        them.ether.send(data, "127.0.0.3", "127.0.0.2")
+        await trio.sleep(60)
+        them.register(2)
+        await trio.testing.wait_all_tasks_blocked()
+        assert other.roster.arcs()[robbed.own.me] == true
+
+
+@pytest.mark.parametrize("numbers", [(10, 20), (20, 10)])
+async def test_of_claims_that_came_too_early_the_newest_counts_in_whatever_order_they_came(
+    numbers: tuple[int, int], autojump_clock: trio.testing.MockClock
+) -> None:
+    async with village(4, registered=3) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(5)
+        hearer, author = them.of(0), them.of(1)
+        hearer.own.arc = None
+        now, position = author.own.signed(), them.registry.position + 1
+        them.ether.lost = lambda _source, _target: True
+        for number in numbers:
+            bound = Location.from_number(number)
+            early = signed(replace(now, lamport=now.lamport + number, left_fence=None, right_bound=bound, log_position=position))
+            hearer.gossip._hearing.hear(PingBroadcast((early,), request_id=1), them.of(2).own.me)
+        them.register(3)
+        await trio.testing.wait_all_tasks_blocked()
+        assert hearer.roster.arcs()[author.own.me].last == Location.from_number(20)
