@@ -260,8 +260,8 @@ def test_a_lost_answer_never_becomes_a_wrong_no() -> None:
         assert await space.get(FIRST) == b"twice"
         one.lease.lost_after = 1
         await space.put(LAST, b"elsewhere")
-        with pytest.raises(Refused) as refused:
+        # Without a lease nothing is judged, and who has lost it may have stored the record before.
+        with pytest.raises(Unreachable, match="may have happened"):
             await space.put(FIRST, b"never", expect=digest)
-        assert refused.value.reason in (RejectReason.NOT_READY, RejectReason.BUSY), "without a lease nothing is judged"
 
     with_nodes(test, LEFT, RIGHT)
