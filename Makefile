@@ -5,6 +5,8 @@
 .PHONY: help install demo test lint format bench docs clean distclean
 
 BIN := .venv/bin
+# As many tests at once as there are cores, up to four; those of one file follow each other in one process.
+TOGETHER := -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 LOOK_FOR := $(if $(PYTHON),$(PYTHON),python3 python3.11 python3.12 python3.13 python3.14)
 
 # $(call ready,EXTRAS): empty when .venv holds them; otherwise make stops with the one line that says why.
@@ -33,7 +35,7 @@ demo:
 	$(call ready,)$(BIN)/scenectl demo --output demo-output
 
 test: lint
-	$(call ready,dev)$(BIN)/python -m pytest --hypothesis-profile=ci
+	$(call ready,dev)$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
 
 lint:
 	$(call ready,dev)$(BIN)/ruff check --quiet

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -10,37 +9,12 @@ from typing import Any
 
 import trio
 
+from loopback import addresses, free_ports
 from scenefold.node import NodeContext, NodeSettings, run_node
-from scenefold.world import Links, Ports, World, background_tasks, open_links, real_world
+from scenefold.world import Links, World, background_tasks, open_links, real_world
 from scenefold.world.profile import ClusterProfile
 
 PATIENCE_S = 20.0
-
-
-def addresses(count: int) -> list[str]:
-    return [f"127.0.0.{2 + index}" for index in range(count)]
-
-
-def free_ports(count: int = 5) -> Ports:
-    """Two numbers that are free for TCP and UDP at the first `count` addresses, as of now."""
-    chosen: list[int] = []
-    while len(chosen) < 2:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            number = probe.getsockname()[1]
-        if number not in chosen and all(_is_free(address, number) for address in addresses(count)):
-            chosen.append(number)
-    return Ports(*chosen)
-
-
-def _is_free(address: str, number: int) -> bool:
-    for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
-        with socket.socket(socket.AF_INET, kind) as probe:
-            try:
-                probe.bind((address, number))
-            except OSError:
-                return False
-    return True
 
 
 class Nodes:
@@ -89,7 +63,7 @@ class Nodes:
 @asynccontextmanager
 async def nodes_here(folder: Path, count: int = 3, *, start: Sequence[int] | None = None) -> AsyncIterator[Nodes]:
     """A new cluster in `folder`, of which the nodes of these numbers (all) run and have joined."""
-    profile = ClusterProfile.create(folder / "profile", "trial", addresses(count), ports=free_ports(count))
+    profile = ClusterProfile.create(folder / "profile", "trial", addresses(count), ports=free_ports(addresses(count)))
     async with background_tasks() as nursery:
         nodes = Nodes(folder, profile, nursery)
         await nodes.start(*(range(count) if start is None else start))

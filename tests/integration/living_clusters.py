@@ -10,7 +10,7 @@ from pathlib import Path
 
 import trio
 
-from integration.clusters import free_ports
+from loopback import addresses, free_ports
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location
@@ -121,7 +121,7 @@ def half_arrived(movement: Movement) -> bool:
 
 @asynccontextmanager
 async def living_cluster(folder: Path, count: int, *, spares: int = 0, options: tuple[str, ...] = ()) -> AsyncIterator[Living]:
-    ports = free_ports(count + spares)
+    ports = free_ports(addresses(count + spares))
     async with local_cluster(count, folder, spares=spares, ports=ports, options=options) as nodes, connect(nodes.profile) as cluster:
         scene = await cluster.scenes.create("kept")
         yield Living(nodes, cluster, Kept(scene.space(SPACE)))

@@ -6,11 +6,10 @@ import json
 import os
 import re
 import select
-import socket
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,28 +58,6 @@ def environment(profile: Path | str | None, **more: str) -> dict[str, str]:
     """Ours without any settings of scenefold but these."""
     env = {name: value for name, value in os.environ.items() if not name.startswith("SCENEFOLD_")}
     return env | ({} if profile is None else {"SCENEFOLD_PROFILE": str(profile)}) | more
-
-
-def free_ports(*addresses: str) -> str:
-    """Two ports that are free at all addresses, for --ports."""
-    found: list[int] = []
-    while len(found) < 2:
-        with ExitStack() as stack:
-            first = stack.enter_context(socket.socket())
-            first.bind((addresses[0], 0))
-            port = first.getsockname()[1]
-            try:
-                for address in addresses[1:]:
-                    stack.enter_context(socket.socket()).bind((address, port))
-            except OSError:
-                continue
-            found.append(port)
-    return ",".join(map(str, found))
-
-
-def addresses(count: int) -> tuple[str, ...]:
-    """Where the nodes of a local cluster listen."""
-    return tuple(f"127.0.0.{2 + index}" for index in range(count))
 
 
 def children(pid: int) -> dict[str, int]:

@@ -13,7 +13,8 @@ import pytest
 import trio
 
 from integration.clusters import world_of_user
-from integration.scenectl_process import addresses, free_ports, running, scenectl
+from integration.scenectl_process import running, scenectl
+from loopback import addresses, ports_option
 from scenefold.base.limits import FRAME_BYTES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, ListScenes, ScenesListed, decode_packet, encode_frame
@@ -28,7 +29,7 @@ HOST = addresses(1)[0]
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Of a running cluster of one node: profile/, data/ and logs/."""
     where = tmp_path_factory.mktemp("one")
-    with running("node", "local", "1", "--folder", where, "--ports", free_ports(HOST), "--json"):
+    with running("node", "local", "1", "--folder", where, "--ports", ports_option(HOST), "--json"):
         yield where
 
 
@@ -49,7 +50,7 @@ def lives(folder: Path) -> bool:
 def test_a_port_in_use(kind: socket.SocketKind, tmp_path: Path) -> None:
     (tmp_path / "room.obj").write_text(ROOM)
     (tmp_path / "tmp").mkdir()
-    ports = free_ports(*addresses(2))
+    ports = ports_option(*addresses(2))
     with socket.socket(socket.AF_INET, kind) as holder:
         holder.bind((addresses(2)[1], int(ports.split(",")[1])))
         if kind == socket.SOCK_STREAM:
@@ -77,7 +78,7 @@ def test_a_blacklist_that_is_too_long(folder: Path) -> None:
 
 
 def test_seeds_that_do_not_answer(tmp_path: Path) -> None:
-    made = scenectl("cluster", "init", tmp_path / "two", "--nodes", ",".join(addresses(2)), "--ports", free_ports(*addresses(2)))
+    made = scenectl("cluster", "init", tmp_path / "two", "--nodes", ",".join(addresses(2)), "--ports", ports_option(*addresses(2)))
     assert made.code == 0, made.err
     node = ["node", "run", "--address", HOST, "--data", tmp_path / "data", "--seeds", "127.0.0.99", "--seed-wait", "0.5"]
     done = scenectl(*node, "--log-level", "error", profile=tmp_path / "two")
@@ -86,7 +87,7 @@ def test_seeds_that_do_not_answer(tmp_path: Path) -> None:
 
 def test_a_cluster_that_is_not_running(tmp_path: Path) -> None:
     (tmp_path / "room.obj").write_text(ROOM)
-    scenectl("cluster", "init", tmp_path / "two", "--nodes", ",".join(addresses(2)), "--ports", free_ports(*addresses(2)))
+    scenectl("cluster", "init", tmp_path / "two", "--nodes", ",".join(addresses(2)), "--ports", ports_option(*addresses(2)))
     still = ["render", "still", tmp_path / "room.obj", "-o", tmp_path / "o.exr"]
     line = scenectl(*still, profile=tmp_path / "two").refusal(3)
     assert all(address in line for address in addresses(2))
@@ -108,7 +109,7 @@ def test_a_data_folder_that_is_in_use_or_a_file(folder: Path, tmp_path: Path) ->
 
 def test_a_data_folder_of_another_node(tmp_path: Path) -> None:
     for name, address in (("mine", "127.0.0.2"), ("yours", "127.0.0.3")):
-        assert scenectl("cluster", "init", tmp_path / name, "--nodes", address, "--ports", free_ports(address)).code == 0
+        assert scenectl("cluster", "init", tmp_path / name, "--nodes", address, "--ports", ports_option(address)).code == 0
     data = tmp_path / "data"
     with running("node", "run", "--address", "127.0.0.2", "--data", data, "--json", profile=tmp_path / "mine"):
         pass

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 import trio
 
-from integration.clusters import PATIENCE_S, Nodes, free_ports, links_of_user, nodes_here
+from integration.clusters import PATIENCE_S, Nodes, links_of_user, nodes_here
+from loopback import addresses, free_ports
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId, node_id_of
 from scenefold.base.location import FIRST, LAST, Location
@@ -338,7 +339,7 @@ async def test_a_restarted_node_has_its_records_and_a_new_boot(tmp_path: Path) -
 
 async def test_another_clusters_authority_counts_for_nothing(tmp_path: Path) -> None:
     async with nodes_here(tmp_path / "ours", 2) as nodes:
-        theirs = ClusterProfile.create(tmp_path / "theirs", "theirs", ["127.0.0.2", "127.0.0.3"], ports=free_ports(2))
+        theirs = ClusterProfile.create(tmp_path / "theirs", "theirs", addresses(2), ports=free_ports())
         stranger = real_world(theirs.user_identity(), nodes.profile.authority_certificate(), ports=nodes.profile.ports)
         async with open_links(stranger) as links:
             with pytest.raises(Unreachable):

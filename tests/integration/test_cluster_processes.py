@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 import trio
 
-from integration.clusters import PATIENCE_S, addresses, free_ports, links_of_user
+from integration.clusters import PATIENCE_S, links_of_user
 from integration.test_cluster_data import SCENE, proposal_of
+from loopback import addresses, free_ports
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import Location

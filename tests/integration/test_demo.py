@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from integration.scenectl_process import addresses, free_ports, scenectl
+from integration.scenectl_process import scenectl
+from loopback import addresses, ports_option
 
 KERNELS_S = 240.0
 """The first render after a change of the kernels compiles them."""
@@ -18,7 +19,7 @@ KERNELS_S = 240.0
 def test_the_demo_writes_image_and_report(tmp_path: Path) -> None:
     (tmp_path / "tmp").mkdir()
     to = tmp_path / "out" / "demo"
-    small = ["--nodes", "2", "--samples", "2", "--size", "32x18", "--ports", free_ports(*addresses(2))]
+    small = ["--nodes", "2", "--samples", "2", "--size", "32x18", "--ports", ports_option(*addresses(2))]
     done = scenectl("demo", "--output", to, *small, limit_s=KERNELS_S, TMPDIR=str(tmp_path / "tmp"))
     assert done.code == 0, done.err
     assert sorted(path.name for path in to.iterdir()) == ["image.exr", "image.png", "report.json"]

@@ -13,8 +13,8 @@ import pytest
 import trio
 from PIL import Image
 
-from integration.clusters import free_ports as free_port_pair
-from integration.scenectl_process import Done, addresses, free_ports, running, scenectl
+from integration.scenectl_process import Done, running, scenectl
+from loopback import addresses, free_ports, ports_option
 from scenefold.client import Cluster, Scene, connect
 from scenefold.node.local import local_cluster
 from scenefold.render.client import StillOptions, render_still
@@ -46,7 +46,7 @@ def image_and_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, di
     temporary = folder / "tmp"
     temporary.mkdir()
     to = folder / "Bild über all.exr"
-    done = still(sample_scene_path(), "--nodes", "2", "--ports", free_ports(*addresses(2)), "-o", to, TMPDIR=str(temporary))
+    done = still(sample_scene_path(), "--nodes", "2", "--ports", ports_option(*addresses(2)), "-o", to, TMPDIR=str(temporary))
     assert done.code == 0, done.err
     assert list(temporary.iterdir()) == [], "nodes and their folder are gone"
     return to, done.json
@@ -82,7 +82,7 @@ async def test_the_same_bits_on_any_nodes_divided_in_any_way(
 ) -> None:
     expected = image_and_report[1]["image_sha256"]
     with trio.fail_after(KERNELS_S):
-        async with local_cluster(count, tmp_path, ports=free_port_pair()) as nodes, connect(nodes.profile) as cluster:
+        async with local_cluster(count, tmp_path, ports=free_ports()) as nodes, connect(nodes.profile) as cluster:
             scene, _ = await cluster.scenes.import_file("sample", sample_scene_path())
             picture = partial(_picture, cluster, scene)
             for algorithm in ("bounded-radial", "voronoi"):
@@ -105,7 +105,7 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Two nodes that hold the scene "room"."""
     folder = tmp_path_factory.mktemp("running")
     (folder / "room.obj").write_text(ROOM)
-    with running("node", "local", "2", "--folder", folder, "--ports", free_ports(*addresses(2)), "--json") as (_, ready):
+    with running("node", "local", "2", "--folder", folder, "--ports", ports_option(*addresses(2)), "--json") as (_, ready):
         imported = scenectl("scene", "import", folder / "room.obj", profile=ready["profile"])
         assert imported.code == 0, imported.err
         yield ready["profile"]

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from integration.scenectl_process import addresses, await_ends, children, command, environment, free_ports, running, scenectl
+from integration.scenectl_process import await_ends, children, command, environment, running, scenectl
+from loopback import addresses, ports_option
 
 KERNELS_S = 240.0
 """The first render after a change of the kernels compiles them."""
@@ -62,7 +63,7 @@ def rendering(folder: Path, *arguments: str | Path, profile: str | None = None) 
 def own_nodes(folder: Path, count: int = 3) -> list[str | Path]:
     """Arguments for a render with nodes of its own."""
     (folder / "room.obj").write_text(ROOM)
-    return [folder / "room.obj", "--nodes", str(count), "--ports", free_ports(*addresses(count)), "--threads", "1"]
+    return [folder / "room.obj", "--nodes", str(count), "--ports", ports_option(*addresses(count)), "--threads", "1"]
 
 
 def left(folder: Path) -> list[str]:
@@ -101,7 +102,7 @@ def test_a_node_that_is_killed_is_named_and_ends_the_render(victim: str, tmp_pat
 def test_a_node_of_a_running_cluster_that_is_killed_is_named(tmp_path: Path) -> None:
     """No supervisor here: the nodes that are left must notice by themselves, and stay of use."""
     ours = addresses(3)
-    made = scenectl("cluster", "init", tmp_path / "studio", "--nodes", ",".join(ours), "--ports", free_ports(*ours), "--json")
+    made = scenectl("cluster", "init", tmp_path / "studio", "--nodes", ",".join(ours), "--ports", ports_option(*ours), "--json")
     profile = made.json["profile"]
     (tmp_path / "room.obj").write_text(ROOM)
 

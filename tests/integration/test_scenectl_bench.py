@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from integration.scenectl_process import free_ports, scenectl
+from integration.scenectl_process import scenectl
+from loopback import ports_option
 
 BENCH = ("bench", "render", "--scene", "cornell", "--size", "24x16", "--samples", "2", "--repetitions", "1")
 
 
 @pytest.mark.slow
 def test_clusters_are_compared_and_their_images_are_equal() -> None:
-    ports = free_ports("127.0.0.2", "127.0.0.3")
+    ports = ports_option("127.0.0.2", "127.0.0.3")
     done = scenectl(*BENCH, "--nodes", "1,2", "--ports", ports, "--json")
     assert done.code == 0, done.err
     report = done.json

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from integration.scenectl_process import free_ports, running, scenectl
+from integration.scenectl_process import running, scenectl
+from loopback import ports_option
 
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
@@ -18,7 +19,7 @@ SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
 def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Three nodes, as `node local` runs them."""
     folder = tmp_path_factory.mktemp("trial")
-    with running("node", "local", "3", "--folder", folder, "--ports", free_ports(*ADDRESSES), "--json") as (_, ready):
+    with running("node", "local", "3", "--folder", folder, "--ports", ports_option(*ADDRESSES), "--json") as (_, ready):
         assert ready["event"] == "ready"
         assert tuple(ready["nodes"]) == ADDRESSES
         yield ready["profile"]
@@ -120,7 +121,7 @@ def test_a_bad_file_makes_no_scene(profile: str, tmp_path: Path) -> None:
 
 def test_a_cluster_of_its_own_nodes_one_missing(tmp_path: Path) -> None:
     addresses = ("127.0.0.12", "127.0.0.13")
-    made = scenectl("cluster", "init", tmp_path / "studio", "--nodes", ",".join(addresses), "--ports", free_ports(*addresses), "--json")
+    made = scenectl("cluster", "init", tmp_path / "studio", "--nodes", ",".join(addresses), "--ports", ports_option(*addresses), "--json")
     assert made.code == 0, made.err
     assert made.json["name"] == "studio"
     profile = tmp_path / "studio"
@@ -150,7 +151,7 @@ def test_a_cluster_of_its_own_nodes_one_missing(tmp_path: Path) -> None:
 def test_ctrl_c_and_a_closed_terminal_leave_nothing_behind(number: signal.Signals, tmp_path: Path) -> None:
     if signal.getsignal(number) is signal.SIG_IGN:
         pytest.skip(f"{number.name} is ignored here, as under nohup, and children inherit that")
-    ports = free_ports("127.0.0.2")
+    ports = ports_option("127.0.0.2")
     with running("node", "local", "1", "--ports", ports, "--json", TMPDIR=str(tmp_path)) as (process, _):
         assert list(tmp_path.iterdir())
         process.send_signal(number)

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from integration.scenectl_process import LIMIT_S, children, free_ports, running, scenectl
+from integration.scenectl_process import LIMIT_S, children, running, scenectl
+from loopback import ports_option
 
 FOUNDERS = ("127.0.0.2", "127.0.0.3")
 SPARES = ("127.0.0.4", "127.0.0.5")
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.slow
 def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[str, int]]]:
     """Two nodes with some records: the profile, and their processes by address."""
     folder = tmp_path_factory.mktemp("trial")
-    ports = free_ports(*FOUNDERS, *SPARES)
+    ports = ports_option(*FOUNDERS, *SPARES)
     with running("node", "local", "2", "--spares", "2", "--folder", folder, "--ports", ports, "--json") as (process, ready):
         found = ready["profile"]
         assert ready["spares"] == list(SPARES)

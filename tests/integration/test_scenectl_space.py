@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from integration.scenectl_process import Done, free_ports, running, scenectl
+from integration.scenectl_process import Done, running, scenectl
+from loopback import ports_option
 
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
@@ -17,7 +18,7 @@ CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
 def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Three nodes with one scene."""
     folder = tmp_path_factory.mktemp("trial")
-    with running("node", "local", "3", "--folder", folder, "--ports", free_ports(*ADDRESSES), "--json") as (_, ready):
+    with running("node", "local", "3", "--folder", folder, "--ports", ports_option(*ADDRESSES), "--json") as (_, ready):
         done = scenectl("scene", "create", "kitchen", profile=ready["profile"])
         assert done.code == 0, done.err
         yield ready["profile"]

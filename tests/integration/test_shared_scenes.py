@@ -16,7 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from integration.scenectl_process import addresses, environment, free_ports, running, scenectl
+from integration.scenectl_process import environment, running, scenectl
+from loopback import addresses, ports_option
 from scenefold.scene.importers import READERS
 
 SCENES = Path(__file__).parents[2].parent / "shared" / "scenes"
@@ -88,7 +89,7 @@ def test_every_malformed_file_is_read_or_refused_in_time_and_memory() -> None:
 @pytest.fixture(scope="module")
 def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("store")
-    with running("node", "local", "2", "--folder", folder, "--ports", free_ports(*addresses(2)), "--json") as (_, ready):
+    with running("node", "local", "2", "--folder", folder, "--ports", ports_option(*addresses(2)), "--json") as (_, ready):
         yield ready["profile"]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import resource
 import secrets
-import socket
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -14,11 +13,12 @@ from typing import Protocol
 import trio
 import trio.testing
 
+from loopback import free_ports
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import Authority, Identity
 from scenefold.store import LmdbDisk
 from scenefold.store.lmdb_disk import DATA_NAME
-from scenefold.world import Ports, World, real_world
+from scenefold.world import World, real_world
 from scenefold.world.sim import SimNet
 from scenefold.world.versions import TAKEN, Versions
 
@@ -64,7 +64,7 @@ class RealWorlds:
     def __init__(self) -> None:
         # 127.0.0.0/8 is all loopback: a random part of it meets no other test and no demo.
         self._network = f"127.{secrets.randbelow(100) + 100}.{secrets.randbelow(256)}"
-        self.ports = Ports(*free_ports(self.address(0)))
+        self.ports = free_ports([self.address(0)])
         self.authority = Authority.create("test")
         self._other_authority = Authority.create("other")
 
@@ -163,11 +163,3 @@ class SimWorlds:
             yield
         finally:
             disk.fails = False
-
-
-def free_ports(address: str) -> tuple[int, int]:
-    """Two port numbers that nobody uses at an address."""
-    with socket.socket() as one, socket.socket() as other:
-        one.bind((address, 0))
-        other.bind((address, 0))
-        return one.getsockname()[1], other.getsockname()[1]
