@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from integration.test_client_on_moving_bounds import client
+from simulation.test_client_on_moving_bounds import client
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.positions import found_in_box
