@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import pytest
 
-from simulation.test_client_on_moving_bounds import client
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.positions import found_in_box
@@ -15,6 +14,7 @@ from scenefold.client.runs import STEPS_MAX, Run, stepped
 from scenefold.client.space import Space
 from scenefold.scene.log import LoggedSpace
 from scenefold.scene.log.affine import Affine
+from simulation.test_client_on_moving_bounds import client
 from unit.peer.data_nodes import LEFT, RIGHT, Neighbours, with_nodes
 from unit.peer.scenes_made import SPACE
 
