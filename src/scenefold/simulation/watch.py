@@ -211,8 +211,11 @@ class Watch:
         self.violated(laws.ONE_OWNER, f"n{gain.holder.slot} claims from {gain.arc.first.hex()[:8]}… on what {word}", slots=slots)
 
     def _check_released(self, holder: Holder, piece: Piece) -> None:
-        """The receiver must hold every record of a piece before its owner durably lets go of it."""
-        if piece.towards is None or piece.towards.slot not in self._disks:
+        """The receiver must hold every record of a piece before its owner durably lets go of it.
+
+        A receiver whose disk was replaced after it had kept them claims nothing any more: the owner takes the piece back.
+        """
+        if piece.towards is None or piece.towards.slot not in self._disks or piece.towards in self._replaced:
             return
         disks = {slot: self.records(slot, piece.arc) for slot in (holder.slot, piece.towards.slot)}
         self._blame(laws.CARRIED, f"n{holder.slot} lets go of", disks, piece.towards.slot, holder.slot)
