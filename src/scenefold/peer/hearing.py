@@ -74,16 +74,18 @@ class Hearing:
                 self._roster.note_position(sender, status.log_position)
             if status.node == self._own.me:
                 self._hear_of_myself(status, sender)
-            if not self._roster.rises(status):
-                continue
-            if self._take(status, sender, problem_of(status, self._key_of(status.node))):
+            if self._judge(status, sender):
                 heard.append(status.node)
         if packet.request_id == 0 and heard:
             # Answers to RequestState are no throw of the dice, so they say nothing about who stayed silent.
             self._roster.count_broadcast(heard)
 
+    def _judge(self, status: Status, sender: NodeId) -> bool:
+        """Verify and take a status, if it would change anything; True if it is a sign of life."""
+        return self._roster.rises(status) and self._take(status, sender, problem_of(status, self._key_of(status.node)))
+
     def _take(self, status: Status, sender: NodeId, problem: str) -> bool:
-        """Take a status, unless there is a problem with it; True if it is a sign of life."""
+        """Take a status that would change something, unless there is a problem with it; True if it is a sign of life."""
         now, node = self._world.clock.now(), status.node
         if problem:
             self.drop(address_of(sender), "status", f"a status of {address_of(node)} is dropped: {problem}")
@@ -123,16 +125,19 @@ class Hearing:
         self._early = {node: heard for node, heard in self._early.items() if is_early(heard[0], self._roster.position)}
         for status, sender in due:
             # Its key may have been revoked, or its incarnation removed, since it was verified.
-            if self._roster.rises(status):
-                self._take(status, sender, problem_of(status, self._key_of(status.node)))
+            self._judge(status, sender)
 
     async def take_table(self, statuses: Sequence[Status], source: NodeId) -> int:
         """Take a whole table that a member has sent; the number of signs of life in it."""
         # Lamport time 0 stands for a member that was never heard there: nobody has signed that.
-        news = [status for status in statuses if status.lamport and self._roster.rises(status)]
-        problems = await self._world.workers.run("crypto", problems_of, [(status, self._key_of(status.node)) for status in news])
-        taken = [self._take(status, source, problem) for status, problem in zip(news, problems, strict=True)]
-        return sum(taken)
+        news = [(status, self._key_of(status.node)) for status in statuses if status.lamport and self._roster.rises(status)]
+        problems = await self._world.workers.run("crypto", problems_of, news)
+        taken = 0
+        for (status, key), problem in zip(news, problems, strict=True):
+            # Meanwhile a newer one may have come, or the log may have removed the node or revoked its key.
+            if self._roster.rises(status) and key == self._key_of(status.node):
+                taken += self._take(status, source, problem)
+        return taken
 
     def drop(self, source: str, kind: str, text: str, quiet: QuietLog | None = None) -> None:
         """Count what is not believed, and say so now and then."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import trio
 
 from scenefold.base.location import WHOLE_LINE, Location
 from scenefold.crypto import sign_datagram
-from scenefold.wire import PingBroadcast, encode_packet
+from scenefold.wire import Member, PingBroadcast, RemoveNode, encode_packet
 from unit.peer.test_gossip import signed
-from unit.peer.village import node_at, village
+from unit.peer.village import incarnation_of, node_at, village
 
 
 async def test_who_knows_more_of_the_log_is_believed_once_we_know_as_much(autojump_clock: trio.testing.MockClock) -> None:
@@ -66,3 +67,26 @@ async def test_of_claims_that_came_too_early_the_newest_counts_in_whatever_order
         them.register(3)
         await trio.testing.wait_all_tasks_blocked()
         assert hearer.roster.arcs()[author.own.me].last == Location.from_number(20)
+
+
+@pytest.mark.parametrize("early", [0, 50])
+async def test_who_is_removed_while_a_table_is_verified_is_nobody_in_it(
+    early: int, autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with village(4) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(5)
+        hearer, position = them.of(0), them.registry.position
+        status = signed(replace(them.of(3).own.signed(), log_position=position + early))
+        workers = hearer.gossip._hearing._world.workers
+        verify = workers.run
+
+        async def slowly(*args: Any) -> Any:
+            them.commit(RemoveNode(Member(node_at(3), incarnation_of(3)), "a test"))
+            await trio.testing.wait_all_tasks_blocked()
+            return await verify(*args)
+
+        monkeypatch.setattr(workers, "run", slowly)
+        assert await hearer.gossip.take_table([status], node_at(1)) == 0
+        assert node_at(3) not in hearer.roster.arcs()
