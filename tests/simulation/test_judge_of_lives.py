@@ -11,7 +11,7 @@ import trio
 from scenefold.base.errors import DamagedData, LocalFault, Unreachable
 from scenefold.peer.balance.draining import DRAINED, NodeDrained
 from scenefold.peer.enrolment import IdentityRenewed
-from scenefold.peer.registry import NO_INCARNATION, Removal
+from scenefold.peer.registered import NO_INCARNATION, Removal
 from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.removals import _removed

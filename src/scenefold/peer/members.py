@@ -11,7 +11,8 @@ from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.location import FIRST, Location
 from scenefold.crypto import PublicKey
 from scenefold.peer.handlers import Handlers, node_of
-from scenefold.peer.registry import NO_INCARNATION, Registry
+from scenefold.peer.registered import NO_INCARNATION
+from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.scenes import Scenes
 from scenefold.peer.status import OwnStatus

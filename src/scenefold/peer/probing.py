@@ -21,7 +21,8 @@ from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.peers import Peers
-from scenefold.peer.registry import NO_INCARNATION, Registry
+from scenefold.peer.registered import NO_INCARNATION
+from scenefold.peer.registry import Registry
 from scenefold.peer.removal import Evidence, removal_veto, silence_needed_s
 from scenefold.peer.roster import Roster
 from scenefold.peer.settings import NodeSettings

@@ -11,7 +11,6 @@ Everything here is a value; `extended` answers a new one, and copies once for ho
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 
 from scenefold.base.errors import DamagedData, Refused
@@ -20,44 +19,8 @@ from scenefold.base.limits import NODES_MAX
 from scenefold.base.location import Arc, arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey
+from scenefold.peer.registered import NO_INCARNATION, Registered, Removal, Seat
 from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode, Trust
-
-NO_INCARNATION = bytes(16)
-"""Stands for the incarnation of a founder that never registered."""
-
-
-@dataclass(frozen=True, slots=True)
-class Registered:
-    """A node that is a member. `position`: of the entry that made it one. `founding`: it took its founding seat."""
-
-    node: NodeId
-    incarnation: bytes
-    key: PublicKey
-    address: str
-    position: int
-    founding: bool
-
-    @property
-    def member(self) -> Member:
-        return Member(self.node, self.incarnation)
-
-
-@dataclass(frozen=True, slots=True)
-class Removal:
-    """Who was removed, at which position, and why."""
-
-    member: Member
-    reason: str
-    position: int
-
-
-@dataclass(frozen=True, slots=True)
-class Seat:
-    """A founder's place on the line, with the key that may take it."""
-
-    node: NodeId
-    key: PublicKey
-    address: str
 
 
 class Registry:

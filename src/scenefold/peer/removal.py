@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenefold.peer.registry import NO_INCARNATION
+from scenefold.peer.registered import NO_INCARNATION
 from scenefold.wire import Member
 
 UNREGISTERED_FACTOR = 5

@@ -14,7 +14,7 @@ import trio
 from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.log_pull import LogPuller
-from scenefold.peer.registry import NO_INCARNATION
+from scenefold.peer.registered import NO_INCARNATION
 from scenefold.peer.timing import RENEW_S, SYNC_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import Member, RemoveNode
 from scenefold.world.sim import Delay, Point, Weather, run_simulated

@@ -16,7 +16,7 @@ from scenefold.peer.lives import Lives
 from scenefold.peer.log_packets import answer_of
 from scenefold.peer.log_rules import lease_message
 from scenefold.peer.log_voter import Voter
-from scenefold.peer.registry import NO_INCARNATION
+from scenefold.peer.registered import NO_INCARNATION
 from scenefold.wire import Member, RemoveNode, RequestSceneLog, SceneLogAnswer, SceneLogPublic, SignedRecord, Want, pack_log
 from unit.peer.log_cluster import LogCluster, LogNode
 from unit.peer.logs_made import LOG_KEY, key_of, node, record, signed

@@ -13,7 +13,8 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.registry import NO_INCARNATION, Registry
+from scenefold.peer.registered import NO_INCARNATION
+from scenefold.peer.registry import Registry
 from scenefold.wire import LogEntry, Member, RemoveNode, RevokeNode, SceneMode, SetMode, Trust
 from unit.peer.logs_made import add, folded, found, incarnation, key_of, member, node, record, remove
 

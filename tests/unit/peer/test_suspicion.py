@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from scenefold.base.ids import NodeId, node_id_of
-from scenefold.peer.registry import NO_INCARNATION
+from scenefold.peer.registered import NO_INCARNATION
 from scenefold.peer.removal import UNREGISTERED_FACTOR, Evidence, removal_veto, silence_needed_s
 from scenefold.peer.suspicion import (
     AGAIN_S,
