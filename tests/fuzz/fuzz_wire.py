@@ -28,7 +28,7 @@ from scenefold.wire import encode_packet, frame, pack_value
 from scenefold.wire.log_entries import LOG_ENTRY
 from scenefold.wire.log_records import SignedRecord, pack_log
 from scenefold.wire.pieces import pack_piece
-from scenefold.wire.scene_log_packets import SCENE_LOG_PUBLIC
+from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC
 from scenefold.wire.status_packets import STATUS
 from scenefold.wire.table import ROWS
 from unit.wire.vectors import example, example_packet, example_record

@@ -115,12 +115,11 @@ if TYPE_CHECKING:
         PassSums,
         StartJob,
     )
+    from scenefold.wire.scene_headers import NO_GENESIS, KeyEntry, SceneLogPublic, SceneMode, SpaceEntry, WriterEntry
     from scenefold.wire.scene_log_packets import (
-        NO_GENESIS,
         AcceptSceneProposal,
         Ballot,
         Highest,
-        KeyEntry,
         Member,
         Phase,
         ProposalId,
@@ -129,11 +128,7 @@ if TYPE_CHECKING:
         RequestSceneLog,
         RespondSceneLog,
         SceneLogAnswer,
-        SceneLogPublic,
-        SceneMode,
-        SpaceEntry,
         Want,
-        WriterEntry,
     )
     from scenefold.wire.status_packets import (
         UNSIGNED,
@@ -160,7 +155,8 @@ _HOMES = {
     "own_packets": "Fault ListScenes RequestTable RespondTable ScenesListed",
     "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "render_packets": "CancelJob CollectPass FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
-    "scene_log_packets": "AcceptSceneProposal Ballot Highest KeyEntry Member NO_GENESIS Phase ProposalId ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer SceneLogPublic SceneMode SpaceEntry Want WriterEntry",
+    "scene_headers": "KeyEntry NO_GENESIS SceneLogPublic SceneMode SpaceEntry WriterEntry",
+    "scene_log_packets": "AcceptSceneProposal Ballot Highest Member Phase ProposalId ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
     "table": "RESERVED ROWS",
 }

@@ -35,7 +35,7 @@ from scenefold.wire.common import (
 from scenefold.wire.containers import Many, Struct, many_locations, many_of_size
 from scenefold.wire.kinds import Bin, Maybe
 from scenefold.wire.laws import All, Order, Pairs
-from scenefold.wire.scene_log_packets import SCENE_LOG_PUBLIC, SceneLogPublic
+from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
 
 NO_NODE = NodeId(0)
 EXPECT_ABSENT = b""

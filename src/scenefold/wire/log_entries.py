@@ -14,7 +14,8 @@ from scenefold.base.limits import NODES_MAX, PARTICIPANTS_MAX, SPACE_DIMENSIONS_
 from scenefold.wire.common import BOOL, F64, LOCATION, MESSAGE, SPACE, SPACE_OR_NONE, U8, U32, KeyId, Location, NodeId, SpaceId
 from scenefold.wire.containers import Many, Struct, Tagged
 from scenefold.wire.kinds import Bin, Choice, Float, Text, Uint
-from scenefold.wire.scene_log_packets import MEMBER, Member, SceneMode
+from scenefold.wire.scene_headers import SceneMode
+from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import ADDRESS_BYTES_MAX
 
 

@@ -9,7 +9,7 @@ from scenefold.base.limits import NODES_MAX, SCENES_LISTED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import MESSAGE, REASON, Carrier, Packet, row
 from scenefold.wire.containers import Many
-from scenefold.wire.scene_log_packets import SCENE_LOG_PUBLIC, SceneLogPublic
+from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
 from scenefold.wire.status_packets import STATUS, Status
 
 

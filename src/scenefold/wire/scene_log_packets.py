@@ -1,54 +1,38 @@
 """Packets 5 to 9: scene logs and proposals (design of the consensus §3, thesis C.3).
 
-The public header of a scene is complete here; the private part of the log is sealed for the participants
-elsewhere and travels as opaque bytes, as do proposed records.
+The private part of a log is sealed for the participants elsewhere and travels as opaque bytes, as do proposed records.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
 
-from scenefold.base.limits import PARTICIPANTS_MAX, SPACES_PER_SCENE_MAX, WRITERS_PER_SCENE_MAX
+from scenefold.base.limits import PARTICIPANTS_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import (
     BOOL,
     DIGEST,
     INCARNATION,
-    LOCATION,
     LOG,
     REASON,
     SCENE,
-    SIGNATURE,
-    SPACE,
-    SPACE_OR_NONE,
-    U8,
     U32,
     U64,
     Carrier,
-    KeyId,
-    Location,
     NodeId,
     Packet,
     SceneId,
-    SpaceId,
     row,
 )
 from scenefold.wire.containers import Many, Struct
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
-from scenefold.wire.pieces import pack_piece, unpack_piece
-from scenefold.wire.status_packets import UNSIGNED
+from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
 
-NO_GENESIS = bytes(32)
 MAC = Bin(lengths=(0, 32))
 GENESIS_OR_ANY = Bin(lengths=(0, 32))
 PROOF = Bin(lengths=(0, 32, 64, 384))
-
-
-class SceneMode(IntEnum):
-    EDIT = 0
-    RENDER = 1
 
 
 class Phase(IntEnum):
@@ -93,113 +77,11 @@ class Highest:
     record: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class SpaceEntry:
-    """What nodes without the key must know of a space. `parent` 0: no shadow."""
-
-    space: SpaceId
-    parent: SpaceId
-    offset: Location
-    copies: int
-    copies_min: int
-    render_output: bool
-    node_managed: bool
-
-
-@dataclass(frozen=True, slots=True)
-class WriterEntry:
-    """A writer's key and the log positions that it may sign under; `until` 2^64 - 1: not ended."""
-
-    key: KeyId
-    from_position: int
-    until_position: int
-
-
-@dataclass(frozen=True, slots=True)
-class KeyEntry:
-    """A public key in full: suite 1 is Ed25519."""
-
-    suite: int
-    raw: bytes
-
-
 BALLOT = Struct(Ballot, ("counter", U32), ("node", U32))
 PROPOSAL_ID = Struct(ProposalId, ("position", U64), ("ballot", BALLOT), ("phase", Choice(Phase)))
 MEMBER = Struct(Member, ("node", U32), ("incarnation", INCARNATION))
 MEMBERS = Many(MEMBER, PARTICIPANTS_MAX)
 HIGHEST = Struct(Highest, ("ballot", BALLOT), ("record", LOG))
-SPACE_ENTRY = Struct(
-    SpaceEntry,
-    ("space", SPACE),
-    ("parent", SPACE_OR_NONE),
-    ("offset", LOCATION),
-    ("copies", U8),
-    ("copies_min", U8),
-    ("render_output", BOOL),
-    ("node_managed", BOOL),
-)
-WRITER_ENTRY = Struct(WriterEntry, ("key", U32), ("from_position", U64), ("until_position", U64))
-KEY_ENTRY = Struct(KeyEntry, ("suite", U8), ("raw", Bin(lengths=(32, 384))))
-
-
-@dataclass(frozen=True, slots=True)
-class SceneLogPublic:
-    """The public header of a scene: all that nodes without its key need, signed by its participants.
-
-    `keys` holds in full every key that is named by an id, so that whoever has the header can verify the
-    header and every record without asking further.
-    """
-
-    scene: SceneId
-    genesis: bytes
-    origin: NodeId
-    position: int
-    write_floor: int
-    mode: SceneMode
-    spaces: tuple[SpaceEntry, ...]
-    writers: tuple[WriterEntry, ...]
-    public_key: KeyId
-    private_key: KeyId
-    keys: tuple[KeyEntry, ...]
-    signature: bytes = UNSIGNED
-
-    def signable(self) -> bytes:
-        """The bytes that `signature` signs, under the domain scenefold/header."""
-        return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED))
-
-    def with_genesis(self) -> SceneLogPublic:
-        """This header as the first of its scene: genesis and scene id are its own hash."""
-        import hashlib
-
-        unborn = replace(self, scene=SceneId(1), genesis=NO_GENESIS, signature=UNSIGNED)
-        genesis = hashlib.sha256(pack_piece(SCENE_LOG_PUBLIC, unborn)).digest()
-        return replace(self, scene=SceneId(int.from_bytes(genesis[:4], "big")), genesis=genesis)
-
-    def encode(self) -> bytes:
-        """The header with its signature, as it is stored; LocalFault if a field is out of bounds."""
-        return pack_piece(SCENE_LOG_PUBLIC, self)
-
-    @classmethod
-    def decode(cls, data: bytes) -> SceneLogPublic:
-        """The header that `data` is, wholly; MalformedPacket otherwise."""
-        return unpack_piece(SCENE_LOG_PUBLIC, data)
-
-
-SCENE_LOG_PUBLIC = Struct(
-    SceneLogPublic,
-    ("scene", SCENE),
-    ("genesis", DIGEST),
-    ("origin", U32),
-    ("position", U64),
-    ("write_floor", U64),
-    ("mode", Choice(SceneMode)),
-    ("spaces", Many(SPACE_ENTRY, SPACES_PER_SCENE_MAX)),
-    ("writers", Many(WRITER_ENTRY, WRITERS_PER_SCENE_MAX)),
-    ("public_key", U32),
-    ("private_key", U32),
-    ("keys", Many(KEY_ENTRY, WRITERS_PER_SCENE_MAX)),
-    ("signature", SIGNATURE),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,9 +234,5 @@ STRUCTS = (
     PROPOSAL_ID,
     MEMBER,
     HIGHEST,
-    SPACE_ENTRY,
-    WRITER_ENTRY,
-    KEY_ENTRY,
-    SCENE_LOG_PUBLIC,
     SCENE_LOG_ANSWER,
 )

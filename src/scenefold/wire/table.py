@@ -14,6 +14,7 @@ from scenefold.wire import (
     own_packets,
     pool_packets,
     render_packets,
+    scene_headers,
     scene_log_packets,
     status_packets,
 )
@@ -56,6 +57,7 @@ RESERVED: dict[int, str] = {
 STRUCTS = (
     MINI_STATUS,
     *status_packets.STRUCTS,
+    *scene_headers.STRUCTS,
     *scene_log_packets.STRUCTS,
     *data_packets.STRUCTS,
     *handover_packets.STRUCTS,
