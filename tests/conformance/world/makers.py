@@ -26,6 +26,8 @@ DESCRIPTORS = Path("/proc/self/fd")
 """The open files of this process, where the system shows them."""
 LOCK_BYTES = 64
 """What a lock file needs, on a disk on which no store fits."""
+INSIDE_BYTES = 1 << 20
+"""What a file can take that grows no more."""
 
 
 class Worlds(Protocol):
@@ -149,7 +151,8 @@ class SimWorlds:
     @contextmanager
     def full(self, number: int, folder: Path) -> Iterator[None]:
         disk = self.net.machine(self.address(number)).disk
-        disk.fill(0)
+        # A file that is there has some room inside, as LMDB's has; one that is not cannot begin.
+        disk.fill(INSIDE_BYTES if disk.peek("rows") else 0)
         try:
             yield
         finally:

@@ -5,6 +5,9 @@ before that instant and a part after it (workers.py): a crash in the first part 
 one loses only its acknowledgement. A torn last write is a crash in the first part: of a commit whose meta page is torn
 the other meta page is left, which is the state before.
 
+A disk without a free byte takes no update at all, as under LMDB: what changes is copied to pages that must be found first, also
+where something is only deleted.
+
 A disk that lies about its syncs (`lies`) loses its last commit in a torn crash, although it was acknowledged.
 """
 
@@ -181,6 +184,11 @@ class SimDisk:
             return self._free_bytes
         return max(0, self._total_bytes - sum(folder.file_bytes for folder in self._folders.values()))
 
+    def require_a_page(self) -> None:
+        """DiskFull if nothing whatever can be written."""
+        if self.free_bytes == 0:
+            raise DiskFull("no room on the simulated disk, not for one page")
+
     def lengthen(self, folder: Folder, file_bytes: int) -> None:
         """Make a file as long as its contents need; DiskFull if there is no room."""
         growth = file_bytes - folder.file_bytes
@@ -243,6 +251,8 @@ class SimEnvironment:
 
     def _commit(self, changes: dict[str, dict[bytes, bytes | None]]) -> None:
         folder, undo = self._folder, []
+        if any(changes.values()):
+            self._disk.require_a_page()
         for name, entries in changes.items():
             if entries:
                 table = folder.writable(name)

@@ -78,6 +78,24 @@ def test_a_full_disk_takes_nothing_of_a_change_and_reuses_what_was_freed() -> No
     put(environment, b"4", bytes(10_000))
 
 
+def test_a_disk_without_a_free_byte_takes_no_change_though_it_only_deletes() -> None:
+    disk = SimDisk()
+    environment = opened(disk)
+    put(environment, b"1", bytes(1000))
+    put(environment, b"2", bytes(1000))
+    environment.update(lambda view: view.delete("rows", b"2"))
+    disk.fill(0)
+    with pytest.raises(DiskFull):
+        environment.update(lambda view: view.delete("rows", b"1"))
+    with pytest.raises(DiskFull):
+        put(environment, b"1", b"x")
+    assert rows(environment) == {b"1": bytes(1000)}
+    environment.update(lambda view: view.get("rows", b"1"))
+    disk.fill(1)
+    environment.update(lambda view: view.delete("rows", b"1"))
+    assert rows(environment) == {}
+
+
 def test_a_damaged_value_differs_in_one_bit() -> None:
     disk = SimDisk()
     environment = opened(disk)
