@@ -2,12 +2,15 @@
 
 A stray is deleted here only after the owner of its place has answered for it, as that version or a newer one. Whoever
 owns a place takes it like a put: under its lease, in its arc, behind the gate that handovers freeze.
+
+What cannot be written on a full disk (to delete is to write) is left for a later look, and holds up nothing else.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import trio
 
@@ -98,7 +101,7 @@ class Strays:
                         silent.add(owner)
                     _log.debug("strays stay here for now, %s does not take them: %s", address_of(owner), problem)
             if cursor is None:
-                # What has rotten here nobody can take; it stays for people to look at, and holds nobody up.
+                # What has rotten here nobody can take: it is deleted, now or once there is room, and holds nobody up.
                 self.left = seen - moved - self._damaged
                 return moved
 
@@ -107,7 +110,8 @@ class Strays:
         async with self._parts.keeper.unchanging() as holding:
             kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
             if holding.arc is not None and not holding.handovers and await self._parts.store.parted(holding.arc):
-                await self._parts.store.slide([holding.arc])
+                with self._as_far_as_there_is_room():
+                    await self._parts.store.slide([holding.arc])
             return await self._parts.store.misplaced(kept, BATCH_RECORDS)
 
     def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
@@ -125,7 +129,9 @@ class Strays:
     async def _bring_home(self, owner: NodeId, entries: Sequence[Entry]) -> int:
         parts = self._parts
         found = await parts.store.read([entry.spot for entry in entries])
-        await self._discard([entry.spot for entry, record in zip(entries, found, strict=True) if isinstance(record, DamagedData)])
+        rotten = [entry.spot for entry, record in zip(entries, found, strict=True) if isinstance(record, DamagedData)]
+        self._damaged += len(rotten)
+        await self._discard(rotten)
         whole = [(entry, record) for entry, record in zip(entries, found, strict=True) if isinstance(record, Record)]
         whole = [(entry, record) for entry, record in whole if record.header.digest == entry.digest]
         if not whole:
@@ -148,8 +154,20 @@ class Strays:
             return
         async with self._parts.keeper.unchanging() as holding:
             kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
-            gone = await self._parts.store.discard([spot for spot in spots if not any(spot.place.location in piece for piece in kept)])
-        self._parts.events["damaged strays discarded"] += gone
+            with self._as_far_as_there_is_room():
+                gone = await self._parts.store.discard([spot for spot in spots if not any(spot.place.location in piece for piece in kept)])
+                self._parts.events["damaged strays discarded"] += gone
+
+    @contextmanager
+    def _as_far_as_there_is_room(self) -> Iterator[None]:
+        """A full disk is met by every look anew, until there is room."""
+        try:
+            yield
+        except Refused as refusal:
+            if refusal.reason is not RejectReason.STORAGE_FULL:
+                raise
+            self._parts.events["strays stay: disk full"] += 1
+            _log.debug("strays stay here for now: %s", refusal)
 
     # -------------------------------------------------------------------------------------------------- handler
 

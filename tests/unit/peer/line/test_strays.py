@@ -1,14 +1,39 @@
-"""If one fails, strays of a node that is away keep those of all others from coming home."""
+"""If one fails, one stray keeps all others from coming home, or ends the node that it lies at."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import pytest
 import trio
 
+from scenefold.base.location import Location
 from scenefold.peer.line import strays
 from scenefold.store import Put
+from scenefold.store.changes import storage_full
+from scenefold.store.layout import RECORDS, location_of
 from scenefold.world.sim import run_simulated
-from unit.peer.line.street import Street, places, record_at
+from unit.peer.line.street import House, Street, places, record_at
+
+IN_HEADER, IN_BODY = 10, 250
+"""A byte of each part of a stored record."""
+
+
+async def begun(street: Street, nursery: trio.Nursery) -> list[House]:
+    """The houses, once each has its arc."""
+    await street.begin(nursery)
+    while any(house.durable() is None for house in street.houses):  # noqa: ASYNC110 - a founding tells nobody
+        await trio.sleep(0.1)
+    return street.houses
+
+
+def rot(house: House, locations: Iterable[Location], byte: int) -> None:
+    for folder in house.street.net.machine(house.address).disk._folders.values():
+        values = folder.tables[RECORDS].values
+        for key in [key for key in values if location_of(key) in set(locations)]:
+            damaged = bytearray(values[key])
+            damaged[byte] ^= 1
+            folder.rot(RECORDS, key, bytes(damaged))
 
 
 def test_an_owner_that_is_silent_holds_up_its_own_strays_only(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,6 +55,55 @@ def test_an_owner_that_is_silent_holds_up_its_own_strays_only(monkeypatch: pytes
             street.net.mend(holder.address, silent.address)
             await street.until_whole()
             assert silent.stored() == set(theirs)
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+@pytest.mark.expect_log("the disk is full|damaged|changed|rotten")
+@pytest.mark.parametrize("byte", [IN_HEADER, IN_BODY], ids=["in the header", "in the body"])
+def test_a_rotten_stray_on_a_full_disk_ends_nothing_and_holds_nobody_up(byte: int) -> None:
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            holder, other = await begun(street, nursery)
+            rotten, *sound = places(other.durable().arc, 4)
+            await holder.store.merge([Put(record_at(place)) for place in (rotten, *sound)])
+            rot(holder, [rotten], byte)
+            disk = street.net.machine(holder.address).disk
+            disk.fill(0)
+            await trio.sleep(100.0)
+            assert holder.lives == 1, "it still runs"
+            assert other.stored() == set(sound)
+            assert holder.stored() == {rotten, *sound}, "nothing can be deleted"
+            assert holder.line.events["strays stay: disk full"] > 1
+            disk.fill(None)
+            await trio.sleep(100.0)
+            assert holder.stored() == set()
+            assert holder.line.events["damaged strays discarded"] == 1
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+def test_objects_that_cannot_slide_on_a_full_disk_hold_up_no_strays() -> None:
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            holder, other = await begun(street, nursery)
+
+            async def parted(_piece: object) -> int:
+                return 1
+
+            async def slide(_parts: object) -> int:
+                raise storage_full()
+
+            holder.store.parted, holder.store.slide = parted, slide
+            theirs = places(other.durable().arc, 4)
+            await holder.store.merge([Put(record_at(place)) for place in theirs])
+            await trio.sleep(100.0)
+            assert other.stored() == set(theirs)
+            assert holder.stored() == set()
             nursery.cancel_scope.cancel()
 
     run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
