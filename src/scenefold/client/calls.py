@@ -27,7 +27,7 @@ from scenefold.base.location import FIRST, Location, arcs_between, even_right_bo
 from scenefold.client.hedging import first_answer
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.wire import Fault, Packet, RequestTable, RespondTable, Status
+from scenefold.wire import Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
 
 LEARN_NODES_MAX = 3
@@ -96,16 +96,17 @@ class Calls:
         priority: Priority = Priority.LOW,
         timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
-        """One request, one try. Unreachable if there is no reply; a Fault becomes Refused, another type PeerFault."""
+        """One request, one try. Unreachable if there is no reply, Refused if it is a Fault, PeerFault if it is no such answer."""
         try:
             reply = await self._links.request(address, priority, packet, timeout_s)
         except Unreachable:
             self._silent[address] = None
             raise
+        except (Refused, PeerFault):
+            self._silent.pop(address, None)
+            raise
         self._silent.pop(address, None)
         self._notice(reply)
-        if isinstance(reply, Fault):
-            raise Refused(reply.reason, f"the node refused {type(packet).__name__}: {reply.text}", where=address)
         if not isinstance(reply, answer):
             raise PeerFault(f"{type(reply).__name__} is no answer to {type(packet).__name__}", where=address)
         return reply

@@ -14,7 +14,7 @@ from typing import Any
 
 import trio
 
-from scenefold.base.errors import Unreachable
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
@@ -92,7 +92,7 @@ def make_world() -> World:
 
 @dataclass
 class FakeNodes:
-    """All nodes of a cluster; also the `Links` to them."""
+    """All nodes of a cluster; also the `Links` to them, which raise what a Fault says, as real ones do."""
 
     addresses: tuple[str, ...] = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
     records: dict[tuple[int, Location], PutItem] = field(default_factory=dict)
@@ -154,7 +154,7 @@ class FakeNodes:
             raise Unreachable("nobody there", where=address)
         if self.busy[address]:
             self.busy[address] -= 1
-            return Fault(RejectReason.BUSY, "later")
+            raise Refused(RejectReason.BUSY, "later", where=address)
         reply = self._answer(address, packet)
         if self.lost_replies:
             self.lost_replies -= 1
@@ -162,7 +162,10 @@ class FakeNodes:
                 self.ill_timed, happens = None, self.ill_timed
                 happens()
             raise Unreachable("the connection broke", where=address)
-        return decode_packet(encode_packet(reply))
+        reply = decode_packet(encode_packet(reply))
+        if isinstance(reply, Fault):
+            raise Refused(reply.reason, reply.text, where=address)
+        return reply
 
     def _answer(self, address: str, packet: Packet) -> Packet:
         match packet:

@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LAST, WHOLE_LINE, Arc
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import Fault, GetMany, Packet, PutMany, PutManyReply, PutOutcome, QueryRange, RespondTable
+from scenefold.wire import Fault, GetMany, Packet, PutMany, PutManyReply, PutOutcome, QueryRange, RequestTable, RespondTable
 from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
@@ -147,3 +147,24 @@ async def test_places_that_one_alone_claims_have_their_time_beside_one_that_two_
     await space.get_many(theirs)
     assert (CLIENT_REQUEST_S, theirs[:-1]) in limits
     assert all(locations == theirs[-1:] for timeout, locations in limits if timeout == CLIENT_STATUS_S)
+
+
+async def test_who_refuses_is_not_silent_any_more(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    nodes.claims[LAST_NODE] = WHOLE_LINE
+    calls = nodes.calls()
+    await calls.refresh()
+
+    def in_turn() -> list[str]:
+        return [owner.address for owner in calls.to_ask(PLACES[0])]
+
+    assert in_turn() == [FIRST_NODE, LAST_NODE]
+    nodes.away.add(FIRST_NODE)
+    with pytest.raises(Unreachable):
+        await calls.ask(FIRST_NODE, RequestTable(), RespondTable)
+    assert in_turn() == [LAST_NODE, FIRST_NODE]
+    nodes.away.clear()
+    nodes.busy[FIRST_NODE] = 1
+    with pytest.raises(Refused):
+        await calls.ask(FIRST_NODE, RequestTable(), RespondTable)
+    assert in_turn() == [FIRST_NODE, LAST_NODE]
