@@ -141,7 +141,13 @@ class Enrolment:
     async def _renew(self, registry: Registry) -> None:
         removal = registry.removal(self._own.incarnation)
         why = "its data is older than what it said before" if removal is None else f"it was removed: {removal.reason}"
-        identity = await self._store.renew_identity()
+        try:
+            identity = await self._store.renew_identity()
+        except Refused as refusal:
+            # A full disk: until there is room, this life goes on and says what it knows, without a lease.
+            self._say(refusal)
+            await self._world.clock.sleep(ENROL_RETRY_S)
+            return
         _log.warning("this node begins anew as incarnation %s: %s", identity.incarnation.hex()[:8], why)
         raise IdentityRenewed
 

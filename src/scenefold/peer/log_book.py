@@ -1,7 +1,7 @@
 """The cluster's log as this node keeps it: signed records, in pages of notes (specs/15-cluster-log.md, Learning).
 
-A page holds PAGE_RECORDS records; appending rewrites the last page only, and one page is one durable note, so a crash
-leaves a log that ends at a record that was whole. `verified` is what stands between other nodes' bytes and the log.
+A page holds PAGE_RECORDS records; appending rewrites the last page only. Pages and header are written in one transaction, so
+neither a crash nor a disk that fills up leaves more, or less, than what this node goes on with. `verified` is what stands between other nodes' bytes and the log.
 """
 
 from __future__ import annotations
@@ -46,13 +46,16 @@ class LogBook:
             page += 1
         return tuple(self._records)
 
-    async def append(self, records: Sequence[SignedRecord]) -> None:
-        """Make more records durable; page by page, so after a crash a beginning of them is there."""
+    async def append(self, records: Sequence[SignedRecord], header: SceneLogPublic | None) -> None:
+        """Make more records durable, and a newer header if there is one: all of that, or nothing."""
         first = len(self._records) // PAGE_RECORDS
         whole = [*self._records[first * PAGE_RECORDS :], *records]
-        for start in range(0, len(whole), PAGE_RECORDS):
-            page = first + start // PAGE_RECORDS
-            await self._store.put_note(_note(page), pack_log(whole[start : start + PAGE_RECORDS]))
+        notes = {
+            _note(first + start // PAGE_RECORDS): pack_log(whole[start : start + PAGE_RECORDS]) for start in range(0, len(whole), PAGE_RECORDS)
+        }
+        if header is not None:
+            notes[_HEADER_NOTE] = header.encode()
+        await self._store.put_notes(notes)
         self._records += records
 
     def part(self, have: int) -> bytes:
@@ -69,9 +72,6 @@ class LogBook:
     def hash_at(self, position: int) -> bytes:
         """The hash of a record that is here."""
         return hash_of_record(self._records[position - 1].record)
-
-    async def keep_header(self, header: SceneLogPublic) -> None:
-        await self._store.put_note(_HEADER_NOTE, header.encode())
 
     async def header(self) -> SceneLogPublic | None:
         """The newest signed header that was kept."""

@@ -96,10 +96,9 @@ class LogCopy:
     async def _keep(self, records: Sequence[SignedRecord], header: SceneLogPublic) -> None:
         # Shielded: a record that is on the disk and not in memory would be written over by the next one.
         with trio.CancelScope(shield=True):
-            await self._book.append(records)
-            if self.header is None or header.position > self.header.position:
-                await self._book.keep_header(header)
-                self.header = header
+            newer = header if self.header is None or header.position > self.header.position else None
+            await self._book.append(records, newer)
+            self.header = newer or self.header
 
     def _adopt(self, registry: Registry) -> None:
         self.registry = registry

@@ -7,7 +7,7 @@ write. Records must have been verified before they come here.
 from __future__ import annotations
 
 import logging
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
@@ -195,6 +195,10 @@ class Store:
     async def put_note(self, name: str, value: bytes) -> None:
         """Keep a small value of a service (a bound, a counter) durably under a name. Refused if the disk is full."""
         await self._writer.submit(PutValue(NOTES, name.encode(), value))
+
+    async def put_notes(self, notes: Mapping[str, bytes]) -> None:
+        """Likewise several that belong together: all of them, or none."""
+        await self._writer.submit(PutValues(tuple(PutValue(NOTES, name.encode(), value) for name, value in notes.items())))
 
     async def get_note(self, name: str) -> bytes | None:
         return await self._view(reading.read_value, NOTES, name.encode())

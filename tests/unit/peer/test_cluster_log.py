@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from functools import partial
 
 import pytest
 import trio
@@ -297,6 +298,45 @@ def test_a_full_disk_at_the_voter_commits_nothing_until_there_is_room() -> None:
         assert caught.value.reason == RejectReason.STORAGE_FULL
         disk.fill(None)
         assert await cluster.nodes[1].log.propose(removal_of(cluster, 2)) == 4
+
+    simulate(scenario)
+
+
+def test_a_disk_that_fills_up_while_the_log_is_kept_leaves_one_that_can_be_read() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        await cluster.equal()
+        address = cluster_address(cluster, 1)
+        disk = cluster.net.machine(address).disk
+        cluster.net.trap(address, Point.AFTER_COMMIT, 1, partial(disk.fill, 0))
+        await cluster.nodes[0].log.propose(removal_of(cluster, 2))
+        await trio.sleep(SYNC_S)
+        disk.fill(None)
+        await cluster.equal()
+        await cluster.crash(1)
+        await cluster.start(1)
+        await cluster.members(1)
+        assert cluster.nodes[1].log.registry.position == cluster.nodes[0].log.registry.position == 4
+
+    simulate(scenario)
+
+
+def test_who_is_removed_while_its_disk_is_full_begins_anew_once_there_is_room() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        one = cluster.nodes[1]
+        disk = cluster.net.machine(one.address).disk
+        disk.fill(0)
+        await cluster.nodes[0].log.propose(removal_of(cluster, 1))
+        await trio.sleep(2 * T_WAIT_S)
+        assert not one.ended.is_set() and not one.lease.holds()
+        assert one.renewed == 0
+        disk.fill(None)
+        await trio.sleep(T_WAIT_S)
+        assert one.renewed == 1
+        await cluster.members(1)
 
     simulate(scenario)
 
