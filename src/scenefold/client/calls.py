@@ -8,6 +8,7 @@ bounded; then the last error is the caller's, in words.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Container, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
@@ -127,22 +128,34 @@ class Calls:
         timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
         """Ask any node, `first` or a random one first; while one says nothing, others are asked as well, a few at a time."""
+        ask = partial(self.ask_around, packet, answer, first=first, priority=priority, timeout_s=timeout_s)
+        return await self._of_any(ask)
 
-        async def round_of_all() -> Answer:
-            tries = [
-                partial(self.ask, address, packet, answer, priority=priority, timeout_s=timeout_s)
-                for address in self._addresses_from(first)
-            ]
-            return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX)
+    async def ask_around(
+        self,
+        packet: Packet,
+        answer: type[Answer] | tuple[type[Answer], ...],
+        *,
+        first: NodeId | None = None,
+        priority: Priority = Priority.HIGH,
+        timeout_s: float = CLIENT_REQUEST_S,
+        nodes_max: int | None = None,
+        refusal_counts: bool = True,
+    ) -> Answer:
+        """One round of `ask_any`; at most `nodes_max` are asked. `refusal_counts` false: who refuses is passed over."""
+        addresses = self._addresses_from(first)[:nodes_max]
+        tries = [partial(self.ask, address, packet, answer, priority=priority, timeout_s=timeout_s) for address in addresses]
+        return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=refusal_counts)
 
+    async def _of_any(self, ask: Callable[[], Awaitable[Result]]) -> Result:
         try:
-            return await self.patiently(round_of_all, refresh=False)
+            return await self.patiently(ask, refresh=False)
         except Unreachable as error:
             raise no_answer(self._addresses_from(self.table.owners[0].node_id), error) from error
 
     async def refresh(self, first: NodeId | None = None) -> RespondTable:
-        """Take the routing table of any node, `first` if it answers."""
-        reply = await self.ask_any(RequestTable(), RespondTable, first=first, timeout_s=CLIENT_STATUS_S)
+        """Take the routing table of any node, `first` if it answers; one that refuses does not speak for the others."""
+        reply = await self._of_any(partial(self._ask_for_table, first))
         self._take(reply)
         return reply
 
@@ -152,12 +165,13 @@ class Calls:
             if self._has_asked:
                 return
             self._has_asked = True
-            for address in self._addresses_from(None)[:LEARN_NODES_MAX]:
-                try:
-                    self._take(await self.ask(address, RequestTable(), RespondTable, priority=Priority.HIGH, timeout_s=CLIENT_STATUS_S))
-                    return
-                except (Unreachable, Refused, PeerFault):
-                    continue
+            with suppress(Unreachable, Refused, PeerFault):
+                self._take(await self._ask_for_table(nodes_max=LEARN_NODES_MAX))
+
+    async def _ask_for_table(self, first: NodeId | None = None, nodes_max: int | None = None) -> RespondTable:
+        return await self.ask_around(
+            RequestTable(), RespondTable, first=first, timeout_s=CLIENT_STATUS_S, nodes_max=nodes_max, refusal_counts=False
+        )
 
     def _take(self, reply: RespondTable) -> None:
         owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses]

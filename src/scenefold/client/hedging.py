@@ -2,7 +2,8 @@
 
 One node after the other is asked: the next one as soon as one cannot be reached, or has said nothing for a while, and
 then both may still answer. The first answer, or refusal, is what counts; a packet that is no answer is like silence, since
-one node that is wrong must not speak for all. So only for what may be asked twice.
+one node that is wrong must not speak for all. So only for what may be asked twice. What any node can answer, none can refuse
+for the others: then a refusal is like silence, too.
 """
 
 from __future__ import annotations
@@ -13,14 +14,19 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import PeerFault, ScenefoldError, Unreachable
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.world import background_tasks
 
 T = TypeVar("T")
 
 
-async def first_answer(tries: Sequence[Callable[[], Awaitable[T]]], *, next_after_s: float, at_a_time: int) -> T:
-    """What the first of the tries returns or raises, but for Unreachable and PeerFault; of these the last one, Unreachable rather."""
+async def first_answer(
+    tries: Sequence[Callable[[], Awaitable[T]]], *, next_after_s: float, at_a_time: int, refusal_counts: bool = True
+) -> T:
+    """What the first of the tries returns or raises, but for Unreachable and PeerFault; of these the last one, Unreachable rather.
+
+    `refusal_counts` false: Refused is one of these, too.
+    """
     assert tries and at_a_time >= 1
     ended, ends = trio.open_memory_channel[T | ScenefoldError](len(tries))
 
@@ -47,7 +53,7 @@ async def first_answer(tries: Sequence[Callable[[], Awaitable[T]]], *, next_afte
                     return end
                 if isinstance(end, Unreachable):
                     silence = end
-                elif not isinstance(end, PeerFault):
+                elif not isinstance(end, PeerFault) and (refusal_counts or not isinstance(end, Refused)):
                     raise end
                 if over == len(tries):
                     # Who was silent may be back soon, so this is worth another try.

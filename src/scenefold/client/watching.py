@@ -81,7 +81,7 @@ class Watch:
             for address in addresses
         ]
         try:
-            return await first_answer(tries, next_after_s=_NEXT_S, at_a_time=CLIENT_ASKED_MAX)
+            return await first_answer(tries, next_after_s=_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=False)
         except Unreachable as error:
             raise no_answer(addresses, error) from error
 

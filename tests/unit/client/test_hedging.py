@@ -80,6 +80,13 @@ async def test_a_refusal_is_an_answer(autojump_clock: MockClock) -> None:
     assert len(tries.begun) == 1
 
 
+async def test_where_no_refusal_counts_the_next_is_asked(autojump_clock: MockClock) -> None:
+    tries = Tries((0.1, "refuses"), (0.1, "answers"))
+    assert await first_answer(tries.all(), next_after_s=NEXT_S, at_a_time=3, refusal_counts=False) == 1
+    with pytest.raises(Refused):
+        await first_answer(Tries((0.1, "refuses")).all(), next_after_s=NEXT_S, at_a_time=3, refusal_counts=False)
+
+
 async def test_if_nobody_answers_the_last_reason_is_given(autojump_clock: MockClock) -> None:
     with pytest.raises(Unreachable, match="away 1"):
         await asked(Tries((5.0, "away"), (9.0, "away"), (4.0, "away")))
@@ -129,3 +136,12 @@ async def test_a_client_asks_the_next_node_while_one_hangs(autojump_clock: MockC
     await calls.ask_any(ListScenes(), ScenesListed)
     rounds = math.ceil(len(nodes.addresses) / CLIENT_ASKED_MAX) - 1
     assert trio.current_time() - begin <= rounds * CLIENT_REQUEST_S + CLIENT_ASKED_MAX * CLIENT_NEXT_S
+
+
+async def test_a_first_table_is_taken_from_the_next_node_while_one_hangs(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    calls = nodes.calls()
+    nodes.hung = {calls._addresses_from(None)[0]}
+    begin = trio.current_time()
+    await calls.learn()
+    assert trio.current_time() - begin == pytest.approx(CLIENT_NEXT_S)

@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LAST, WHOLE_LINE, Arc
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import Fault, GetMany, Packet, PutMany, PutManyReply, PutOutcome, QueryRange, RequestTable, RespondTable
+from scenefold.wire import Fault, GetMany, GetManyReply, Packet, PutMany, PutManyReply, PutOutcome, QueryRange, RequestTable, RespondTable
 from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
@@ -168,3 +168,25 @@ async def test_who_refuses_is_not_silent_any_more(autojump_clock: MockClock) -> 
     with pytest.raises(Refused):
         await calls.ask(FIRST_NODE, RequestTable(), RespondTable)
     assert in_turn() == [FIRST_NODE, LAST_NODE]
+
+
+@pytest.mark.parametrize("wrong", [GetManyReply((), False), Fault(RejectReason.NOT_AUTHORISED, "not you")])
+async def test_who_gives_no_table_keeps_nobody_from_the_others(wrong: Packet, autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    honest = nodes._answer
+
+    def answer(address: str, packet: Packet) -> Packet:
+        return wrong if address == MIDDLE and isinstance(packet, RequestTable) else honest(address, packet)
+
+    nodes._answer = answer  # type: ignore[method-assign]
+    for call in ("get", "put", "list"):
+        space = _scene(nodes).space(FILES)
+        await space.put_many(ITEMS)
+        nodes.move_bounds()
+        match call:
+            case "get":
+                assert await space.get_many(PLACES) == [payload for _, payload in ITEMS]
+            case "put":
+                await space.put_many(ITEMS)
+            case _:
+                assert [place async for place in space.query()] == PLACES
