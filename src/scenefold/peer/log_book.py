@@ -51,7 +51,8 @@ class LogBook:
         first = len(self._records) // PAGE_RECORDS
         whole = [*self._records[first * PAGE_RECORDS :], *records]
         notes = {
-            _note(first + start // PAGE_RECORDS): pack_log(whole[start : start + PAGE_RECORDS]) for start in range(0, len(whole), PAGE_RECORDS)
+            _note(first + start // PAGE_RECORDS): pack_log(whole[start : start + PAGE_RECORDS])
+            for start in range(0, len(whole), PAGE_RECORDS)
         }
         if header is not None:
             notes[_HEADER_NOTE] = header.encode()
