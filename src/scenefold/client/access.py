@@ -18,7 +18,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import deliver, fetch
-from scenefold.client.doubt import Doubted, no_refusal_in_doubt, note
+from scenefold.client.doubt import Doubt
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, deleted_all, open_all, seal_all
@@ -89,31 +89,34 @@ class SceneAccess:
         Unreachable if an owner stays away, or if an answer was lost and nobody can tell any more what became of
         the record. `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
         """
-        doubted: Doubted = {}
-        with no_refusal_in_doubt(doubted):
-            return await self._put(wishes, fresh, doubted)
+        doubt = Doubt("a write", lambda index: self._where(wishes[index]), "read it, then decide whether to write again")
+        with doubt.no_refusal():
+            return await self._put(wishes, fresh, doubt)
 
-    async def _put(self, wishes: Sequence[Wish], fresh: bool, doubted: Doubted) -> list[Placed]:
-        """`doubted`, by number of the wish: kept up to date, over all the records that a wish is signed as."""
+    async def _put(self, wishes: Sequence[Wish], fresh: bool, doubt: Doubt) -> list[Placed]:
+        """`doubt`: by number of the wish, over all the records that it is signed as."""
         await self._check(wishes)
         placed: list[Placed | None] = [None] * len(wishes)
         pending = list(range(len(wishes)))
         current = list(wishes)
+        routes = [wish.route for wish in wishes]
         refreshed = False
         for _ in range(CLIENT_TRIES_MAX):
-            items = await self._seal([current[index] for index in pending])
-            outcomes = await deliver(self.calls, items, [wishes[index].route for index in pending])
+            items = dict(zip(pending, await self._seal([current[index] for index in pending]), strict=True))
+            outcomes = await deliver(self.calls, items, routes, doubt)
             behind: list[int] = []
-            for index, item, outcome in zip(pending, items, outcomes, strict=True):
+            for index, item in items.items():
+                outcome = outcomes[index]
                 placed[index] = Placed(outcome.reason, digest_of(item), outcome.node, outcome.location)
                 is_stale = outcome.reason == RejectReason.STALE_VERSION
                 is_settled = outcome.reason == 0 or (is_stale and fresh)
-                note(doubted, index, item, doubtful=outcome.doubtful, settled=is_settled)
+                if is_stale and fresh:
+                    doubt.settle(index)
                 if outcome.reason in _BEHIND and not refreshed and self.log is not None:
                     behind.append(index)
-                elif not is_settled and (not is_stale or index in doubted):
+                elif not is_settled and (not is_stale or index in doubt):
                     await self._explain(outcome.reason, wishes[index])
-                    raise self._refused(outcome.reason, item)
+                    raise self._refused(outcome.reason, wishes[index])
             if behind:
                 # The log went on without us. What was not stored is signed anew, under the position that is known now.
                 await self.refresh()
@@ -140,8 +143,7 @@ class SceneAccess:
         (placed,) = await self.put([wish])
         if placed.reason == RejectReason.STALE_VERSION:
             what = "there is a record already" if wish.expect == EXPECT_ABSENT else "another version is there"
-            where = f"scene {self.name}, space {wish.space}, {wish.location.hex()}"
-            raise Refused(RejectReason.STALE_VERSION, what, where=where, remedy="read it, then decide")
+            raise Refused(RejectReason.STALE_VERSION, what, where=self._where(wish), remedy="read it, then decide")
         return placed
 
     def tombstone(self) -> bytes:
@@ -257,7 +259,7 @@ class SceneAccess:
         sizes = [len(draft.payload) for draft in drafts]
         for index, size in enumerate(sizes):
             if size > PAYLOAD_BYTES_MAX:
-                where = f"scene {self.name}, space {drafts[index].space}, {drafts[index].location.hex()}"
+                where = self._where(wishes[index])
                 raise LocalFault(f"{size} bytes do not fit a record of {PAYLOAD_BYTES_MAX}", where=where, remedy="split it")
         batches = list(frames(range(len(drafts)), sizes, CLIENT_BATCH_BYTES))
         sealed: list[list[PutItem]] = [[] for _ in batches]
@@ -271,11 +273,13 @@ class SceneAccess:
             items += part
         return items
 
-    def _refused(self, reason: int, item: PutItem) -> Refused:
-        where = f"scene {self.name}, space {item.space}, {item.location.hex()}"
+    def _refused(self, reason: int, wish: Wish) -> Refused:
         remedy = "free space on the nodes or add a node" if reason == RejectReason.STORAGE_FULL else ""
         words = RejectReason(reason).name.lower().replace("_", " ")
-        return Refused(RejectReason(reason), f"the record was refused: {words}", where=where, remedy=remedy)
+        return Refused(RejectReason(reason), f"the record was refused: {words}", where=self._where(wish), remedy=remedy)
+
+    def _where(self, wish: Wish) -> str:
+        return f"scene {self.name}, space {wish.space}, {wish.location.hex()}"
 
 
 def digest_of(item: PutItem) -> bytes:

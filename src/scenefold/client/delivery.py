@@ -6,7 +6,7 @@ reply says the owner with reason 10, and that is believed for one round: whoever
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_REQUEST_S, CLIENT_STAT
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.doubt import Doubted, left_open, no_refusal_in_doubt, note
+from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, heaviest, is_passing
 from scenefold.client.sealing import Key
 from scenefold.client.split import frames
@@ -35,32 +35,25 @@ class Delivered(NamedTuple):
     reason: int
     node: NodeId
     location: Location
-    doubtful: bool
-    """Whether it may have been stored by an earlier try whose answer was lost, or was 16."""
 
 
-async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Location]) -> list[Delivered]:
-    """Send every item to the owner of its location. Durable, or refused for a lasting reason.
+async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequence[Location], doubt: Doubt) -> dict[int, Delivered]:
+    """Send every item to the owner of its location. Durable, or refused for a lasting reason. All by number; `doubt` is kept up to date.
 
-    Unreachable if an owner stays away; if one cannot accept anything for longer than a lease gap lasts, Refused, or
-    Unreachable if it may have stored something.
+    Unreachable if an owner stays away; Refused if one cannot accept anything for longer than a lease gap lasts.
     """
-    outcomes: list[Delivered | None] = [None] * len(items)
-    sizes = [len(item.ciphertext) + len(item.header) + len(item.signature) + 48 for item in items]
+    outcomes: dict[int, Delivered] = {}
+    sizes = {index: len(item.ciphertext) + len(item.header) + len(item.signature) + 48 for index, item in items.items()}
     hints: dict[int, NodeId] = {}
     elsewhere: dict[int, set[NodeId]] = {}
-    doubted: Doubted = {}
 
     async def send(node: NodeId, frame: list[int]) -> None:
         packet = PutMany(tuple(items[index] for index in frame))
         address = calls.address_of(node)
-        try:
+        with doubt.trying(frame):
             reply = await calls.ask_in_turn(address, packet, PutManyReply)
             if len(reply.outcomes) != len(frame):
                 raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
-        except (Unreachable, PeerFault, Refused) as error:
-            doubted.update(left_open(error, dict(zip(frame, packet.items, strict=True))))
-            raise
         for index, outcome in zip(frame, reply.outcomes, strict=True):
             if outcome.reason == RejectReason.NOT_MY_LOCATION:
                 passed = elsewhere.setdefault(index, set())
@@ -68,11 +61,12 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
                 if outcome.owner and outcome.owner not in passed:
                     hints[index] = outcome.owner
             elif not is_passing(outcome.reason):
-                outcomes[index] = Delivered(outcome.reason, node, outcome.location, index in doubted)
-                note(doubted, index, items[index], doubtful=False, settled=outcome.reason == STORED)
+                outcomes[index] = Delivered(outcome.reason, node, outcome.location)
+                if outcome.reason == STORED:
+                    doubt.settle(index)
             elif outcome.reason == RejectReason.NOT_READY:
                 # The node may have stored it, and lost its lease before it could say so.
-                doubted[index] = items[index]
+                doubt.note([index])
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
         routed = _routed(calls, locations, pending, hints, elsewhere)
@@ -80,11 +74,10 @@ async def deliver(calls: Calls, items: Sequence[PutItem], locations: Sequence[Lo
         return [(node, frame) for node, indices in routed.items() for frame in frames(indices, sizes)]
 
     def pending() -> list[int]:
-        return [index for index, outcome in enumerate(outcomes) if outcome is None]
+        return [index for index in items if index not in outcomes]
 
-    with no_refusal_in_doubt(doubted):
-        await _rounds(calls, locations, elsewhere, pending, parts, send)
-    return [outcome for outcome in outcomes if outcome is not None]
+    await _rounds(calls, locations, elsewhere, pending, parts, send)
+    return outcomes
 
 
 async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool) -> list[RecordBytes | None]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS
 
 
 def frames(
-    indices: Sequence[int], sizes: Sequence[int], bytes_max: int = CLIENT_FRAME_BYTES, count_max: int = CLIENT_FRAME_RECORDS
+    indices: Sequence[int],
+    sizes: Sequence[int] | Mapping[int, int],
+    bytes_max: int = CLIENT_FRAME_BYTES,
+    count_max: int = CLIENT_FRAME_RECORDS,
 ) -> Iterator[list[int]]:
     """Cut `indices` into runs whose sizes (by index) sum to at most `bytes_max`, and at least one record each."""
     frame: list[int] = []
