@@ -15,7 +15,7 @@ from scenefold.store.layout import RECORDS, location_of
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import House, Street, places, record_at
 
-IN_HEADER, IN_BODY = 10, 250
+IN_HEADER, IN_BODY = 10, -1
 """A byte of each part of a stored record."""
 
 
