@@ -8,7 +8,7 @@ bounded; then the last error is the caller's, in words.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Container, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from typing import TypeVar
 
@@ -129,7 +129,7 @@ class Calls:
     ) -> Answer:
         """Ask any node, `first` or a random one first; while one says nothing, others are asked as well, a few at a time."""
         ask = partial(self.ask_around, packet, answer, first=first, priority=priority, timeout_s=timeout_s)
-        return await self._of_any(ask)
+        return await self.of_any(ask)
 
     async def ask_around(
         self,
@@ -141,13 +141,22 @@ class Calls:
         timeout_s: float = CLIENT_REQUEST_S,
         nodes_max: int | None = None,
         refusal_counts: bool = True,
+        around: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> Answer:
-        """One round of `ask_any`; at most `nodes_max` are asked. `refusal_counts` false: who refuses is passed over."""
-        addresses = self._addresses_from(first)[:nodes_max]
-        tries = [partial(self.ask, address, packet, answer, priority=priority, timeout_s=timeout_s) for address in addresses]
+        """One round of `ask_any`; at most `nodes_max` are asked. `refusal_counts` false: who refuses is passed over.
+
+        `around`: entered around the question to each node, so that it sees how each of them ends.
+        """
+
+        async def ask(address: str) -> Answer:
+            with around():
+                return await self.ask(address, packet, answer, priority=priority, timeout_s=timeout_s)
+
+        tries = [partial(ask, address) for address in self._addresses_from(first)[:nodes_max]]
         return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=refusal_counts)
 
-    async def _of_any(self, ask: Callable[[], Awaitable[Result]]) -> Result:
+    async def of_any(self, ask: Callable[[], Awaitable[Result]]) -> Result:
+        """Rounds of asking, as long as patience lasts. Unreachable names all nodes."""
         try:
             return await self.patiently(ask, refresh=False)
         except Unreachable as error:
@@ -155,7 +164,7 @@ class Calls:
 
     async def refresh(self, first: NodeId | None = None) -> RespondTable:
         """Take the routing table of any node, `first` if it answers; one that refuses does not speak for the others."""
-        reply = await self._of_any(partial(self._ask_for_table, first))
+        reply = await self.of_any(partial(self._ask_for_table, first))
         self._take(reply)
         return reply
 

@@ -1,6 +1,6 @@
 """What a writer may say of something that an earlier try may have done (specs/18-data.md, Writes).
 
-A try whose answer was lost, or was 16, may have been carried out. Whatever refusal comes later, it was that of a later try, and
+A try whose answer was lost or not waited for, or was 16, may have been carried out. Whatever refusal comes later, it was that of a later try, and
 speaks of things as they are by then, or does not look at them at all. So as long as there is doubt, no refusal is told as one: it
 becomes Unreachable, which says that nobody knows.
 """
@@ -10,18 +10,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.reasons import RejectReason
 
 
 class Doubt:
     """What of one call may have happened although no answer says so, by number."""
 
-    def __init__(self, what: str, where: Callable[[int], str], remedy: str) -> None:
-        """`what`: is asked for, as in "a write"; `where`: which one a number means. Both for the error."""
+    def __init__(
+        self, what: str, where: Callable[[int], str], remedy: str, *, is_open_after: Callable[[RejectReason], bool] | None = None
+    ) -> None:
+        """`what`: is asked for, as in "a write"; `where`: which one a number means. Both for the error.
+
+        `is_open_after`: whether a try that ended with a Fault for this reason may have been carried out. By default 16 alone:
+        who has lost its lease meanwhile says so.
+        """
         self._what = what
         self._where = where
         self._remedy = remedy
+        self._is_open_after = is_open_after or (lambda reason: reason == RejectReason.NOT_READY)
         self._open: dict[int, None] = {}
 
     def __contains__(self, number: int) -> bool:
@@ -35,26 +44,30 @@ class Doubt:
         """An answer says that it happened; or whoever wanted it looks himself."""
         self._open.pop(number, None)
 
+    def settle_all(self) -> None:
+        """Of each of them it is known by now what became of it."""
+        self._open.clear()
+
     @contextmanager
     def trying(self, numbers: Iterable[int]) -> Iterator[None]:
-        """Around one try, with its answer: how it ends says what it leaves open. Who has lost its lease meanwhile says 16."""
+        """Around one try, with its answer: how it ends says what it leaves open."""
         try:
             yield
         except Refused as refusal:
-            if refusal.reason == RejectReason.NOT_READY:
+            if self._is_open_after(refusal.reason):
                 self.note(numbers)
             raise
-        except (Unreachable, PeerFault):
+        except (Unreachable, PeerFault, trio.Cancelled):
             self.note(numbers)
             raise
 
     @contextmanager
-    def no_refusal(self) -> Iterator[None]:
-        """A refusal that comes while something is in doubt leaves here as Unreachable."""
+    def no_refusal(self, *, nor_silence: bool = False) -> Iterator[None]:
+        """What else goes wrong while something is in doubt leaves here as Unreachable, in words; `nor_silence`: Unreachable, too."""
         try:
             yield
-        except Refused as refusal:
-            if not self._open:
+        except ScenefoldError as error:
+            if not self._open or (isinstance(error, Unreachable) and not nor_silence):
                 raise
-            what = f"the answer to {self._what} was lost, and it may have happened; a later try: {refusal.what}"
-            raise Unreachable(what, where=self._where(next(iter(self._open))), remedy=self._remedy) from refusal
+            what = f"the answer to {self._what} was lost, and it may have happened; a later try: {error.what}"
+            raise Unreachable(what, where=self._where(next(iter(self._open))), remedy=self._remedy) from error

@@ -3,7 +3,8 @@
 The node that the scene's headers name as origin keeps the log, sealed, and decides alone what its next position is. A
 client with the scene's keys reads the newest log, makes the record that shall follow, and proposes header and sealed log
 together. If somebody else was faster, it reads again and makes its record anew from what the log says now; the request id
-stays, so that a proposal whose answer was lost is found instead of being made twice.
+stays, so that a proposal whose answer was lost is found instead of being made twice. What is not found may still be on its
+way, until its position is taken: till then nobody is told that it was refused (doubt.py).
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-from scenefold.base.errors import LocalFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, address_of
 from scenefold.base.limits import CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.client.births import verify_header
 from scenefold.client.calls import Calls
+from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, is_passing
 from scenefold.crypto import HEADER_DOMAIN, NONCE_BYTES, PublicKey, SigningKey
 from scenefold.scene.log import OpenedLog, SceneLog, open_private, seal_private, sign_record
@@ -40,6 +42,8 @@ from scenefold.world import Priority
 
 _REQUEST_ID_BYTES = 16
 _TOO_LATE = frozenset({RejectReason.POSITION_TAKEN, RejectReason.POSITION_BEHIND})
+_NOT_LOOKED_AT = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.BUSY, RejectReason.KEY_REVOKED})
+"""Faults that say that a proposal was not looked at. Others may be those of a relay behind which it was decided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,59 +117,84 @@ class LogAccess:
     async def propose(self, entry_of: Callable[[SceneLog], LogEntry]) -> ReadLog:
         """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew.
 
-        LocalFault if the entry does not fit, or this profile may not sign; Unreachable with words if it is not known
-        whether it went in.
+        LocalFault if the entry does not fit, or this profile may not sign; Refused if it did not go in; Unreachable, with words
+        if it is not known whether it did.
         """
         if self._keys.header_seed is None:
             raise LocalFault("these keys can only read the scene", where=f"scene {self._name}", remedy="use the profile that made it")
-        key = SigningKey.from_seed(self._keys.header_seed)
+        doubt = self._doubt("a change", "see with `scenectl space list` whether it was made, before you repeat it")
+        with doubt.no_refusal(nor_silence=True):
+            return await self._proposed(entry_of, SigningKey.from_seed(self._keys.header_seed), doubt)
+
+    async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], key: SigningKey, doubt: Doubt) -> ReadLog:
         request_id = self._calls.world.entropy.token(_REQUEST_ID_BYTES)
-        lost: ScenefoldError | None = None
         patience = Patience()
-        for attempt in range(CLIENT_LOG_TRIES_MAX):
+        offered = 0
+        problem: Unreachable | PeerFault | Refused | None = None
+        for attempt in range(CLIENT_LOG_TRIES_MAX + 1):
             if attempt:
                 patience.bears(None)
                 await self._calls.pause(patience)
-            try:
-                before = await self.newest()
-            except Unreachable as error:
-                if lost is None:
-                    raise
-                remedy = "see with `scenectl space list` whether it was made, before you repeat it"
-                raise Unreachable("the answer to a change was lost", where=f"scene {self._name}: {error.what}", remedy=remedy) from lost
+            before = await self.newest()
             if request_id in before.state.requests:
                 return before
+            if before.header.position >= offered:
+                # Whatever was offered so far has its position taken by something else, and never goes in.
+                doubt.settle_all()
+            if attempt == CLIENT_LOG_TRIES_MAX:
+                break
             after = self._followed(before, entry_of(before.state), request_id, key)
+            offered = after.header.position
             try:
-                if await self._offer(after):
+                reason = await self._offer(await self._proposal(after.header, after.log.records), doubt)
+                if reason is None:
                     return after
-            except Unreachable as error:
-                lost = error
-        raise Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
+                problem = None if reason in _TOO_LATE else _refusal(reason, self._name)
+            except (Unreachable, PeerFault, Refused) as error:
+                problem = error
+            # While there is doubt, what the log says next is better than what this answer says.
+            if isinstance(problem, Refused) and not is_passing(problem.reason) and offered not in doubt:
+                raise problem
+        busy = Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
+        raise problem or busy
 
     async def announce(self, header: SceneLogPublic, records: tuple[SignedRecord, ...]) -> None:
-        """Propose a first header with its record. Refused with the reason of the node that decides."""
-        await self._propose(header, records, _refusal)
+        """Propose a first header with its record; again is the same.
 
-    async def _offer(self, log: ReadLog) -> bool:
-        """Whether the keeper took it; False if another one was first, or it is busy."""
-        reasons: list[RejectReason] = []
+        Refused with the reason of the node that decides; Unreachable, with words if it is not known whether the scene is made.
+        """
+        remedy = "create it again: its keys are kept, and if it is there you are told so"
+        doubt = self._doubt("the creation of the scene", remedy)
+        packet = await self._proposal(header, records)
 
-        def note(reason: RejectReason, name: str) -> None:
-            if reason not in _TOO_LATE and not is_passing(reason):
-                _refusal(reason, name)
-            reasons.append(reason)
+        async def offer() -> None:
+            reason = await self._offer(packet, doubt)
+            if reason is not None:
+                raise _refusal(reason, self._name)
 
-        await self._propose(log.header, log.log.records, note)
-        return not reasons
+        with doubt.no_refusal():
+            await self._calls.of_any(offer)
 
-    async def _propose(
-        self, header: SceneLogPublic, records: tuple[SignedRecord, ...], rejected: Callable[[RejectReason, str], None]
-    ) -> None:
+    def _doubt(self, what: str, remedy: str) -> Doubt:
+        """Of offers, by their positions."""
+        return Doubt(what, lambda _: f"scene {self._name}", remedy, is_open_after=lambda reason: reason not in _NOT_LOOKED_AT)
+
+    async def _offer(self, packet: ProposeSceneLog, doubt: Doubt) -> RejectReason | None:
+        """One round of asking; None if it went in, else the reason of the node that decides, or of one that cannot ask it."""
+        offered = [packet.public.position]
+        answers = AcceptSceneProposal, RejectSceneProposal
+        reply = await self._calls.ask_around(packet, answers, first=packet.public.origin, around=lambda: doubt.trying(offered))
+        if not isinstance(reply, RejectSceneProposal):
+            return None
+        if reply.reason == RejectReason.NOT_READY:
+            doubt.note(offered)
+        return reply.reason
+
+    async def _proposal(self, header: SceneLogPublic, records: tuple[SignedRecord, ...]) -> ProposeSceneLog:
         keys, nonce = self._keys, self._calls.world.entropy.token(NONCE_BYTES)
         sealing = partial(seal_private, genesis=keys.genesis, symmetric_key=keys.symmetric_key, key_epoch=keys.key_epoch, nonce=nonce)
         private = await self._calls.world.workers.run("crypto", sealing, records)
-        packet = ProposeSceneLog(
+        return ProposeSceneLog(
             genesis=self._keys.genesis,
             proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),
             route=(header.origin,),
@@ -177,9 +206,6 @@ class LogAccess:
             mac_epoch=0,
             mac=b"",
         )
-        reply = await self._calls.ask_any(packet, (AcceptSceneProposal, RejectSceneProposal), first=header.origin)
-        if isinstance(reply, RejectSceneProposal):
-            rejected(reply.reason, self._name)
 
     def _followed(self, before: ReadLog, entry: LogEntry, request_id: bytes, key: SigningKey) -> ReadLog:
         """The log with one more entry, its header signed."""
@@ -225,6 +251,6 @@ class LogAccess:
         return Unreachable(f"the node that keeps the scene's log {why}", where=f"scene {self._name}, {keeper}", remedy=remedy)
 
 
-def _refusal(reason: RejectReason, name: str) -> None:
+def _refusal(reason: RejectReason, name: str) -> Refused:
     words = reason.name.lower().replace("_", " ")
-    raise Refused(reason, f"the cluster refused the scene: {words}", where=f"scene {name}")
+    return Refused(reason, f"the cluster refused the scene: {words}", where=f"scene {name}")

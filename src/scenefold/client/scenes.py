@@ -13,6 +13,7 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.births import born, first_header, first_records, writers_of
 from scenefold.client.calls import Calls
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
+from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess, LogKeys
@@ -134,9 +135,9 @@ class Scenes:
             raise LocalFault(what, where=f"scene {keys.name}", remedy="use the profile that made it")
         try:
             await self._log(keys).announce(header, first_records(keys, self._origin))
-        except Refused:
-            if is_new:
-                # The cluster has no such scene, so its keys open nothing. When it was unreachable we could not know.
+        except Refused as refusal:
+            if is_new and not is_passing(refusal.reason):
+                # The cluster has no such scene and will not have it, so its keys open nothing. Of doubt we hear as Unreachable.
                 await self._on_disk(self._keyring.remove, keys.name)
             raise
         return self._scene(keys, header)
