@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
@@ -24,17 +24,8 @@ class Change(Protocol[R_co]):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> R_co: ...
 
-    def when_full(self) -> R_co:
-        """The answer if the disk is full, or Refused."""
-        ...
-
-
-@runtime_checkable
-class Judged(Protocol[R_co]):
-    """A change to which a full disk is not the whole answer: what it wants may be there already, or be out of date."""
-
-    def look(self, transaction: ReadTransaction, /) -> R_co:
-        """The answer without a byte written."""
+    def when_full(self, transaction: ReadTransaction, /) -> R_co:
+        """The answer if the disk is full, or Refused. That it is full need not be all: what is wanted may be there already."""
         ...
 
 
@@ -62,7 +53,7 @@ class PutValue:
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
         transaction.put(self.table, self.key, self.value)
 
-    def when_full(self) -> None:
+    def when_full(self, _transaction: ReadTransaction, /) -> None:
         raise storage_full()
 
 
@@ -84,5 +75,5 @@ class PutValues:
         for value in self.values:
             value.apply(transaction, tally)
 
-    def when_full(self) -> None:
+    def when_full(self, _transaction: ReadTransaction, /) -> None:
         raise storage_full()

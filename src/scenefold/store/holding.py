@@ -92,7 +92,7 @@ class PutHolding:
         transaction.put(HOLDING, NOTE_KEY, self.note)
         return None
 
-    def when_full(self) -> None:
+    def when_full(self, _transaction: ReadTransaction, /) -> None:
         raise storage_full()
 
 
@@ -116,5 +116,5 @@ class RenewIdentity:
         transaction.delete(HOLDING, NOTE_KEY)
         transaction.delete(HOLDING, OWNER_KEY)
 
-    def when_full(self) -> None:
+    def when_full(self, _transaction: ReadTransaction, /) -> None:
         raise storage_full()

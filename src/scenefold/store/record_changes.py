@@ -47,13 +47,10 @@ class PutRecords:
         arc = read_arc(transaction)
         return [_put(transaction, tally, arc, header, put) for header, put in self.puts]
 
-    def look(self, transaction: ReadTransaction, /) -> list[PutResult]:
+    def when_full(self, transaction: ReadTransaction, /) -> list[PutResult]:
         """As `apply`, but what would have to be written is full: so a repetition of what is there is stored, whatever room there is."""
         arc = read_arc(transaction)
         return [_look(transaction, arc, header, put) for header, put in self.puts]
-
-    def when_full(self) -> list[PutResult]:
-        return [PutResult(Outcome.FULL)] * len(self.puts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +74,7 @@ class MergeRecords:
         arc = read_arc(transaction)
         return [_write(transaction, tally, header, put.record, None, _place(transaction, arc, header, put.at)) for header, put in self.puts]
 
-    def when_full(self) -> list[PutResult]:
+    def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
 
 
@@ -107,7 +104,7 @@ class RemoveRecords:
         _delete(transaction, tally, spot, len(value))
         return True
 
-    def when_full(self) -> int:
+    def when_full(self, _transaction: ReadTransaction, /) -> int:
         raise storage_full()
 
 
@@ -135,7 +132,7 @@ class DiscardDamaged:
         _delete(transaction, tally, spot, len(value))
         return True
 
-    def when_full(self) -> int:
+    def when_full(self, _transaction: ReadTransaction, /) -> int:
         raise storage_full()
 
 
@@ -165,7 +162,7 @@ class SlideObjects:
             move_object(transaction, spot, free_place(transaction, scene, space, object_id, part))
         return len(chosen)
 
-    def when_full(self) -> int:
+    def when_full(self, _transaction: ReadTransaction, /) -> int:
         raise storage_full()
 
 
@@ -192,9 +189,9 @@ def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put:
     if known is not None:
         spot = _spot(new, known)
     value = transaction.get(RECORDS, record_key(*spot))
-    present = stored_header(value) if value is not None and _is_sound(value) else None
+    present = _present(value) if value is not None else None
     result = judge(new, put.expect, present)
-    if result.outcome is Outcome.STORED and present != new:
+    if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         return PutResult(Outcome.FULL)
     return replace(result, location=known)
 
@@ -222,8 +219,7 @@ def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, recor
     value = transaction.get(RECORDS, key)
     present = _present(value) if value is not None else None
     result = judge(new, expect, present)
-    # A repetition changes nothing, unless what is here has rotted: who is told that it is stored must find it so.
-    if result.outcome is Outcome.STORED and (value is None or present != new or not _is_sound(value)):
+    if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         replaced_bytes = len(value) if value is not None else 0
         packed = pack_record(record)
         transaction.put(RECORDS, key, packed)
@@ -231,6 +227,11 @@ def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, recor
         if spot.object:
             note_place(transaction, spot)
     return result
+
+
+def _is_to_be_written(new: RecordHeader, present: RecordHeader | None, value: memoryview | None) -> bool:
+    """A repetition changes nothing, unless what is here has rotted: who is told that it is stored must find it so."""
+    return value is None or present != new or not _is_sound(value)
 
 
 def _delete(transaction: WriteTransaction, tally: Tally, spot: Spot, stored_bytes: int) -> None:
@@ -256,11 +257,11 @@ def _forget_object(transaction: WriteTransaction, spot: Spot) -> None:
 
 
 def _present(value: memoryview) -> RecordHeader | None:
-    """The header of what is there. Damaged data is nothing: the record that arrives heals it."""
+    """The header of what is there. A damaged one is nothing: the record that arrives heals it."""
     try:
         return stored_header(value)
     except DamagedData as error:
-        _log.error("a damaged record is replaced: %s", error)
+        _log.error("a damaged record counts as none: %s", error)
         return None
 
 

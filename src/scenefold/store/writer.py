@@ -17,7 +17,7 @@ import trio
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.store.changes import Change, Judged
+from scenefold.store.changes import Change
 from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, SpaceAddress, Tally
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, ReadTransaction, Workers, WriteTransaction
@@ -173,7 +173,7 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
 
 def _full(change: Change[Any], view: ReadTransaction) -> Any:
     try:
-        return change.look(view) if isinstance(change, Judged) else change.when_full()
+        return change.when_full(view)
     except Refused as refusal:
         return refusal
 

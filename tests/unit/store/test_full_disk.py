@@ -182,3 +182,27 @@ async def test_what_has_rotted_is_not_acknowledged_on_a_full_disk(tmp_path: Path
         await store.put([put(1)])
     rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 250)
     assert await outcomes_when_full(tmp_path, [put(1)]) == [Outcome.FULL]
+
+
+@pytest.mark.expect_log("full but for its reserve|a damaged record counts as none")
+@pytest.mark.parametrize("reserve", [0, FULL], ids=["room", "full"])
+async def test_what_is_expected_is_judged_alike_with_room_and_without(tmp_path: Path, reserve: int) -> None:
+    """Of a rotten record the header is there still, and says which version it is: its writer must not hear that another one is."""
+    before = record(1, seq=5).header.digest
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1, seq=5), put(2, seq=5)])
+    rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 250)
+    rot(tmp_path, RECORDS, record_key(place(2)), bit=8 * 10)
+    asked = [
+        put(1, seq=6, expect=bytes(32)),
+        put(1, seq=6, expect=b""),
+        put(1, seq=4),
+        put(1, seq=5),
+        put(1, seq=6, text=b"new", expect=before),
+        put(2, seq=6, expect=before),
+        put(2, seq=6, expect=b""),
+    ]
+    written = Outcome.FULL if reserve else Outcome.STORED
+    wanted = [Outcome.EXISTS, Outcome.EXISTS, Outcome.STALE, written, written, Outcome.EXISTS, written]
+    async with open_store(world(), tmp_path, NODE, reserve_bytes=reserve) as store:
+        assert [result.outcome for result in await store.put(asked)] == wanted
