@@ -52,8 +52,7 @@ async def prepare(cluster: Cluster, founders: int) -> None:
         world = cluster.net.world(node.name, node.address, node.disk)
         async with open_store(world, DATA_FOLDER, node.node_id) as store:
             book = LogBook(store)
-            await book.append(records)
-            await book.keep_header(header)
+            await book.append(records, header)
 
 
 def fill_tables(cluster: Cluster) -> None:
