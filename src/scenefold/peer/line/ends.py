@@ -40,5 +40,5 @@ def without(arc: Arc, piece: Arc, side: Side) -> Arc | None:
 
 
 def joined(arc: Arc | None, piece: Arc) -> Arc:
-    """The arc with a piece that touches it; the piece if there is no arc."""
-    return piece if arc is None else Arc(min(arc.first, piece.first), max(arc.last, piece.last))
+    """The arc with a piece that touches it; the piece if there is no arc. A new object, always: Holding.arc."""
+    return Arc(piece.first, piece.last) if arc is None else Arc(min(arc.first, piece.first), max(arc.last, piece.last))

@@ -91,6 +91,7 @@ class Holding:
     """The arc, at most one handover on either side, and what keeps late packets out."""
 
     arc: Arc | None = None
+    """The same object as long as nothing of it is given or taken; what went and came back is equal, and another one."""
     left: Handover | None = None
     right: Handover | None = None
     revision: int = 0

@@ -34,6 +34,16 @@ def test_a_holding_survives_its_note() -> None:
     assert decode_holding(encode_holding(Holding())) == Holding()
 
 
+def test_an_arc_that_went_and_came_back_is_another_object_though_it_is_equal() -> None:
+    """Who looks into the store tells by it that the arc was theirs all the time. An empty node has the piece itself as its arc."""
+    owner = Holding().found(arc_of_cells(4, 11))
+    assert owner.arc is not None
+    identity = handover_id(owner.revision + 1, SALT)
+    released = owner.offer(identity, Side.RIGHT, RIGHT, owner.arc).release(identity)
+    back = released.take_back(identity, lambda _member: True)
+    assert back.arc == owner.arc and back.arc is not owner.arc
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [("v", 2), ("revision", -1), ("arc", [b"", b""]), ("left", [b"x"]), ("heard", [[1, b"short", 1]]), ("arc", None), ("more", 1)],
