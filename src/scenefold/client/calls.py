@@ -7,8 +7,8 @@ bounded; then the last error is the caller's, in words.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Container, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Container, Sequence
+from contextlib import AbstractContextManager, asynccontextmanager, nullcontext, suppress
 from functools import partial
 from typing import TypeVar
 
@@ -112,11 +112,12 @@ class Calls:
             raise PeerFault(f"{type(reply).__name__} is no answer to {type(packet).__name__}", where=address)
         return reply
 
-    async def ask_in_turn(self, address: str, packet: Packet, answer: type[Answer] | tuple[type[Answer], ...], **options: float) -> Answer:
-        """`ask` for large requests: bounded in number, all together and for each node."""
+    @asynccontextmanager
+    async def turn(self, address: str) -> AsyncIterator[None]:
+        """Around a large request: they are bounded in number, all together and for each node."""
         node_slots = self._node_slots.setdefault(address, trio.CapacityLimiter(CLIENT_FRAMES_PER_NODE))
         async with node_slots, self._slots:
-            return await self.ask(address, packet, answer, **options)  # type: ignore[arg-type]
+            yield
 
     async def ask_any(
         self,

@@ -1,7 +1,6 @@
 """Many records to and from many nodes at once: split by owner, in frames, in parallel, until each has its answer.
 
-Records whose owner is away, busy or another than we thought go into the next round, with a newer table. A
-reply says the owner with reason 10, and that is believed for one round: whoever moved the bound knows best.
+Records whose owner is away, busy or another than we thought go into the next round, with a newer table (seeking.py).
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, heaviest, is_passing
 from scenefold.client.sealing import Key
+from scenefold.client.seeking import Search
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.crypto import wanted_place
@@ -40,43 +40,41 @@ class Delivered(NamedTuple):
 async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequence[Location], doubt: Doubt) -> dict[int, Delivered]:
     """Send every item to the owner of its location. Durable, or refused for a lasting reason. All by number; `doubt` is kept up to date.
 
-    Unreachable if an owner stays away; Refused if one cannot accept anything for longer than a lease gap lasts.
+    Unreachable if an owner stays away; Refused if one cannot accept anything for longer than a lease gap lasts; PeerFault if one
+    answers with nonsense. The last two may speak of a later try than one that is in doubt: see `Doubt.no_refusal`.
     """
     outcomes: dict[int, Delivered] = {}
     sizes = {index: len(item.ciphertext) + len(item.header) + len(item.signature) + 48 for index, item in items.items()}
-    hints: dict[int, NodeId] = {}
-    elsewhere: dict[int, set[NodeId]] = {}
+    search = Search(calls, locations)
 
     async def send(node: NodeId, frame: list[int]) -> None:
         packet = PutMany(tuple(items[index] for index in frame))
         address = calls.address_of(node)
-        with doubt.trying(frame):
-            reply = await calls.ask_in_turn(address, packet, PutManyReply)
-            if len(reply.outcomes) != len(frame):
-                raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
+        async with calls.turn(address):
+            with doubt.trying(frame):
+                reply = await calls.ask(address, packet, PutManyReply)
+                if len(reply.outcomes) != len(frame):
+                    raise PeerFault(f"{len(reply.outcomes)} outcomes for {len(frame)} records", where=address)
         for index, outcome in zip(frame, reply.outcomes, strict=True):
             if outcome.reason == RejectReason.NOT_MY_LOCATION:
-                passed = elsewhere.setdefault(index, set())
-                passed.add(node)
-                if outcome.owner and outcome.owner not in passed:
-                    hints[index] = outcome.owner
+                search.passed_on(node, index, outcome.owner)
             elif not is_passing(outcome.reason):
                 outcomes[index] = Delivered(outcome.reason, node, outcome.location)
                 if outcome.reason == STORED:
                     doubt.settle(index)
-            elif outcome.reason == RejectReason.NOT_READY:
-                # The node may have stored it, and lost its lease before it could say so.
-                doubt.note([index])
+            else:
+                search.was_busy(node, [index])
+                if outcome.reason == RejectReason.NOT_READY:
+                    # The node may have stored it, and lost its lease before it could say so.
+                    doubt.note([index])
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
-        routed = _routed(calls, locations, pending, hints, elsewhere)
-        hints.clear()
-        return [(node, frame) for node, indices in routed.items() for frame in frames(indices, sizes)]
+        return [(node, frame) for node, indices in search.routed(pending).items() for frame in frames(indices, sizes)]
 
     def pending() -> list[int]:
         return [index for index in items if index not in outcomes]
 
-    await _rounds(calls, locations, elsewhere, pending, parts, send)
+    await _rounds(calls, search, pending, parts, send)
     return outcomes
 
 
@@ -89,8 +87,8 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
     """
     missing = object()
     found: list[RecordBytes | object | None] = [missing] * len(keys)
-    elsewhere: dict[int, set[NodeId]] = {}
     locations = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
+    search = Search(calls, locations)
 
     def is_contested(index: int) -> bool:
         return len(calls.to_ask(locations[index])) > 1
@@ -101,7 +99,8 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
         timeout_s = CLIENT_STATUS_S if is_contested(frame[0]) else CLIENT_REQUEST_S
         while frame:
             packet = GetMany(scene, position, tuple(RecordKey(*keys[index]) for index in frame))
-            reply = await calls.ask_in_turn(address, packet, GetManyReply, timeout_s=timeout_s)
+            async with calls.turn(address):
+                reply = await calls.ask(address, packet, GetManyReply, timeout_s=timeout_s)
             if not 1 <= len(reply.records) <= len(frame):
                 raise PeerFault(f"{len(reply.records)} records for {len(frame)} keys", where=address)
             if reply.stale and not stale_ok:
@@ -114,31 +113,28 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
         ones = [1] * len(keys)
         # Apart, so that the little time for a contested place is not all that the others have.
         halves = [[index for index in pending if is_contested(index) == contested] for contested in (False, True)]
-        routed = [part for half in halves for part in _routed(calls, locations, half, {}, elsewhere).items()]
+        routed = [part for half in halves for part in search.routed(half).items()]
         return [(node, frame) for node, indices in routed for frame in frames(indices, ones, CLIENT_GET_KEYS)]
 
     def pending() -> list[int]:
         return [index for index, record in enumerate(found) if record is missing]
 
-    await _rounds(calls, locations, elsewhere, pending, parts, ask)
+    await _rounds(calls, search, pending, parts, ask)
     return found  # type: ignore[return-value]
 
 
 async def _rounds(
     calls: Calls,
-    locations: Sequence[Location],
-    elsewhere: dict[int, set[NodeId]],
+    search: Search,
     pending: Callable[[], list[int]],
     parts: Callable[[list[int]], list[tuple[NodeId, list[int]]]],
     exchange: Callable[[NodeId, list[int]], Awaitable[None]],
 ) -> None:
     """Exchange all pending parts at once, again and again with pauses, until nothing is pending or tries run out.
 
-    What a node refuses for good, or answers with nonsense, ends it, but the first time if all of that may be somebody
-    else's: those are asked instead (`elsewhere`).
+    What a node refuses for good, or answers with nonsense, ends it if it is the last word (`Search.is_last_word`).
     """
     patience = Patience()
-    believed_no_more: set[NodeId] = set()
     await calls.learn()
     while True:
         waiting = pending()
@@ -155,17 +151,17 @@ async def _rounds(
             except Unreachable as error:
                 errors.append(error)
             except (Refused, PeerFault) as error:
-                if isinstance(error, PeerFault) or not is_passing(error.reason):
-                    if node in believed_no_more or not _may_be_others(calls, locations, elsewhere, node, frame):
-                        raise
+                if isinstance(error, Refused) and is_passing(error.reason):
+                    search.was_busy(node, frame)
+                elif search.is_last_word(node, frame):
+                    raise
+                else:
                     unbelieved.append((node, frame))
                 errors.append(error)
 
         await together(partial(attempt_part, node, frame) for node, frame in parts(waiting))
         for node, frame in unbelieved:
-            believed_no_more.add(node)
-            for index in frame:
-                elsewhere.setdefault(index, set()).add(node)
+            search.disbelieve(node, frame)
         left = pending()
         if not left:
             return
@@ -176,32 +172,6 @@ async def _rounds(
             raise silence or (heaviest(errors) if errors else _unsettled(len(left)))
         await calls.pause(patience)
         await calls.refresh()
-
-
-def _routed(
-    calls: Calls, locations: Sequence[Location], pending: list[int], hints: dict[int, NodeId], elsewhere: dict[int, set[NodeId]]
-) -> dict[NodeId, list[int]]:
-    """What goes to which node. Who said that a place is not its own is passed over, until all candidates have; then they begin anew."""
-    routed: dict[NodeId, list[int]] = {}
-    for index in pending:
-        passed = elsewhere.get(index, set())
-        node = hints.get(index)
-        if node is None:
-            node = calls.to_ask(locations[index], passed)[0].node_id
-            if node in passed:
-                passed.clear()
-        routed.setdefault(node, []).append(index)
-    return routed
-
-
-def _may_be_others(calls: Calls, locations: Sequence[Location], elsewhere: dict[int, set[NodeId]], node: NodeId, frame: list[int]) -> bool:
-    """Whether for each of these records there is another node to ask, which has not passed it on already."""
-
-    def others(index: int) -> bool:
-        passed = {node, *elsewhere.get(index, ())}
-        return any(owner.node_id not in passed for owner in calls.table.candidates(locations[index]))
-
-    return all(others(index) for index in frame)
 
 
 def stale_answer(address: str) -> Refused:

@@ -6,14 +6,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.limits import CLIENT_FRAME_RECORDS, CLIENT_FRAMES_PER_NODE
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
+from scenefold.client.delivery import deliver
+from scenefold.client.doubt import Doubt
 from scenefold.client.space import ABSENT
-from scenefold.wire import Fault, Packet, PutItem, PutMany, PutOutcome, SceneMode, SetMode
+from scenefold.wire import Fault, Packet, PutItem, PutMany, PutManyReply, PutOutcome, RespondTable, SceneMode, SetMode
+from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
 from unit.client.test_spaces import scene_of
@@ -172,3 +177,50 @@ async def test_new_records_are_looked_for_where_they_may_be(autojump_clock: Mock
     nodes.faults = 1
     assert await space.put_fresh([(FIRST, b"atom")]) == [FIRST]
     assert len(nodes.records) == 1
+
+
+class OneRefuses(FakeNodes):
+    """The first node refuses every packet of writes for good, a second after the others have stored theirs."""
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if isinstance(packet, PutMany) and address == self.addresses[0]:
+            await trio.sleep(1.0)
+            raise Refused(RejectReason.NOT_AUTHORISED, "not you", where=address)
+        reply = await super().request(address, priority, packet, timeout)
+        if isinstance(packet, PutMany):
+            await trio.sleep(2.0)
+        return reply
+
+
+async def test_what_is_cancelled_because_another_frame_failed_may_be_stored(autojump_clock: MockClock) -> None:
+    nodes = OneRefuses()
+    with pytest.raises(Unreachable, match=r"may have happened.*not you"):
+        await _scene(nodes).space(FILES).put_many(ITEMS)
+    assert nodes.records
+
+
+async def test_what_has_not_left_is_not_in_doubt(autojump_clock: MockClock) -> None:
+    """Frames that wait for their turn are no tries yet: all that left are refused together, and the rest was never sent."""
+    nodes = OneRefuses(addresses=("127.0.0.2",))
+    at_once = CLIENT_FRAME_RECORDS * CLIENT_FRAMES_PER_NODE
+    items = {number: PutItem(SceneId(9), FILES, FIRST, None, bytes(64), b"header", b"text") for number in range(2 * at_once)}
+    doubt = Doubt("a write", str, "")
+    with pytest.raises(Refused, match="not you"):
+        await deliver(nodes.calls(), items, [FIRST] * len(items), doubt)
+    assert not any(number in doubt for number in range(2 * at_once - CLIENT_FRAME_RECORDS, 2 * at_once))
+
+
+@pytest.mark.parametrize("wrong", [RespondTable(()), PutManyReply(())])
+async def test_a_write_that_is_answered_with_nonsense_may_have_happened(autojump_clock: MockClock, wrong: Packet) -> None:
+    nodes = FakeNodes()
+    honest = nodes._answer
+
+    def answer(address: str, packet: Packet) -> Packet:
+        reply = honest(address, packet)
+        return wrong if isinstance(packet, PutMany) else reply
+
+    nodes._answer = answer  # type: ignore[method-assign]
+    space = _scene(nodes).space(FILES)
+    with pytest.raises(Unreachable, match="may have happened"):
+        await space.put(FIRST, b"mine")
+    assert await space.get(FIRST) == b"mine"

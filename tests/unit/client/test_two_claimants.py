@@ -7,7 +7,7 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LAST, WHOLE_LINE, Arc
 from scenefold.base.reasons import RejectReason
@@ -190,3 +190,50 @@ async def test_who_gives_no_table_keeps_nobody_from_the_others(wrong: Packet, au
                 await space.put_many(ITEMS)
             case _:
                 assert [place async for place in space.query()] == PLACES
+
+
+@pytest.mark.parametrize("wrong", [RespondTable(()), Fault(RejectReason.NOT_AUTHORISED, "not you")])
+@pytest.mark.parametrize("busy", ["a record", "a packet"])
+async def test_who_claims_everything_ends_no_write_that_waits_for_a_busy_owner(wrong: Packet, busy: str, autojump_clock: MockClock) -> None:
+    """The owner's arc has just gone to a node that is busy for a moment, and all tables are old."""
+    liar, giver, receiver = FIRST_NODE, MIDDLE, LAST_NODE
+    nodes = FakeNodes()
+    place = next(place for place in PLACES if nodes.table.owner_of(place).address == giver)
+    nodes.claims[liar] = WHOLE_LINE
+    honest, left = nodes._answer, [3]
+
+    def answer(address: str, packet: Packet) -> Packet:
+        if not isinstance(packet, PutMany):
+            return honest(address, packet)
+        if address == liar:
+            return wrong
+        if address == giver:
+            return outcomes(packet, RejectReason.NOT_MY_LOCATION, node_id_of(receiver))
+        left[0] -= 1
+        if left[0] > 0 and busy == "a packet":
+            return Fault(RejectReason.BUSY, "later")
+        return outcomes(packet, RejectReason.BUSY if left[0] > 0 else 0, NodeId(0))
+
+    nodes._answer = answer  # type: ignore[method-assign]
+    await _scene(nodes).space(FILES).put(place, b"mine")
+    assert left == [0]
+
+
+async def test_who_is_named_as_owner_and_refuses_for_good_is_believed_at_once(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    nodes.claims[FIRST_NODE] = WHOLE_LINE
+    place = next(place for place in PLACES if nodes.table.owner_of(place).address == LAST_NODE)
+    honest = nodes._answer
+
+    def answer(address: str, packet: Packet) -> Packet:
+        if isinstance(packet, PutMany) and address == LAST_NODE:
+            return Fault(RejectReason.NOT_AUTHORISED, "not you")
+        return honest(address, packet)
+
+    nodes._answer = answer  # type: ignore[method-assign]
+    with pytest.raises(Refused, match="not you"), trio.fail_after(2):
+        await _scene(nodes).space(FILES).put(place, b"mine")
+
+
+def outcomes(packet: PutMany, reason: int, owner: NodeId) -> PutManyReply:
+    return PutManyReply(tuple(PutOutcome(reason, item.location, owner) for item in packet.items))
