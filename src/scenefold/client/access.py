@@ -1,7 +1,7 @@
 """What it takes to read and write one scene: its identity, the writer's key, a session, and the way to the nodes.
 
-Space and importer build on the three calls here, which speak payloads on one side and wire on the other:
-`put_drafts`, `get_opened`, `locations`. Sealing and opening happen in worker threads, a batch at a time.
+Space and importer build on the calls here, which speak payloads on one side and wire on the other: `put`, `get`, `entries`, and
+`read_log` and `change_log`. Sealing and opening happen in worker threads, a batch at a time.
 """
 
 from __future__ import annotations
@@ -86,8 +86,9 @@ class SceneAccess:
 
         A wish that may replace what is there is given a higher version and sent again if a newer one was there; a
         place that is wished empty may hold a deleted record. Refused for any other reason than a stale version;
-        Unreachable if an owner stays away, or if an answer was lost and nobody can tell any more what became of
-        the record. `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
+        Unreachable if an owner stays away, or if an answer was lost, or was nonsense, and nobody can tell any more what
+        became of the record. PeerFault or DamagedData only if what lies there already could not be read.
+        `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
         """
         doubt = Doubt("a write", lambda index: self._where(wishes[index]), "read it, then decide whether to write again")
         with doubt.no_refusal():

@@ -131,8 +131,10 @@ class Worker:
                 if refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED):
                     self._tally.wrong.append(f"{self._name}: {act} is refused: {refusal}")
                 return
-            except Unreachable:
-                pass
+            except Unreachable as silence:
+                # A write that was answered with nonsense may have happened; that nodes here answer so is a fault all the same.
+                if isinstance(silence.__cause__, DamagedData | PeerFault):
+                    self._tally.wrong.append(f"{self._name}: {act}: {silence.__cause__}")
             except (DamagedData, PeerFault) as problem:
                 self._tally.wrong.append(f"{self._name}: {act}: {problem}")
                 return
