@@ -24,7 +24,7 @@ from scenefold.client.sealing import SceneIdentity
 from scenefold.client.space import ABSENT
 from scenefold.crypto import wanted_place
 from scenefold.store import Put
-from scenefold.wire import Packet, PutMany, PutManyReply, RequestTable, RespondTable, Status
+from scenefold.wire import Fault, Packet, PutMany, PutManyReply, RequestTable, RespondTable, Status
 from scenefold.world import Priority
 from unit.peer.data_nodes import LEFT, MIDDLE, RIGHT, SCENE, Neighbours, Node, arc, managed_item, with_nodes
 from unit.peer.scenes_made import SPACE, SYMMETRIC_KEY, WRITER
@@ -34,7 +34,7 @@ OTHER = bytes([20]) * 16
 
 
 class DirectLinks:
-    """A client's requests to nodes. Answers get lost on order."""
+    """A client's requests to nodes; a Fault is raised, as by real links. Answers get lost on order."""
 
     def __init__(self, neighbours: Neighbours) -> None:
         self._neighbours = neighbours
@@ -52,6 +52,8 @@ class DirectLinks:
         if self.lost:
             self.lost -= 1
             raise Unreachable("the connection broke", where=address)
+        if isinstance(reply, Fault):
+            raise Refused(reply.reason, reply.text, where=address)
         return reply
 
     def _status(self, node: Node) -> Status:
