@@ -16,7 +16,7 @@ async def items_of(rest: Rest) -> tuple[HandItem, ...]:
     """The two records of n1, as strays that n2 brings home."""
     context = rest.cluster.nodes[1].context
     assert context is not None and context.line.arc is not None
-    manifest = await context.store.strays(None, [], None, 32)
+    manifest = await context.store.strays([], None, 32)
     entries: list[Entry] = [entry for entry in manifest.entries if entry.place.location in rest.places]
     found: list[Any] = list(await context.store.read([entry.spot for entry in entries]))
     return tuple(hand_item(entry, record) for entry, record in zip(entries, found, strict=True))

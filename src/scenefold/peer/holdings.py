@@ -27,7 +27,7 @@ class Holdings(Protocol):
 
     @property
     def arc(self) -> Arc | None:
-        """The same object as long as nothing of it is given or taken: one that went and came back is another one."""
+        """The same object as long as nothing of it is given or taken; what went and came back is equal, and another object."""
         ...
 
     def owns(self, location: Location) -> bool: ...

@@ -184,7 +184,7 @@ class Reporting:
         line, load = context.line, context.own.load
         handovers = line.open_handovers()
         pieces = {handover.id: await context.store.arc_totals(handover.piece) for _, handover in handovers}
-        strays = await context.store.strays(line.arc, [handover.piece for _, handover in handovers], None, STRAYS_COUNTED_MAX)
+        strays = await context.store.strays(line.kept, None, STRAYS_COUNTED_MAX)
         statistics = await context.store.statistics()
         now = context.world.clock.now()
         self._memory.note_handovers(handovers, now)

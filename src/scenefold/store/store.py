@@ -137,10 +137,9 @@ class Store:
         """
         return await self._view(walking.manifest, [where] if isinstance(where, Arc) else where, after, limit)
 
-    async def strays(self, arc: Arc | None, excluded: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
-        """Likewise the records that lie neither in the arc nor in the excluded ones."""
-        pieces = walking.outside([*excluded, *([arc] if arc is not None else [])])
-        return await self._view(walking.manifest, pieces, after, limit)
+    async def strays(self, kept: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
+        """Likewise the records that lie in none of these arcs."""
+        return await self._view(walking.manifest, walking.outside(kept), after, limit)
 
     async def weigh(self, arc: Arc, bytes_wanted: int, *, from_right: bool) -> Weighed:
         """How far from one side of the arc `bytes_wanted` reach, at least."""

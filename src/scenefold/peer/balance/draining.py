@@ -49,7 +49,7 @@ class NodeDrained(Exception):
 class Keeps(Scales, Protocol):
     """What is asked of the store."""
 
-    async def strays(self, arc: Arc | None, excluded: Sequence[Arc], after: bytes | None, limit: int) -> Manifest: ...
+    async def strays(self, kept: Sequence[Arc], after: bytes | None, limit: int) -> Manifest: ...
     async def put_note(self, name: str, value: bytes) -> None: ...
     async def get_note(self, name: str) -> bytes | None: ...
 
@@ -184,12 +184,12 @@ class Draining:
             found.append(f"it owns a part of the line, with {totals.records} records")
         if self._line.open_handovers():
             found.append("a handover with a neighbour is under way")
-        elif self._line.arc is None and await self._has_strays():
+        elif self._line.arc is None and await self._has_records():
             found.append("records lie here that their owners have not taken yet")
         return found
 
-    async def _has_strays(self) -> bool:
-        manifest = await self._store.strays(self._line.arc, [], None, 1)
+    async def _has_records(self) -> bool:
+        manifest = await self._store.strays([], None, 1)
         return bool(manifest.entries)
 
     # ------------------------------------------------------------------------------------------------------ doing

@@ -104,11 +104,7 @@ class Holding:
 
     def find(self, handover: bytes) -> tuple[Side, Handover] | None:
         """The handover with this id and the side that it is on."""
-        for side in Side:
-            found = self.on(side)
-            if found is not None and found.id == handover:
-                return side, found
-        return None
+        return next(((side, found) for side, found in self.handovers if found.id == handover), None)
 
     def owns(self, location: Location) -> bool:
         return self.arc is not None and behind_left_fence(self.arc, location) and location <= self.arc.last
@@ -124,6 +120,11 @@ class Holding:
     @property
     def handovers(self) -> list[tuple[Side, Handover]]:
         return [(side, found) for side in Side if (found := self.on(side)) is not None]
+
+    @property
+    def kept(self) -> list[Arc]:
+        """Where records lie by right: in the arc, and in what is on its way. All others are strays."""
+        return [*(found.piece for _, found in self.handovers), *([] if self.arc is None else [self.arc])]
 
     # ---------------------------------------------------------------------------------------------------- giving
 
@@ -234,10 +235,8 @@ class Holding:
         ended = [side for side, found in self.handovers if found.step is not Step.RELEASED and is_removed(found.peer)]
         if not ended and heard == self.heard:
             return self
-        after = replace(self, heard=heard, revision=self.revision + 1)
-        for side in ended:
-            after = replace(after, left=None) if side is Side.LEFT else replace(after, right=None)
-        return after
+        left, right = (None if side in ended else self.on(side) for side in Side)
+        return replace(self, left=left, right=right, heard=heard, revision=self.revision + 1)
 
     def take_back(self, handover: bytes, is_removed: Callable[[Member], bool]) -> Holding:
         """Own a released piece again, since the log has removed its receiver, whose leases must be over."""

@@ -21,7 +21,6 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.line.copying import hand_item
-from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import spot_of_item, verified
 from scenefold.peer.verification import home_of
@@ -86,7 +85,7 @@ class Strays:
         while True:
             holding = self._parts.keeper.holding
             first = cursor is None
-            manifest = await self._parts.store.strays(holding.arc, _excluded(holding), cursor, BATCH_RECORDS)
+            manifest = await self._parts.store.strays(holding.kept, cursor, BATCH_RECORDS)
             cursor = manifest.cursor
             found = [*manifest.entries, *(await self._misplaced() if first else ())]
             seen += len(found)
@@ -108,11 +107,10 @@ class Strays:
     async def _misplaced(self) -> list[Entry]:
         """Objects that lie in what is kept here though others decide about them. Our own that lie elsewhere slide into the arc."""
         async with self._parts.keeper.unchanging() as holding:
-            kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
             if holding.arc is not None and not holding.handovers and await self._parts.store.parted(holding.arc):
                 with self._as_far_as_there_is_room():
                     await self._parts.store.slide([holding.arc])
-            return await self._parts.store.misplaced(kept, BATCH_RECORDS)
+            return await self._parts.store.misplaced(holding.kept, BATCH_RECORDS)
 
     def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
         owners: dict[NodeId, list[Entry]] = {}
@@ -141,8 +139,7 @@ class Strays:
         reply = await parts.peers.ask(owner, Priority.LOW, request, PutManyReply, ASK_S_MAX)
         taken = [entry for (entry, _), outcome in zip(whole, reply.outcomes, strict=False) if outcome.reason == 0]
         async with parts.keeper.unchanging() as holding:
-            kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
-            gone = [(entry.spot, entry.digest) for entry in taken if not any(entry.home in piece for piece in kept)]
+            gone = [(entry.spot, entry.digest) for entry in taken if not any(entry.home in piece for piece in holding.kept)]
             if gone:
                 await parts.store.remove(gone)
         parts.events["brought home"] += len(gone)
@@ -153,9 +150,9 @@ class Strays:
         if not spots:
             return
         async with self._parts.keeper.unchanging() as holding:
-            kept = [*_excluded(holding), *([] if holding.arc is None else [holding.arc])]
             with self._as_far_as_there_is_room():
-                gone = await self._parts.store.discard([spot for spot in spots if not any(spot.place.location in piece for piece in kept)])
+                strays = [spot for spot in spots if not any(spot.place.location in piece for piece in holding.kept)]
+                gone = await self._parts.store.discard(strays)
                 self._parts.events["damaged strays discarded"] += gone
 
     @contextmanager
@@ -219,8 +216,3 @@ class Strays:
         (present,) = await self._parts.store.read([spot_of_item(item)])
         if isinstance(present, Record):
             raise Refused(RejectReason.BUSY, "the scene is being rendered: nothing in it is replaced")
-
-
-def _excluded(holding: Holding) -> list[Arc]:
-    """Pieces whose records belong to a handover."""
-    return [handover.piece for _, handover in holding.handovers]

@@ -132,8 +132,8 @@ class House:
     async def statistics(self) -> Any:
         return SimpleNamespace(records=len(self.sizes), bytes=self.used, disk_used_bytes=self.used, disk_total_bytes=self.capacity)
 
-    async def strays(self, arc: Arc | None, excluded: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
-        strays = [place for place in sorted(self.sizes) if arc is None or place not in arc]
+    async def strays(self, kept: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
+        strays = [place for place in sorted(self.sizes) if not any(place in arc for arc in kept)]
         entries = [Entry(RecordPlace(SceneId(1), SpaceId(1), place), b"", bytes(32), self.sizes[place]) for place in strays[:limit]]
         return Manifest(entries, None)
 
