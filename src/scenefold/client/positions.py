@@ -7,21 +7,19 @@ place in one and found it taken: the run of occupied locations behind is followe
 
 from __future__ import annotations
 
-import math
 from collections.abc import AsyncIterator, Sequence
 from contextlib import aclosing
 from dataclasses import replace
 from typing import NamedTuple
 
-from scenefold.base.errors import LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_BOX_ARCS
 from scenefold.base.location import Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.living import alive
 from scenefold.client.runs import STEPS_MAX, Run, run_behind
-from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, SPACE_NAMES
-from scenefold.scene.log import CellBox, LoggedSpace, SceneLog
+from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META
+from scenefold.scene.log import CellBox, LoggedSpace
 
 _BATCH = 1_024
 """Locations that are looked at together."""
@@ -92,34 +90,6 @@ async def _batches(locations: AsyncIterator[Location]) -> AsyncIterator[list[Loc
             batch = []
     if batch:
         yield batch
-
-
-def movable(log: SceneLog, space: SpaceId) -> SpaceId:
-    """The id of a space that may be translated and scaled; LocalFault for one that every scene has."""
-    if space in SPACE_NAMES:
-        what = f"the space {SPACE_NAMES[space]} holds imported content, which renderers take as it lies"
-        raise LocalFault(
-            what, where=f"space {space}", remedy="move the objects in the file and import it again, or make a space of your own"
-        )
-    return log.space(space).id
-
-
-def checked_offset(offset: Sequence[float], space: SpaceId) -> tuple[float, ...]:
-    """What a space is to be moved by; LocalFault if it is not finite."""
-    by = tuple(map(float, offset))
-    if not all(map(math.isfinite, by)):
-        raise LocalFault("a space is moved by finite numbers", where=f"space {space}", remedy="give one for each dimension")
-    return by
-
-
-def checked_factor(factor: float, space: SpaceId) -> float:
-    """What a space is to be scaled by; LocalFault if it is not finite and above 0."""
-    by = float(factor)
-    if not (math.isfinite(by) and by > 0.0):
-        raise LocalFault(
-            f"a space is scaled by a finite factor above 0, not {by:g}", where=f"space {space}", remedy="0.5 halves it, 2 doubles it"
-        )
-    return by
 
 
 async def _with_lattice_of_import(access: SceneAccess, space: LoggedSpace) -> LoggedSpace:

@@ -15,8 +15,9 @@ from scenefold.client.access import SceneAccess, Wish
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
-from scenefold.client.positions import Found, checked_factor, checked_offset, found_in_box, logged_space, movable
+from scenefold.client.positions import Found, found_in_box, logged_space
 from scenefold.client.sealing import Key, Opened, payload_of
+from scenefold.client.steps import checked_factor, checked_offset, movable
 from scenefold.scene.log import LoggedSpace
 from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
 
