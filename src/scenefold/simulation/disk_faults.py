@@ -1,4 +1,4 @@
-"""What takes disks away: bits that turn over, empty disks, backups put back (specs/17-simulation.md, Faults).
+"""What disks do to nodes: bits that turn over, no room, empty disks, backups put back (specs/17-simulation.md, Faults).
 
 A disk loses what was acknowledged, so the observer is told exactly what lay there before, and after.
 """
@@ -11,11 +11,18 @@ import trio
 
 from scenefold.peer.lives import Lives
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import granted_life, incarnation_of, lives_of
+from scenefold.simulation.disks import arc_of, granted_life, has_open_handover, incarnation_of, keys_outside, lives_of
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.rotting import TableRot
 from scenefold.store.layout import RECORDS
 from scenefold.world.sim import dice
+
+RESERVE_LEFT_BYTES = 128 << 20
+"""Half of a store's reserve: new records are refused, what may use the reserve goes on."""
+NO_BYTE, NO_BYTE_AND_ROT = 0.5, 0.75
+"""A full disk of a greater amount has no byte free; of one greater still, when a stray lies there, which rots."""
+STRAY_LOOK_S = 0.2
+"""Between two looks for one: it stays for a second at least before it is brought home."""
 
 RECORDED_LOOK_S, RECORDED_LOOKS_MAX = 0.5, 40
 """For a node that was restarted to be granted a lease: it may be cut off, or the voter down."""
@@ -25,12 +32,15 @@ HANDOVER_STEPS_MAX = 5
 
 
 class DiskFaults:
-    """Those of a storm. `begins` is told of a fault once it takes effect; `is_over` says whether the storm is."""
+    """Those of a storm. `begins` and `ends` are told of a fault once it takes effect; `is_over` says whether the storm is."""
 
-    def __init__(self, cluster: Cluster, begins: Callable[[Fault], None], is_over: Callable[[], bool]) -> None:
+    def __init__(
+        self, cluster: Cluster, begins: Callable[[Fault], None], ends: Callable[[Fault], None], is_over: Callable[[], bool]
+    ) -> None:
         self._cluster = cluster
         self._watch = cluster.watch
         self._begins = begins
+        self._ends = ends
         self._is_over = is_over
         self._dice = dice(cluster.net.seed, "storm")
         self._table_rot = TableRot(cluster)
@@ -41,6 +51,8 @@ class DiskFaults:
         match fault.kind:
             case Kind.CORRUPTION:
                 await self._corrupt(fault)
+            case Kind.DISK_FULL:
+                await self._fill(fault)
             case Kind.WIPED_DISK:
                 await self._wipe(fault)
             case _:
@@ -55,6 +67,34 @@ class DiskFaults:
         with trio.move_on_at(end_s):
             for _ in range(count):
                 await self._at_step.setdefault(slot, trio.Event()).wait()
+
+    async def _fill(self, fault: Fault) -> None:
+        """Others fill a disk; some of those that are filled to the last byte hold a stray that nobody can take any more."""
+        node, reach = self._cluster.nodes[fault.slots[0]], self._watch.reach
+        stray = None
+        if fault.amount > NO_BYTE_AND_ROT:
+            with trio.move_on_at((fault.begin_s + fault.end_s) / 2):
+                stray = await self._stray_of(node)
+        if self._is_over():
+            return
+        self._begins(fault)
+        node.disk.fill(0 if fault.amount > NO_BYTE else RESERVE_LEFT_BYTES)
+        reach.hampered(node.slot, self._cluster.net.now)
+        if stray is not None:
+            before = self._watch.records(node.slot)
+            node.disk.corrupt(RECORDS, self._dice, stray)
+            self._watch.damaged(node.slot, stray, before)
+        await trio.sleep_until(fault.end_s)
+        if not self._is_over():
+            node.disk.fill(None)
+            reach.relieved(node.slot, self._cluster.net.now)
+            self._ends(fault)
+
+    async def _stray_of(self, node: Node) -> bytes:
+        """The key of a record that is none of its node's, nor on its way, once there is one."""
+        while has_open_handover(node.disk) or not (strays := keys_outside(node.disk, arc_of(node.disk))):  # noqa: ASYNC110 - a disk tells nobody
+            await trio.sleep(STRAY_LOOK_S)
+        return strays[0]
 
     async def _corrupt(self, fault: Fault) -> None:
         """Bits of records turn over, and rarely one of what the store keeps beside them."""

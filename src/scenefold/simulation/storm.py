@@ -23,9 +23,6 @@ from scenefold.simulation.faults import HANDOVER_STEPS, Fault, Kind
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.world.sim import CALM, Point, Weather
 
-RESERVE_LEFT_BYTES = 128 << 20
-"""Half of a store's reserve: new records are refused, what may use the reserve goes on."""
-
 _POINTS = {
     Kind.CRASH_BEFORE_COMMIT: Point.BEFORE_COMMIT,
     Kind.CRASH_AFTER_COMMIT: Point.AFTER_COMMIT,
@@ -46,7 +43,7 @@ class Storm:
         self._watch = cluster.watch
         self._drain = drain
         self._nursery = nursery
-        self._disks = DiskFaults(cluster, self._begins, lambda: self._is_over)
+        self._disks = DiskFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._weather: dict[Fault, Weather] = {}
         self._wait_for_handover: list[Fault] = []
         self._handovers: dict[int, list[Handover]] = {}
@@ -175,8 +172,6 @@ class Storm:
                 return partial(net.slow, node.address, fault.amount), partial(net.slow, node.address, 1.0)
             case Kind.SLOW_DISK:
                 return partial(machine.disk.slow, fault.amount), partial(machine.disk.slow, 0.0)
-            case Kind.DISK_FULL:
-                return partial(machine.disk.fill, 0 if fault.amount > 0.5 else RESERVE_LEFT_BYTES), partial(machine.disk.fill, None)
             case _:
                 return partial(machine.clock.set_rate, 1.0 + fault.amount), partial(machine.clock.set_rate, 1.0)
 
@@ -280,7 +275,7 @@ class Storm:
         Kind.REORDERING: _bad_weather,
         Kind.SLOW_NODE: _burden,
         Kind.SLOW_DISK: _burden,
-        Kind.DISK_FULL: _burden,
+        Kind.DISK_FULL: _hit_disk,
         Kind.CLOCK_RATE: _burden,
         Kind.PAUSE: _pause,
         Kind.RESET: _reset,
