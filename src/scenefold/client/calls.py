@@ -128,8 +128,11 @@ class Calls:
         priority: Priority = Priority.HIGH,
         timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
-        """Ask any node, `first` or a random one first; while one says nothing, others are asked as well, a few at a time."""
-        ask = partial(self.ask_around, packet, answer, first=first, priority=priority, timeout_s=timeout_s)
+        """Ask what any node can answer, `first` or a random one first; none that refuses speaks for the others.
+
+        While one says nothing, others are asked as well, a few at a time.
+        """
+        ask = partial(self.ask_around, packet, answer, first=first, priority=priority, timeout_s=timeout_s, refusal_counts=False)
         return await self.of_any(ask)
 
     async def ask_around(
@@ -164,8 +167,8 @@ class Calls:
             raise no_answer(self._addresses_from(self.table.owners[0].node_id), error) from error
 
     async def refresh(self, first: NodeId | None = None) -> RespondTable:
-        """Take the routing table of any node, `first` if it answers; one that refuses does not speak for the others."""
-        reply = await self.of_any(partial(self._ask_for_table, first))
+        """Take the routing table of any node, `first` if it answers."""
+        reply = await self.ask_any(RequestTable(), RespondTable, first=first, timeout_s=CLIENT_STATUS_S)
         self._take(reply)
         return reply
 
@@ -175,13 +178,9 @@ class Calls:
             if self._has_asked:
                 return
             self._has_asked = True
+            ask = partial(self.ask_around, RequestTable(), RespondTable, timeout_s=CLIENT_STATUS_S)
             with suppress(Unreachable, Refused, PeerFault):
-                self._take(await self._ask_for_table(nodes_max=LEARN_NODES_MAX))
-
-    async def _ask_for_table(self, first: NodeId | None = None, nodes_max: int | None = None) -> RespondTable:
-        return await self.ask_around(
-            RequestTable(), RespondTable, first=first, timeout_s=CLIENT_STATUS_S, nodes_max=nodes_max, refusal_counts=False
-        )
+                self._take(await ask(nodes_max=LEARN_NODES_MAX, refusal_counts=False))
 
     def _take(self, reply: RespondTable) -> None:
         owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses]

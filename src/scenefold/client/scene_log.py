@@ -141,6 +141,7 @@ class LogAccess:
             if before.header.position >= offered:
                 # Whatever was offered so far has its position taken by something else, and never goes in.
                 doubt.settle_all()
+                problem = None
             if attempt == CLIENT_LOG_TRIES_MAX:
                 break
             after = self._followed(before, entry_of(before.state), request_id, key)

@@ -200,14 +200,15 @@ async def test_what_is_cancelled_because_another_frame_failed_may_be_stored(auto
 
 
 async def test_what_has_not_left_is_not_in_doubt(autojump_clock: MockClock) -> None:
-    """Frames that wait for their turn are no tries yet: all that left are refused together, and the rest was never sent."""
+    """Frames that wait for their turn are no tries yet."""
     nodes = OneRefuses(addresses=("127.0.0.2",))
     at_once = CLIENT_FRAME_RECORDS * CLIENT_FRAMES_PER_NODE
-    items = {number: PutItem(SceneId(9), FILES, FIRST, None, bytes(64), b"header", b"text") for number in range(2 * at_once)}
+    items = {number: PutItem(SceneId(9), FILES, FIRST, None, bytes(64), b"header", b"text") for number in range(5 * at_once)}
     doubt = Doubt("a write", str, "")
     with pytest.raises(Refused, match="not you"):
         await deliver(nodes.calls(), items, [FIRST] * len(items), doubt)
-    assert not any(number in doubt for number in range(2 * at_once - CLIENT_FRAME_RECORDS, 2 * at_once))
+    # Those whose turn came when the first ones ended may be among them.
+    assert sum(number in doubt for number in items) <= 2 * at_once
 
 
 @pytest.mark.parametrize("wrong", [RespondTable(()), PutManyReply(())])

@@ -177,6 +177,24 @@ async def test_an_offer_whose_position_is_taken_is_in_doubt_no_more(autojump_clo
         await scene.create_space("cellar", BOX)
 
 
+async def test_who_is_overtaken_every_time_is_told_that_nothing_went_in(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = Nodes()
+    scene, _ = await hall_of(nodes, tmp_path)
+    other = await scene_of(nodes, tmp_path)
+    first, later = (dict(nodes.headers), dict(nodes.logs)), []
+    for number in range(CLIENT_LOG_TRIES_MAX):
+        await other.create_space(f"space {number}", BOX)
+        later.append((dict(nodes.headers), dict(nodes.logs)))
+
+    def overtaken(_address: str, packet: ProposeSceneLog) -> None:
+        nodes.headers, nodes.logs = later[packet.public.position - 3]
+
+    nodes.headers, nodes.logs = first
+    nodes.offered = overtaken
+    with pytest.raises(Refused, match="others change the scene"):
+        await scene.create_space("attic", BOX)
+
+
 @pytest.mark.parametrize("reason", [RejectReason.STORAGE_FULL, RejectReason.NOT_AUTHORISED, RejectReason.BUSY])
 async def test_without_a_lost_answer_a_refusal_is_one(autojump_clock: MockClock, tmp_path: Path, reason: RejectReason) -> None:
     nodes = Nodes()

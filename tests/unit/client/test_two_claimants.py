@@ -11,7 +11,20 @@ from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LAST, WHOLE_LINE, Arc
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import Fault, GetMany, GetManyReply, Packet, PutMany, PutManyReply, PutOutcome, QueryRange, RequestTable, RespondTable
+from scenefold.wire import (
+    Fault,
+    GetMany,
+    GetManyReply,
+    ListScenes,
+    Packet,
+    PutMany,
+    PutManyReply,
+    PutOutcome,
+    QueryRange,
+    RequestTable,
+    RespondTable,
+    ScenesListed,
+)
 from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
@@ -237,3 +250,11 @@ async def test_who_is_named_as_owner_and_refuses_for_good_is_believed_at_once(au
 
 def outcomes(packet: PutMany, reason: int, owner: NodeId) -> PutManyReply:
     return PutManyReply(tuple(PutOutcome(reason, item.location, owner) for item in packet.items))
+
+
+async def test_who_refuses_what_any_node_can_answer_does_not_speak_for_the_others(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    calls = nodes.calls()
+    nodes.busy[calls._addresses_from(None)[0]] = 1000
+    with trio.fail_after(0.1):
+        assert (await calls.ask_any(ListScenes(), ScenesListed)).scenes == ()
