@@ -20,8 +20,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Awaitable, Callable
 from enum import Enum, auto
-
-import trio
+from functools import partial
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
@@ -33,7 +32,7 @@ from scenefold.peer.status import OwnStatus
 from scenefold.peer.timing import ENROL_RETRY_S
 from scenefold.store import Store
 from scenefold.wire import AddNode, Member
-from scenefold.world import World
+from scenefold.world import World, first_of
 from scenefold.world.quiet import QuietLog
 
 Join = Callable[[], Awaitable[None]]
@@ -128,15 +127,7 @@ class Enrolment:
 
     async def _until_concerned(self, registry: Registry) -> None:
         """Wait for the next record, or for the word of the voter that this disk is an old one."""
-        async with trio.open_nursery() as nursery:
-
-            async def wait_for(event: Callable[[], Awaitable[object]]) -> None:
-                await event()
-                nursery.cancel_scope.cancel()
-
-            if not self._lease.rolled_back.is_set():
-                nursery.start_soon(wait_for, self._lease.rolled_back.wait)
-            nursery.start_soon(wait_for, lambda: self._cluster_log.changed_after(registry.position))
+        await first_of(self._lease.rolled_back.wait, partial(self._cluster_log.changed_after, registry.position))
 
     async def _renew(self, registry: Registry) -> None:
         removal = registry.removal(self._own.incarnation)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from scenefold.world.quiet import QuietLog
     from scenefold.world.real import DEFAULT_LANES, offline_world, real_world
     from scenefold.world.serving import Handler, serve_connection
-    from scenefold.world.tasks import background_tasks
+    from scenefold.world.tasks import background_tasks, first_of
 
 _LATE = {
     "Channel": "channel",
@@ -49,6 +49,7 @@ _LATE = {
     "Handler": "serving",
     "serve_connection": "serving",
     "background_tasks": "tasks",
+    "first_of": "tasks",
 }
 
 __all__ = [
@@ -76,6 +77,7 @@ __all__ = [
     "World",
     "WriteTransaction",
     "background_tasks",
+    "first_of",
     "offline_world",
     "open_channel",
     "open_links",

@@ -1,4 +1,4 @@
-"""Nurseries that a context manager hides from its user.
+"""Nurseries that a context manager or a call hides from its user.
 
 Trio gathers what goes wrong in a nursery into a group. A user of `open_store` or `open_links` never saw a nursery, and
 expects their own exception back; so a group of one is opened, and the wreckage of the cancellation itself left out.
@@ -6,7 +6,7 @@ expects their own exception back; so a group of one is opened, and the wreckage 
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
 
 import trio
@@ -26,6 +26,20 @@ async def background_tasks() -> AsyncIterator[trio.Nursery]:
         if len(causes) == 1:
             raise causes[0] from causes[0].__cause__
         raise
+
+
+async def first_of(*waits: Callable[[], Awaitable[object]]) -> None:
+    """Return once one of these returns; the others are cancelled."""
+    async with background_tasks() as nursery:
+        over = trio.Event()
+
+        async def wait_for(wait: Callable[[], Awaitable[object]]) -> None:
+            await wait()
+            over.set()
+
+        for wait in waits:
+            nursery.start_soon(wait_for, wait)
+        await over.wait()
 
 
 def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:

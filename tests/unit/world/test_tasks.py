@@ -1,11 +1,12 @@
-"""If this failed, users of our context managers would get groups of exceptions instead of their own."""
+"""If this failed, users of our context managers would get groups of exceptions instead of their own, or somebody would wait for ever."""
 
 from __future__ import annotations
 
 import pytest
 import trio
+import trio.testing
 
-from scenefold.world import background_tasks
+from scenefold.world import background_tasks, first_of
 
 
 async def test_the_body_s_own_error_comes_out() -> None:
@@ -55,3 +56,30 @@ async def test_two_errors_stay_a_group() -> None:
     with pytest.raises(ExceptionGroup) as caught:
         await use()
     assert len(caught.value.exceptions) == 2
+
+
+async def test_the_first_wait_that_ends_ends_all() -> None:
+    one, other = trio.Event(), trio.Event()
+    cancelled: list[str] = []
+
+    async def never() -> None:
+        try:
+            await trio.sleep_forever()
+        except trio.Cancelled:
+            cancelled.append("never")
+            raise
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(first_of, one.wait, other.wait, never)
+        await trio.testing.wait_all_tasks_blocked()
+        other.set()
+    assert cancelled == ["never"]
+    assert not one.is_set()
+
+
+async def test_an_error_in_a_wait_comes_out_as_it_is() -> None:
+    async def fail() -> None:
+        raise ValueError("wait")
+
+    with pytest.raises(ValueError, match="wait"):
+        await first_of(trio.sleep_forever, fail)

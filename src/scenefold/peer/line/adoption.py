@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import logging
 
-import trio
-
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import FIRST, Arc
@@ -48,7 +46,7 @@ class Adoption:
                 continue
             about = (registry.left_at, holding.arc)
             if about == self._surveyed:
-                await self._something_new(registry.position, holding.revision)
+                await parts.something_new(holding.revision, registry.position)
                 continue
             await parts.world.clock.sleep(self._wait_s(registry))
             try:
@@ -58,18 +56,6 @@ class Adoption:
             except (Unsettled, Refused, Unreachable, PeerFault) as problem:
                 _log.debug("a gap is looked for again: %s", problem)
                 await pauses.wait()
-
-    async def _something_new(self, position: int, revision: int) -> None:
-        """Return once the log or the holding has changed."""
-        async with trio.open_nursery() as nursery:
-
-            async def log_changed() -> None:
-                await self._parts.cluster_log.changed_after(position)
-                nursery.cancel_scope.cancel()
-
-            nursery.start_soon(log_changed)
-            await self._parts.keeper.changed_after(revision)
-            nursery.cancel_scope.cancel()
 
     def _wait_s(self, registry: Registry) -> float:
         """Until the leases of all who were removed are over."""

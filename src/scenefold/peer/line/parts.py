@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 from scenefold.base.errors import Refused
@@ -23,7 +24,7 @@ from scenefold.peer.timing import T_WAIT_S
 from scenefold.peer.verification import KnownScene
 from scenefold.store import Store
 from scenefold.wire import HandoverReply
-from scenefold.world import World
+from scenefold.world import World, first_of
 
 
 class Lease(Protocol):
@@ -64,6 +65,10 @@ class Parts:
     def leases_end_in_s(self, position: int) -> float:
         """Seconds until nobody holds a lease any more who was removed at this position of the log; a start counts as learning of it."""
         return max(0.0, self.cluster_log.learnt_at(position) + T_WAIT_S - self.world.clock.now())
+
+    async def something_new(self, revision: int, position: int) -> None:
+        """Return once the holding, or the cluster's log, is no longer what it was."""
+        await first_of(partial(self.keeper.changed_after, revision), partial(self.cluster_log.changed_after, position))
 
     @asynccontextmanager
     async def writing(self, locations: Sequence[Location], *, anywhere: bool) -> AsyncIterator[None]:

@@ -9,7 +9,7 @@ What cannot be written on a full disk (to delete is to write) is left for a late
 from __future__ import annotations
 
 import logging
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import trio
@@ -60,20 +60,9 @@ class Strays:
             # Who owned a place may have been removed: whoever adopts it must not lack for long what is here.
             known = position
             with trio.move_on_after(pause_s):
-                await self._something_changed(self._parts.keeper.holding.revision, position)
+                await self._parts.something_new(self._parts.keeper.holding.revision, position)
                 # What has just changed may have left something; but its handover comes first.
                 await self._parts.world.clock.sleep(PAUSE_S_MIN)
-
-    async def _something_changed(self, revision: int, position: int) -> None:
-        """Return once our holding, or the cluster's log, is no longer what it was."""
-        async with trio.open_nursery() as nursery:
-
-            async def wait_for(change: Callable[[], Awaitable[object]]) -> None:
-                await change()
-                nursery.cancel_scope.cancel()
-
-            nursery.start_soon(wait_for, lambda: self._parts.keeper.changed_after(revision))
-            nursery.start_soon(wait_for, lambda: self._parts.cluster_log.changed_after(position))
 
     async def _look(self) -> int:
         """One walk over all strays; how many were brought home."""
