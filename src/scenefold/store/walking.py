@@ -14,8 +14,9 @@ from contextlib import suppress
 from itertools import islice
 from typing import NamedTuple
 
+from scenefold.base.cover import without
 from scenefold.base.errors import DamagedData
-from scenefold.base.location import FIRST, LAST, Arc, Location
+from scenefold.base.location import WHOLE_LINE, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.store.layout import (
     OBJECTS_END,
@@ -72,17 +73,9 @@ class Weighed(NamedTuple):
 
 def outside(pieces: Iterable[Arc]) -> list[Arc]:
     """The rest of the line, in order."""
-    rest: list[Arc] = []
-    begin: Location | None = FIRST
-    for piece in sorted(pieces, key=lambda arc: arc.first):
-        if begin is None:
-            break
-        if piece.first > begin:
-            rest.append(Arc(begin, Location.from_number(piece.first.number - 1)))
-        following = piece.last.next()
-        begin = None if following is None else max(begin, following)
-    if begin is not None:
-        rest.append(Arc(begin, LAST))
+    rest = [WHOLE_LINE]
+    for piece in pieces:
+        rest = [part for arc in rest for part in without(arc, piece)]
     return rest
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from scenefold.base.location import Arc, Location
+from scenefold.base import cover
+from scenefold.base.location import Arc
 
 
 class Side(StrEnum):
@@ -32,11 +33,7 @@ def is_end_of(piece: Arc, arc: Arc, side: Side) -> bool:
 def without(arc: Arc, piece: Arc, side: Side) -> Arc | None:
     """What is left of an arc that loses that end; None if nothing is."""
     assert is_end_of(piece, arc, side)
-    if piece == arc:
-        return None
-    if side is Side.RIGHT:
-        return Arc(arc.first, Location.from_number(piece.first.number - 1))
-    return Arc(Location.from_number(piece.last.number + 1), arc.last)
+    return next(iter(cover.without(arc, piece)), None)
 
 
 def joined(arc: Arc | None, piece: Arc) -> Arc:
