@@ -69,12 +69,11 @@ class DiskFaults:
                 await self._at_step.setdefault(slot, trio.Event()).wait()
 
     async def _fill(self, fault: Fault) -> None:
-        """Others fill a disk; some of those that are filled to the last byte hold a stray that nobody can take any more."""
+        """Others fill a disk; half of those that are filled to the last byte are so once a stray lies there, which rots."""
         node, reach = self._cluster.nodes[fault.slots[0]], self._watch.reach
         stray = None
         if fault.amount > NO_BYTE_AND_ROT:
-            with trio.move_on_at((fault.begin_s + fault.end_s) / 2):
-                stray = await self._stray_of(node)
+            stray = await self._stray_of(node)
         if self._is_over():
             return
         self._begins(fault)
@@ -84,17 +83,20 @@ class DiskFaults:
             before = self._watch.records(node.slot)
             node.disk.corrupt(RECORDS, self._dice, stray)
             self._watch.damaged(node.slot, stray, before)
-        await trio.sleep_until(fault.end_s)
+        await trio.sleep(fault.end_s - fault.begin_s)
         if not self._is_over():
             node.disk.fill(None)
             reach.relieved(node.slot, self._cluster.net.now)
             self._ends(fault)
 
     async def _stray_of(self, node: Node) -> bytes:
-        """The key of a record that is none of its node's, nor on its way, once there is one."""
-        while has_open_handover(node.disk) or not (strays := keys_outside(node.disk, arc_of(node.disk))):  # noqa: ASYNC110 - a disk tells nobody
+        """The key of a record that is none of its node's, nor on its way, once one lies where that runs."""
+        while True:
+            # Where it does not run it cannot begin on a full disk either.
+            is_calm = node.slot in self._cluster.running and not has_open_handover(node.disk)
+            if is_calm and (strays := keys_outside(node.disk, arc_of(node.disk))):
+                return strays[0]
             await trio.sleep(STRAY_LOOK_S)
-        return strays[0]
 
     async def _corrupt(self, fault: Fault) -> None:
         """Bits of records turn over, and rarely one of what the store keeps beside them."""

@@ -96,7 +96,12 @@ KINDS: dict[Kind, Shape] = {
     Kind.CRASH_AFTER_SEND: Shape(0.85, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.TORN_WRITE: Shape(0.82, Whom.ONE, (1, 15)),
     Kind.DISK_FULL: Shape(
-        0.7, Whom.ONE, (3, 60), (0, 1), "above 0.5 no byte is free; above 0.75 a stray rots besides, if there is one", long_odds=0.2
+        0.7,
+        Whom.ONE,
+        (3, 60),
+        (0, 1),
+        "above 0.5 no byte is free; above 0.75 that begins when a stray lies there, which rots",
+        long_odds=0.2,
     ),
     Kind.SLOW_DISK: Shape(0.66, Whom.ONE, (3, 60), (0.05, 1.0), "seconds a commit", long_odds=0.2),
     Kind.CORRUPTION: Shape(0.75, Whom.ONE, (0, 0), (1, 3), "records"),
