@@ -32,8 +32,11 @@ class Holdings(Protocol):
 
     def owns(self, location: Location) -> bool: ...
 
-    def writing(self, locations: Sequence[Location]) -> AbstractAsyncContextManager[None]:
-        """Held around a write. Entering waits while one of the places is frozen; freezing waits for who is inside."""
+    def writing(self, locations: Sequence[Location], *, anywhere: bool = False) -> AbstractAsyncContextManager[None]:
+        """Held around a write. Entering waits while one of the places is frozen; freezing waits for who is inside.
+
+        `anywhere`: also where the store chooses the place; that waits for any piece.
+        """
         ...
 
 

@@ -88,24 +88,12 @@ class Writes:
             return []
         async with AsyncExitStack() as stack:
             with trio.move_on_after(FROZEN_S_MAX) as patience:
-                while True:
-                    locations = self._locations(puts)
-                    await stack.enter_async_context(self._line.writing(locations))
-                    if self._locations(puts) == locations:
-                        break
-                    # The arc has changed while we waited, and with it the ends that stand for "anywhere".
-                    await stack.aclose()
+                headers = [put.record.header for put in puts]
+                places = [header.location for header in headers if header.placement != PLACED_BY_NODE]
+                await stack.enter_async_context(self._line.writing(places, anywhere=len(places) < len(puts)))
             if patience.cancelled_caught:
                 return [RejectReason.BUSY] * len(puts)
             return list(await self._store.put(puts))
-
-    def _locations(self, puts: Sequence[Put]) -> list[Location]:
-        """The places that may be written. What is given away always has an end of the arc in it, so a record for
-        which the store chooses a place waits for both ends."""
-        locations = [header.location for header in (put.record.header for put in puts) if header.placement != PLACED_BY_NODE]
-        if len(locations) < len(puts) and self._line.arc is not None:
-            locations += [self._line.arc.first, self._line.arc.last]
-        return locations
 
     def _judged(self, item: PutItem, result: PutResult | RejectReason) -> PutOutcome:
         """What is said of a result at this very moment: without a lease nothing that a later owner could contradict."""

@@ -59,9 +59,9 @@ class SetLine:
             self._changed.notify_all()
 
     @asynccontextmanager
-    async def writing(self, locations: Sequence[Location]) -> AsyncIterator[None]:
+    async def writing(self, locations: Sequence[Location], *, anywhere: bool = False) -> AsyncIterator[None]:
         async with self._changed:
-            while self.frozen is not None and any(location in self.frozen for location in locations):
+            while self.frozen is not None and (anywhere or any(location in self.frozen for location in locations)):
                 await self._changed.wait()
         self.inside += 1
         try:

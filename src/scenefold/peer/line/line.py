@@ -137,9 +137,12 @@ class Line:
 
     # ---------------------------------------------------------------------------------------------------- doing
 
-    def writing(self, locations: Sequence[Location]) -> AbstractAsyncContextManager[None]:
-        """Around every write to these places: waits while one of them is about to be let go. Set a time limit."""
-        return self._parts.gate.writing(locations)
+    def writing(self, locations: Sequence[Location], *, anywhere: bool = False) -> AbstractAsyncContextManager[None]:
+        """Around every write to these places, or `anywhere` else in the arc: waits while one of them is about to be let go.
+
+        Set a time limit.
+        """
+        return self._parts.writing(locations, anywhere=anywhere)
 
     async def give(self, side: Side, arc: Arc, *, why: str) -> None:
         """Hand an end of our arc (or all of it) to the neighbour on that side; returns once that owns it durably.

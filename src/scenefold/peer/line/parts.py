@@ -78,7 +78,8 @@ class Parts:
             arc = self.keeper.holding.arc
             ends = (arc.first, arc.last) if anywhere and arc is not None else ()
             async with self.gate.writing((*locations, *ends)):
-                if self.keeper.holding.arc == arc:
+                # Those ends stand for "anywhere" only as long as they are the arc's.
+                if not anywhere or self.keeper.holding.arc == arc:
                     yield
                     return
 
