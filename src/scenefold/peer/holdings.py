@@ -1,4 +1,4 @@
-"""What the data service must know before it may speak for a place: three small protocols, kept by line, lease and routing.
+"""What a service must know before it may speak for a place: three small protocols, kept by line, lease and routing.
 
 A write is acknowledged, and nothing is called absent, only by a node that owns the place *and* holds an owner lease at
 the moment of answering (storage.md, Members and owners). So each answer is checked twice: before the work, to do none in

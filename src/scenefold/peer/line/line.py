@@ -14,6 +14,7 @@ from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.base.location import Arc, Location
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.handlers import Handlers
+from scenefold.peer.holdings import Lease, Owners
 from scenefold.peer.line.adoption import Adoption
 from scenefold.peer.line.budget import Budget
 from scenefold.peer.line.ends import Side
@@ -21,7 +22,7 @@ from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import Giving
 from scenefold.peer.line.holding import Handover
 from scenefold.peer.line.keeper import Keeper
-from scenefold.peer.line.parts import KnownScenes, Lease, Owners, Parts
+from scenefold.peer.line.parts import KnownScenes, Parts
 from scenefold.peer.line.receiving import Receiving
 from scenefold.peer.line.settling import Settling
 from scenefold.peer.line.strays import Strays

@@ -10,10 +10,11 @@ from functools import partial
 from typing import Protocol
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.ids import SceneId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.holdings import Lease, Owners
 from scenefold.peer.line.budget import Budget
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
@@ -27,16 +28,8 @@ from scenefold.wire import HandoverReply
 from scenefold.world import World, first_of
 
 
-class Lease(Protocol):
-    def holds(self) -> bool: ...
-
-
 class KnownScenes(Protocol):
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene: ...
-
-
-class Owners(Protocol):
-    def owner_of(self, location: Location, /) -> NodeId: ...
 
 
 @dataclass(frozen=True, slots=True)
