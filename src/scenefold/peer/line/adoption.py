@@ -120,8 +120,8 @@ class Adoption:
             async with parts.keeper.unchanging() as holding:
                 parts.require_lease()
                 registry = parts.cluster_log.registry
-                if registry.position != packet.log_position or holding.drop_removed(parts.keeper.is_removed) != holding:
-                    raise Refused(RejectReason.POSITION_BEHIND, "the log has another position here")
+                if holding.drop_removed(parts.keeper.is_removed) != holding:
+                    raise Refused(RejectReason.POSITION_BEHIND, "the log has gone on here")
                 bound = bound_for(holding, registry, parts.own.member, packet.asker, packet.log_position)
         except Refused as refusal:
             _log.debug("no bound is confirmed to %s: %s", peer, refusal)
