@@ -21,7 +21,7 @@ import lmdb
 
 from scenefold.base.errors import LocalFault
 from scenefold.store.folder import FolderLock
-from scenefold.store.gate import Gate
+from scenefold.store.passage import Passage
 from scenefold.store.preallocation import NO_ROOM, GrowingFile
 from scenefold.world.ports import DiskFailed, DiskFull, DiskSpace, ReadTransaction, WriteTransaction
 
@@ -57,7 +57,7 @@ class LmdbEnvironment:
         self._folder = folder
         self._names = tuple(tables)
         self._lock = lock
-        self._gate = Gate()
+        self._passage = Passage()
         # A map twice the file leaves room for the first changes after a start.
         self._map_bytes = max(map_bytes, 2 * _file_bytes(folder))
         self._failed: str | None = None
@@ -87,7 +87,7 @@ class LmdbEnvironment:
 
     @contextmanager
     def read(self) -> Iterator[ReadTransaction]:
-        with self._gate.shared(), self._env.begin(buffers=True) as transaction:
+        with self._passage.shared(), self._env.begin(buffers=True) as transaction:
             yield _Transaction(transaction, self._tables, self._page_bytes)
 
     def update(self, change: Callable[[WriteTransaction], T]) -> T:
@@ -100,7 +100,7 @@ class LmdbEnvironment:
                 self._grow()
 
     def _commit(self, change: Callable[[WriteTransaction], T]) -> T:
-        with self._gate.shared():
+        with self._passage.shared():
             enough = True
             try:
                 with self._env.begin(write=True, buffers=True) as transaction:
@@ -136,7 +136,7 @@ class LmdbEnvironment:
     def _grow(self) -> None:
         if self._map_bytes * 2 > MAP_BYTES_MAX:
             raise DiskFull(f"the store in {self._folder} has reached its greatest size")
-        with self._gate.alone():
+        with self._passage.alone():
             self._shut()
             smaller, self._map_bytes = self._map_bytes, self._map_bytes * 2
             try:
@@ -148,7 +148,7 @@ class LmdbEnvironment:
 
     def space(self) -> DiskSpace:
         """From the tables' page counts and the file system; touches no data."""
-        with self._gate.shared():
+        with self._passage.shared():
             with self._env.begin() as transaction:
                 stats = [transaction.stat(table) for table in self._tables.values()]
             live = sum(int(s["branch_pages"] + s["leaf_pages"] + s["overflow_pages"]) for s in stats) * self._page_bytes
@@ -166,7 +166,7 @@ class LmdbEnvironment:
         self._env.close()
 
     def close(self) -> None:
-        with self._gate.alone():
+        with self._passage.alone():
             self._failed = f"the store in {self._folder} is closed"
             self._shut()
             self._lock.release()

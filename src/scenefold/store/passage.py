@@ -1,4 +1,4 @@
-"""A gate that many pass at once, until one needs the place for itself (the map must not grow under a reader)."""
+"""A passage for many at once, until one needs the place for itself (the map must not grow under a reader)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class Gate:
-    """Shared passage for threads; `alone` waits until everybody is out and lets nobody in meanwhile."""
+class Passage:
+    """Shared by threads; `alone` waits until everybody is out and lets nobody in meanwhile."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
