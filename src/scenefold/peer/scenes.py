@@ -87,7 +87,7 @@ class Scenes:
                 _log.error("a damaged scene header is dropped and asked for again: %s", where)
 
     async def catch_up(self) -> None:
-        """Take the list of scenes of the first other member that answers."""
+        """Take the list of scenes of the first other member that answers; tell what this node decided and that list lacks."""
         for member in self._peers.others():
             try:
                 answer = await self._peers.ask(member, Priority.HIGH, ListScenes(), ScenesListed, ASK_S_MAX)
@@ -95,6 +95,12 @@ class Scenes:
                 continue
             for public in answer.scenes:
                 await self._try_adopt(public, address_of(member))
+            told = {public.scene: public.position for public in answer.scenes}
+            for scene in self.decided_by(self._own.me):
+                # It may have died between deciding and telling.
+                public = self._known[scene].public
+                if told.get(scene, 0) < public.position:
+                    await self._push(public)
             return
 
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene:

@@ -15,6 +15,7 @@ from scenefold.peer.scenes import MISS_S, Scenes
 from scenefold.wire import (
     AcceptSceneProposal,
     Ballot,
+    ListScenes,
     Packet,
     Phase,
     ProposalId,
@@ -24,6 +25,7 @@ from scenefold.wire import (
     RespondSceneLog,
     SceneLogAnswer,
     SceneLogPublic,
+    ScenesListed,
     Want,
 )
 from unit.peer.scenes_made import first_header, later_header
@@ -91,6 +93,8 @@ class PlainPeers:
         await trio.sleep(0.01)
         if self.away:
             raise Unreachable("away")
+        if isinstance(packet, ListScenes):
+            return ScenesListed(tuple(self.headers.values()))
         if not isinstance(packet, RequestSceneLog):
             return packet
         header = self.headers.get(packet.scene)
@@ -241,3 +245,16 @@ async def test_the_keeper_of_a_log_does_not_forget_how_far_it_is(autojump_clock:
     rig.store.private[FIRST.scene] = b"log"
     with pytest.raises(DamagedData, match="whose log is kept here"):
         await rig.scenes.load()
+
+
+@pytest.mark.parametrize("told", [None, 1, 2])
+async def test_who_died_between_deciding_and_telling_tells_when_it_is_back(told: int | None, autojump_clock: MockClock) -> None:
+    rig, second = Rig(), later_header(FIRST)
+    rig.store.headers_kept = {FIRST.scene: second.encode()}
+    await rig.scenes.load()
+    if told is not None:
+        rig.peers.headers[FIRST.scene] = (FIRST, second)[told - 1]
+    await rig.scenes.catch_up()
+    news = [] if told == second.position else [OTHER, THIRD]
+    assert sorted(member for member, _ in rig.peers.told) == news
+    assert all(isinstance(packet, RespondSceneLog) and packet.answer and packet.answer.public == second for _, packet in rig.peers.told)
