@@ -143,7 +143,10 @@ class LmdbEnvironment:
                 self._open()
             except (lmdb.Error, OSError) as error:
                 self._map_bytes = smaller
-                self._open()
+                try:
+                    self._open()
+                except (lmdb.Error, OSError) as worse:
+                    raise self._fail(worse) from worse
                 raise DiskFull(f"no room in memory for a map of {2 * smaller} bytes of {self._folder}") from error
 
     def space(self) -> DiskSpace:

@@ -21,6 +21,7 @@ class GrowingFile:
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        self._is_open = True
         self.size = os.fstat(self._file).st_size
 
     def reach(self, size: int) -> bool:
@@ -41,4 +42,7 @@ class GrowingFile:
         return True
 
     def close(self) -> None:
-        os.close(self._file)
+        """Once; the number may be another file's afterwards."""
+        if self._is_open:
+            self._is_open = False
+            os.close(self._file)
