@@ -16,8 +16,8 @@ ROLES = [
     pytest.param(joining, 2, GIVER, id="who gives to the joiner"),
     pytest.param(joining, 2, VOTER, id="who registers the joiner"),
     pytest.param(leaving, 3, GIVER, id="who leaves"),
-    pytest.param(leaving, 3, 2, id="who takes from the leaving on the right"),
-    pytest.param(leaving, 3, VOTER, id="who takes from the leaving on the left, and registers that it left"),
+    pytest.param(leaving, 3, 2, id="who takes from the leaving"),
+    pytest.param(leaving, 3, VOTER, id="who registers that it left"),
     pytest.param(handing, 2, GIVER, id="who gives"),
     pytest.param(handing, 2, VOTER, id="who receives"),
 ]
@@ -44,7 +44,9 @@ def test_the_stories_themselves(story: Story, founders: int) -> None:
 def test_a_crash_at_every_step(story: Story, founders: int, slot: int, point: Point) -> None:
     # After the first packet is before the second, so of these two kinds every other moment is enough.
     stride = 2 if point in (Point.BEFORE_SEND, Point.AFTER_SEND) else 1
-    assert crashes(story, slot, point, founders=founders, stride=stride) >= 2
+    # Everything goes to the right, so all that the voter has to write there is one record of the log.
+    least = 1 if story is leaving and slot == VOTER else 2
+    assert crashes(story, slot, point, founders=founders, stride=stride) >= least
 
 
 @pytest.mark.slow

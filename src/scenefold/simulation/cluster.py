@@ -32,6 +32,7 @@ from scenefold.simulation.watch import Watch
 from scenefold.store import StoreDamaged
 from scenefold.wire import HandItem, PutItem
 from scenefold.world.facts import ClusterFacts, Credential
+from scenefold.world.ports import DiskFull
 from scenefold.world.sim import Point, SimDisk, SimNet
 
 RESTART_S = 1.0
@@ -211,28 +212,31 @@ class Cluster:
         settings = self._settings(node)
         log_key = self._log_key if node.slot == 0 else None
         ends: list[BaseException] = []
+        came_up = False
         with trio.CancelScope() as node.scope:
             try:
                 async with trio.open_nursery() as life:
                     context = await life.start(run_assembled, settings, self.facts, node.key, log_key, world, ())
+                    came_up = True
                     if node.is_wanted:
                         self._is_up(node, context)
             except* Exception as group:  # noqa: BLE001  whatever a node dies of is told, and judged
                 ends = list(_leaves(group))
         if not node.is_wanted:
             return "killed"
-        return self._judge_end(node, ends)
+        return self._judge_end(node, ends, came_up)
 
     def _settings(self, node: Node) -> NodeSettings:
         settings = NodeSettings(profile_folder=Path("/profile"), address=node.address, data_folder=DATA_FOLDER, memory_bytes=1 << 30)
         remove_after_s = self.habits.remove_after_s
         return settings if remove_after_s is None else replace(settings, remove_after_s=remove_after_s)
 
-    def _judge_end(self, node: Node, ends: list[BaseException]) -> str:
+    def _judge_end(self, node: Node, ends: list[BaseException], came_up: bool) -> str:
         """Why a life ended that nobody ended; what must not be is a violation."""
         words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
         drained = any(isinstance(end, NodeDrained) for end in ends)
-        is_full = node.disk.free_bytes == 0 and all(isinstance(end, LocalFault) for end in ends)
+        # The start must be counted durably, so none is possible on a full disk; a node that runs goes on running.
+        is_full = not came_up and all(isinstance(end, LocalFault) and isinstance(end.__cause__, DiskFull) for end in ends)
         node.must_be_wiped = node.has_rotted and any(isinstance(end, StoreDamaged) for end in ends)
         is_excused = is_full or node.must_be_wiped or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)
         if not ends or not is_excused:
