@@ -22,7 +22,7 @@ from scenefold.peer.line import Handover, Side
 from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.store import StoreStatistics
-from scenefold.store.statistics import Counts
+from scenefold.store.statistics import Counts, capacity_of
 from scenefold.wire import Member, NodeReport, Packet, RequestReport, pack_value
 
 LOOK_S = 5.0
@@ -200,7 +200,7 @@ class Reporting:
             handovers=line.open_handovers(),
             pieces=pieces,
             statistics=statistics,
-            capacity_bytes=context.settings.capacity_bytes or statistics.disk_total_bytes,
+            capacity_bytes=capacity_of(statistics, context.settings.capacity_bytes),
             memory_fraction=load.memory_used_bytes / load.memory_total_bytes if load.memory_total_bytes else 0.0,
             strays=len(strays.entries),
             damaged=context.store.damaged,

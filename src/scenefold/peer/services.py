@@ -39,6 +39,7 @@ from scenefold.peer.settings import NodeSettings
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.tables import Tables
 from scenefold.store import Store
+from scenefold.store.statistics import capacity_of
 from scenefold.world import Connection, Links, Priority, QuietLog, World, serve_connection
 from scenefold.world.facts import ClusterFacts
 
@@ -210,4 +211,4 @@ class PeerServices:
 async def load_of(store: Store, capacity_bytes: int) -> tuple[int, int]:
     """Bytes used and there are, of the disk or of the share of it that the node may use."""
     statistics = await store.statistics()
-    return statistics.disk_used_bytes, capacity_bytes or statistics.disk_total_bytes
+    return statistics.disk_used_bytes, capacity_of(statistics, capacity_bytes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, Self, TypeVar
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
@@ -14,19 +14,29 @@ R_co = TypeVar("R_co", covariant=True)
 
 
 class Change(Protocol[R_co]):
-    """`size_bytes`: about what it writes; `uses_reserve`: whether it is allowed when the disk is nearly full."""
+    """`size_bytes`: about what it writes."""
 
     @property
     def size_bytes(self) -> int: ...
 
-    @property
-    def uses_reserve(self) -> bool: ...
-
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> R_co: ...
+
+    def in_reserve(self, grown_bytes: int, /) -> Change[R_co]:
+        """What of it is done where only the reserve is left. `grown_bytes`: what may grow nevertheless, up to this size."""
+        ...
 
     def when_full(self, transaction: ReadTransaction, /) -> R_co:
         """The answer if the disk is full, or Refused. That it is full need not be all: what is wanted may be there already."""
         ...
+
+
+class MayUseReserve:
+    """What must not wait for room: it lets others go on, or makes room itself."""
+
+    __slots__ = ()
+
+    def in_reserve(self, _grown_bytes: int, /) -> Self:
+        return self
 
 
 def storage_full() -> Refused:
@@ -35,7 +45,7 @@ def storage_full() -> Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class PutValue:
+class PutValue(MayUseReserve):
     """A scene's public header, or a service's note: the last one written stays."""
 
     table: str
@@ -46,10 +56,6 @@ class PutValue:
     def size_bytes(self) -> int:
         return len(self.key) + len(self.value)
 
-    @property
-    def uses_reserve(self) -> bool:
-        return True
-
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
         transaction.put(self.table, self.key, self.value)
 
@@ -58,7 +64,7 @@ class PutValue:
 
 
 @dataclass(frozen=True, slots=True)
-class PutValues:
+class PutValues(MayUseReserve):
     """Values that belong together: after a crash all of them are there, or none."""
 
     values: tuple[PutValue, ...]
@@ -66,10 +72,6 @@ class PutValues:
     @property
     def size_bytes(self) -> int:
         return sum(value.size_bytes for value in self.values)
-
-    @property
-    def uses_reserve(self) -> bool:
-        return True
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> None:
         for value in self.values:

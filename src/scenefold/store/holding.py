@@ -17,7 +17,7 @@ from typing import NamedTuple
 from scenefold.base.errors import Refused
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.store.changes import storage_full
+from scenefold.store.changes import MayUseReserve, storage_full
 from scenefold.store.layout import HOLDING, IDENTITY
 from scenefold.store.sealing import damaged
 from scenefold.store.statistics import Tally
@@ -66,7 +66,7 @@ def _incarnation(transaction: ReadTransaction) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class PutHolding:
+class PutHolding(MayUseReserve):
     """Replace the arc and the note together, if this incarnation is the store's still: else Refused, and nothing changes.
 
     It may use the reserve: giving an arc away makes room.
@@ -79,10 +79,6 @@ class PutHolding:
     @property
     def size_bytes(self) -> int:
         return len(self.note) + 128
-
-    @property
-    def uses_reserve(self) -> bool:
-        return True
 
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> Refused | None:
         if _incarnation(transaction) != self.incarnation:
@@ -97,7 +93,7 @@ class PutHolding:
 
 
 @dataclass(frozen=True, slots=True)
-class RenewIdentity:
+class RenewIdentity(MayUseReserve):
     """A new incarnation, which owns nothing. Records stay, and are strays from now on; so does the boot counter."""
 
     incarnation: bytes
@@ -105,10 +101,6 @@ class RenewIdentity:
     @property
     def size_bytes(self) -> int:
         return 128
-
-    @property
-    def uses_reserve(self) -> bool:
-        return True
 
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
         transaction.put(IDENTITY, b"incarnation", self.incarnation)

@@ -15,7 +15,7 @@ from itertools import islice
 from scenefold.base.errors import DamagedData
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of, wanted_place
-from scenefold.store.changes import storage_full
+from scenefold.store.changes import MayUseReserve, storage_full
 from scenefold.store.holding import read_arc
 from scenefold.store.judging import Outcome, Put, PutResult, judge
 from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, stored_header, unpack_record
@@ -31,21 +31,26 @@ _log = logging.getLogger("scenefold.store")
 
 @dataclass(frozen=True, slots=True)
 class PutRecords:
-    """Records of clients, each judged on its own: against the arc, and against what is there."""
+    """Records of clients, each judged on its own: against the arc, and against what is there.
+
+    `grown_bytes` None: there is room. Else a record may only take the place of one as large, or that it makes no larger than this.
+    """
 
     puts: Sequence[tuple[RecordHeader, Put]]
+    grown_bytes: int | None = None
 
     @property
     def size_bytes(self) -> int:
         return _size_of(self.puts)
 
-    @property
-    def uses_reserve(self) -> bool:
-        return False
+    def in_reserve(self, grown_bytes: int, /) -> PutRecords:
+        return replace(self, grown_bytes=grown_bytes)
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [_put(transaction, tally, arc, header, put) for header, put in self.puts]
+        if self.grown_bytes is None:
+            return [_put(transaction, tally, arc, header, put) for header, put in self.puts]
+        return [_put_sparingly(transaction, tally, arc, header, put, self.grown_bytes) for header, put in self.puts]
 
     def when_full(self, transaction: ReadTransaction, /) -> list[PutResult]:
         """As `apply`, but what would have to be written is full: so a repetition of what is there is stored, whatever room there is."""
@@ -54,7 +59,7 @@ class PutRecords:
 
 
 @dataclass(frozen=True, slots=True)
-class MergeRecords:
+class MergeRecords(MayUseReserve):
     """Copies from other nodes: the highest version stays, wherever it lies. They may use the reserve.
 
     A node-managed object with its home in this node's arc is put as a client's is, whatever place the copy comes from.
@@ -66,10 +71,6 @@ class MergeRecords:
     def size_bytes(self) -> int:
         return _size_of(self.puts)
 
-    @property
-    def uses_reserve(self) -> bool:
-        return True
-
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
         return [_write(transaction, tally, header, put.record, None, _place(transaction, arc, header, put.at)) for header, put in self.puts]
@@ -79,7 +80,7 @@ class MergeRecords:
 
 
 @dataclass(frozen=True, slots=True)
-class RemoveRecords:
+class RemoveRecords(MayUseReserve):
     """Give up exactly these versions; what has changed since stays. Gives the number removed."""
 
     versions: Sequence[tuple[Spot, bytes]]
@@ -87,10 +88,6 @@ class RemoveRecords:
     @property
     def size_bytes(self) -> int:
         return len(self.versions) * _FRAMING_BYTES
-
-    @property
-    def uses_reserve(self) -> bool:
-        return True
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> int:
         return sum(self._remove(transaction, tally, spot, digest) for spot, digest in self.versions)
@@ -109,7 +106,7 @@ class RemoveRecords:
 
 
 @dataclass(frozen=True, slots=True)
-class DiscardDamaged:
+class DiscardDamaged(MayUseReserve):
     """Delete what has changed on the disk, and only that. Gives the number deleted."""
 
     spots: Sequence[Spot]
@@ -117,10 +114,6 @@ class DiscardDamaged:
     @property
     def size_bytes(self) -> int:
         return len(self.spots) * _FRAMING_BYTES
-
-    @property
-    def uses_reserve(self) -> bool:
-        return True
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> int:
         return sum(self._discard(transaction, tally, spot) for spot in self.spots)
@@ -137,7 +130,7 @@ class DiscardDamaged:
 
 
 @dataclass(frozen=True, slots=True)
-class SlideObjects:
+class SlideObjects(MayUseReserve):
     """Put node-managed records that lie in another of these parts than their home, or in none, into that part.
 
     Gives how many slid; fewer than `limit` means that none are left. An object whose home is in none of the parts stays.
@@ -149,10 +142,6 @@ class SlideObjects:
     @property
     def size_bytes(self) -> int:
         return self.limit * _FRAMING_BYTES
-
-    @property
-    def uses_reserve(self) -> bool:
-        return True
 
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> int:
         found = ((spot, part) for spot, part in ((one.spot, one.part_among(self.parts)) for one in displaced(transaction)) if part)
@@ -181,19 +170,35 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
     return replace(result, location=spot.place.location)
 
 
-def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+def _put_sparingly(
+    transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put, grown_bytes: int
+) -> PutResult:
+    looked = _look(transaction, arc, new, put)
+    if looked.outcome is not Outcome.FULL:
+        return looked
+    value = transaction.get(RECORDS, record_key(*_lying(transaction, new)))
+    if value is None or len(pack_record(put.record)) > max(len(value), grown_bytes):
+        return looked
+    return _put(transaction, tally, arc, new, put)
+
+
+def _lying(transaction: ReadTransaction, new: RecordHeader) -> Spot:
+    """Where a record of its name lies, if there is one."""
     spot = _spot(new, None)
-    if arc is None or spot.home not in arc:
-        return PutResult(Outcome.NOT_OWNED)
     known = place_of(transaction, new.scene, new.space, spot.object) if spot.object else None
-    if known is not None:
-        spot = _spot(new, known)
+    return spot if known is None else _spot(new, known)
+
+
+def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+    if arc is None or _spot(new, None).home not in arc:
+        return PutResult(Outcome.NOT_OWNED)
+    spot = _lying(transaction, new)
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
     result = judge(new, put.expect, present)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         return PutResult(Outcome.FULL)
-    return replace(result, location=known)
+    return replace(result, location=spot.place.location if spot.object and value is not None else None)
 
 
 def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at: Location | None) -> Spot:

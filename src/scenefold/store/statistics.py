@@ -13,7 +13,7 @@ from scenefold.base.location import FIRST, LAST
 from scenefold.crypto import RecordPlace
 from scenefold.store.layout import OBJECTS_END, RECORDS, STATISTICS, record_key, space_key, space_of
 from scenefold.store.sealing import StoreDamaged
-from scenefold.world.ports import ReadTransaction, WriteTransaction
+from scenefold.world.ports import DiskSpace, ReadTransaction, WriteTransaction
 
 _COUNTS = struct.Struct(">QQ")
 
@@ -35,13 +35,25 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class StoreStatistics:
-    """A store at one moment. `disk_used_bytes` is what its live data takes, of `disk_total_bytes` it could take."""
+    """A store at one moment. `disk_used_bytes` is what its live data takes, of `disk_total_bytes` that it could take: where
+    new records are refused, there is nothing else.
+    """
 
     records: int
     bytes: int
     spaces: Mapping[SpaceAddress, Counts]
     disk_used_bytes: int
     disk_total_bytes: int
+
+
+def room_beside(space: DiskSpace, reserve_bytes: int) -> int:
+    """What new records may take; below zero: so much of the reserve is gone. The rest of the disk is others'."""
+    return space.reusable + space.free - reserve_bytes
+
+
+def capacity_of(statistics: StoreStatistics, share_bytes: int) -> int:
+    """What the store may take in all, if it was given a share of the disk (0: all of it). A share is no promise of the disk."""
+    return min(share_bytes, statistics.disk_total_bytes) if share_bytes else statistics.disk_total_bytes
 
 
 @dataclass(slots=True)

@@ -30,7 +30,7 @@ from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.sealing import SealedEnvironment, StoreDamaged
-from scenefold.store.statistics import Counts, StoreStatistics, read_counts
+from scenefold.store.statistics import Counts, StoreStatistics, read_counts, room_beside
 from scenefold.store.walking import Entry, Manifest, Weighed
 from scenefold.store.writer import GroupWriter
 from scenefold.world.ports import Environment, ReadTransaction, World
@@ -214,8 +214,7 @@ class Store:
         space = await self._workers.run("store-read", self._environment.space)
         spaces = {address: counts for address, counts in self._writer.counts.items() if counts.records}
         total = sum(spaces.values(), Counts())
-        # What the store could take: what it has, plus what is free. The rest of the disk is others'.
-        disk_bytes = space.used + space.reusable + space.free
+        disk_bytes = space.used + max(0, room_beside(space, self._writer.reserve_bytes))
         return StoreStatistics(total.records, total.bytes, spaces, space.used, disk_bytes)
 
     async def _view(self, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:

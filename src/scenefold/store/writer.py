@@ -17,12 +17,15 @@ import trio
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.store.changes import Change
+from scenefold.store.changes import Change, MayUseReserve
 from scenefold.store.sealing import StoreDamaged
-from scenefold.store.statistics import Counts, SpaceAddress, Tally
+from scenefold.store.statistics import Counts, SpaceAddress, Tally, room_beside
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, ReadTransaction, Workers, WriteTransaction
 
 R = TypeVar("R")
+
+DELETION_BYTES_MAX = 4096
+"""No deletion's record is larger: its payload has 2 KiB at most."""
 
 _log = logging.getLogger("scenefold.store")
 
@@ -43,7 +46,7 @@ class _Waiting:
 
 @dataclass(frozen=True, slots=True)
 class Committed:
-    """Answers in the order of the changes, the new counts of the spaces that changed, and what had no room."""
+    """Answers in the order of the changes, the new counts of the spaces that changed, and how many met no room beside the reserve."""
 
     answers: list[Any]
     counts: dict[SpaceAddress, Counts]
@@ -56,7 +59,7 @@ class GroupWriter:
     def __init__(self, workers: Workers, environment: Environment, reserve_bytes: int) -> None:
         self._workers = workers
         self._environment = environment
-        self._reserve_bytes = reserve_bytes
+        self.reserve_bytes = reserve_bytes
         self._entrance, self._exit = trio.open_memory_channel[_Waiting](STORE_QUEUE_CHANGES_MAX)
         self.counts: dict[SpaceAddress, Counts] = {}
         self.commits = 0
@@ -93,11 +96,11 @@ class GroupWriter:
                 if not batch:
                     continue
                 committed = await self._workers.run(
-                    "store", commit, self._environment, [waiting.change for waiting in batch], self._reserve_bytes
+                    "store", commit, self._environment, [waiting.change for waiting in batch], self.reserve_bytes
                 )
                 self.commits += 1
                 self.counts.update(committed.counts)
-                if not all(waiting.change.uses_reserve for waiting in batch):
+                if not all(isinstance(waiting.change, MayUseReserve) for waiting in batch):
                     self._tell_of_fill(committed.refused)
                 for waiting, answer in zip(batch, committed.answers, strict=True):
                     waiting.finish(answer)
@@ -149,20 +152,22 @@ class GroupWriter:
 
 def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_bytes: int) -> Committed:
     """Apply changes in one synced transaction (in the writing thread). What has no room is looked at, answered, not raised."""
-    space = environment.space()
-    room_bytes = space.free + space.reusable - reserve_bytes
-    admitted = []
+    room_bytes = room_beside(environment.space(), reserve_bytes)
+    # So much of the reserve is left to deletions of what is smaller than they are, and no more.
+    grown_bytes = DELETION_BYTES_MAX if 2 * (room_bytes + reserve_bytes) > reserve_bytes else 0
+    admitted: list[Change[Any]] = []
     for change in changes:
-        fits = change.uses_reserve or change.size_bytes <= room_bytes
-        room_bytes -= change.size_bytes if fits else 0
-        admitted.append(fits)
+        if isinstance(change, MayUseReserve) or change.size_bytes <= room_bytes:
+            room_bytes -= change.size_bytes
+            admitted.append(change)
+        else:
+            admitted.append(change.in_reserve(grown_bytes))
+    refused = sum(sparing is not change for sparing, change in zip(admitted, changes, strict=True))
 
     def apply(transaction: WriteTransaction) -> Committed:
         tally = Tally()
-        answers = [
-            change.apply(transaction, tally) if fits else _full(change, transaction) for change, fits in zip(changes, admitted, strict=True)
-        ]
-        return Committed(answers, tally.write(transaction), admitted.count(False))
+        answers = [change.apply(transaction, tally) for change in admitted]
+        return Committed(answers, tally.write(transaction), refused)
 
     try:
         return environment.update(apply)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -13,8 +14,12 @@ import trio
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.reasons import RejectReason
+from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, tombstone
+from scenefold.crypto import Record
 from scenefold.store import LmdbDisk, Outcome, Put, open_store
-from scenefold.store.layout import RECORDS, record_key
+from scenefold.store.layout import RECORDS, pack_record, record_key
+from scenefold.store.statistics import capacity_of
+from scenefold.store.writer import DELETION_BYTES_MAX
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
 from unit.store.samples import NODE, SCENE, arc, managed, place, put, record, whole_store, world
 from unit.store.test_damage import rot
@@ -139,7 +144,7 @@ async def test_what_is_there_is_acknowledged_again_when_the_disk_has_filled_up(t
         put(1, seq=5, expect=b""),
         put(1, seq=4),
         put(1, seq=6, expect=bytes(32)),
-        put(1, seq=6),
+        put(1, seq=6, size=65),
         put(2),
         put(2, expect=bytes(32)),
     ]
@@ -168,7 +173,7 @@ async def test_an_object_that_is_there_is_acknowledged_again_and_where_it_lies(t
     async with whole_store(world(), tmp_path) as store:
         [first] = await store.put([Put(managed(1))])
     async with open_store(world(), tmp_path, NODE, reserve_bytes=FULL) as store:
-        again, newer, other = await store.put([Put(managed(1)), Put(managed(1, seq=2)), Put(managed(2))])
+        again, newer, other = await store.put([Put(managed(1)), Put(managed(1, seq=2, size=65)), Put(managed(2))])
         assert again == first
         assert again.location is not None
         assert [newer.outcome, other.outcome] == [Outcome.FULL] * 2
@@ -176,12 +181,62 @@ async def test_an_object_that_is_there_is_acknowledged_again_and_where_it_lies(t
 
 
 @pytest.mark.expect_log("full but for its reserve")
-async def test_what_has_rotted_is_not_acknowledged_on_a_full_disk(tmp_path: Path) -> None:
-    """It would have to be written anew."""
+async def test_what_has_rotted_is_acknowledged_again_only_if_it_could_be_written_anew(tmp_path: Path) -> None:
+    disk = TroubledDisk()
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1)])
     rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 250)
-    assert await outcomes_when_full(tmp_path, [put(1)]) == [Outcome.FULL]
+    async with open_store(offline_world(disk=disk), tmp_path, NODE, reserve_bytes=FULL) as store:
+        disk.trouble = DiskFull("not a byte")
+        assert [result.outcome for result in await store.put([put(1)])] == [Outcome.FULL]
+        disk.trouble = None
+        assert [result.outcome for result in await store.put([put(1)])] == [Outcome.STORED]
+        assert await store.get_many([place(1)]) == [record(1)]
+
+
+@pytest.mark.expect_log("full but for its reserve")
+@pytest.mark.parametrize("made", [record, managed])
+async def test_what_replaces_a_record_and_is_no_larger_is_taken_by_a_full_disk(tmp_path: Path, made: Callable[..., Record]) -> None:
+    """A deletion is one: nodes cannot tell it from any other record."""
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([Put(made(1, size=3_000)), Put(made(2, size=3_000))])
+    async with open_store(world(), tmp_path, NODE, reserve_bytes=FULL) as store:
+        asked = [made(1, seq=2, size=3_000), made(1, seq=3, size=20), made(1, seq=4, size=21), made(2, seq=2, size=3_001), made(3)]
+        results = await store.put([Put(one) for one in asked])
+        assert [result.outcome.name for result in results] == ["STORED", "STORED", "FULL", "FULL", "FULL"]
+        statistics = await store.statistics()
+        assert statistics.records == 2
+        assert statistics.bytes == sum(len(pack_record(one)) for one in (asked[1], made(2, size=3_000)))
+    async with open_store(world(), tmp_path, NODE) as store:
+        again, after = await store.put([Put(asked[1]), Put(asked[2])])
+        assert [again.outcome, after.outcome] == [Outcome.STORED] * 2
+        assert again.location == results[0].location == results[1].location
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_a_deletion_may_be_larger_than_what_it_deletes_while_half_of_the_reserve_is_left(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1, size=20), put(2, size=20)])
+    smaller, larger = put(1, seq=2, size=2_100), put(2, seq=2, size=DELETION_BYTES_MAX)
+    free = shutil.disk_usage(tmp_path).free
+    for reserve, wanted in [(3 * free, "FULL"), (free * 3 // 2, "STORED")]:
+        async with open_store(world(), tmp_path, NODE, reserve_bytes=reserve) as store:
+            assert [result.outcome.name for result in await store.put([smaller, larger, put(3)])] == [wanted, "FULL", "FULL"]
+
+
+def test_a_deletion_fits_where_deletions_may_be_larger_than_what_they_delete() -> None:
+    assert len(tombstone(lambda count: b"\xff" * count)) < TOMBSTONE_BYTES_MAX < DELETION_BYTES_MAX - 1024
+
+
+async def test_a_store_that_refuses_new_records_is_full_in_its_own_words(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1)])
+        roomy = await store.statistics()
+    async with open_store(world(), tmp_path, NODE, reserve_bytes=FULL) as store:
+        full = await store.statistics()
+    assert 0 < full.disk_used_bytes == full.disk_total_bytes < roomy.disk_total_bytes
+    assert capacity_of(full, 1 << 50) == full.disk_used_bytes, "a share of the disk promises no room"
+    assert capacity_of(roomy, 1 << 16) == 1 << 16
 
 
 @pytest.mark.expect_log("full but for its reserve|a damaged record counts as none")
@@ -202,7 +257,8 @@ async def test_what_is_expected_is_judged_alike_with_room_and_without(tmp_path: 
         put(2, seq=6, expect=before),
         put(2, seq=6, expect=b""),
     ]
-    written = Outcome.FULL if reserve else Outcome.STORED
+    # What takes the place of a record, and is no larger, may use the reserve. So may what heals one.
+    written = Outcome.STORED
     wanted = [Outcome.EXISTS, Outcome.EXISTS, Outcome.STALE, written, written, Outcome.EXISTS, written]
     async with open_store(world(), tmp_path, NODE, reserve_bytes=reserve) as store:
         assert [result.outcome for result in await store.put(asked)] == wanted

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import trio
 
 from scenefold.base.errors import Refused
-from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.base.location import Arc, Location
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.handlers import Handlers
@@ -63,7 +62,6 @@ class Line:
         routing: Owners,
         *,
         transfer_bytes_per_s: float = TRANSFER_BYTES_PER_S,
-        reserve_bytes: int = STORE_RESERVE_BYTES,
     ) -> None:
         self._parts = Parts(
             world,
@@ -80,7 +78,7 @@ class Line:
             Budget(world.clock, transfer_bytes_per_s),
         )
         self._giving = Giving(self._parts)
-        self._receiving = Receiving(self._parts, reserve_bytes)
+        self._receiving = Receiving(self._parts)
         self._adoption = Adoption(self._parts)
         self._strays = Strays(self._parts)
 

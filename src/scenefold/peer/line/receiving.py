@@ -13,7 +13,6 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, address_of
-from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
@@ -49,9 +48,8 @@ _log = logging.getLogger("scenefold.peer.line")
 class Receiving:
     """Used from the Trio thread only. `refuses`: why this node takes nothing at present; "" if it does."""
 
-    def __init__(self, parts: Parts, reserve_bytes: int = STORE_RESERVE_BYTES) -> None:
+    def __init__(self, parts: Parts) -> None:
         self._parts = parts
-        self._reserve_bytes = reserve_bytes
         self._heard_at: dict[bytes, float] = {}
         self.refuses = ""
 
@@ -120,9 +118,9 @@ class Receiving:
         self._touch(packet.handover)
 
     async def _check_room(self, size_bytes: int) -> None:
-        """STORAGE_FULL beforehand, rather than in the midst of copying."""
+        """STORAGE_FULL beforehand, rather than in the midst of copying; and for an empty piece, too, if no record can be put in it."""
         statistics = await self._parts.store.statistics()
-        if statistics.disk_total_bytes - statistics.disk_used_bytes < size_bytes + self._reserve_bytes:
+        if statistics.disk_total_bytes - statistics.disk_used_bytes < max(size_bytes, 1):
             raise Refused(RejectReason.STORAGE_FULL, "the receiver's disk has no room for the piece")
         # What the node says that it may store: less than the disk has, if somebody has set it a bound.
         capacity = self._parts.own.load.disk_total_bytes

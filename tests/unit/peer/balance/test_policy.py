@@ -52,6 +52,15 @@ def test_a_neighbour_that_takes_nothing_cuts_the_line() -> None:
     assert gives([NodeFill(40 * MIB, 1000 * MIB), NodeFill(0, 0, open=False)], 0) == []
 
 
+@pytest.mark.parametrize("used", [1, 40])
+def test_a_node_whose_disk_others_have_filled_gives_and_is_given_nothing(used: int) -> None:
+    """It can take no more than it has, so what it has is its capacity."""
+    full = NodeFill(used * MIB, used * MIB)
+    line = [*even(40), full, *even(40)]
+    assert sum(give.bytes for give in gives(line, 1)) > 0.9 * (full.used - BYTES_MIN)
+    assert gives(line, 0) == gives(line, 2) == []
+
+
 def test_nobody_is_filled_to_the_brim() -> None:
     line = [NodeFill(99 * MIB, 100 * MIB), NodeFill(85 * MIB, 100 * MIB), NodeFill(0, 1 << 40)]
     assert gives(line, 0) == [Give(Side.RIGHT, 5 * MIB)]

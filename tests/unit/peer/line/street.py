@@ -191,7 +191,11 @@ class House:
 
     async def _live(self, world: Any) -> None:
         log = self.street.log
-        async with open_store(world, Path("data"), self.node) as store, open_links(world) as links, trio.open_nursery() as nursery:
+        async with (
+            open_store(world, Path("data"), self.node, reserve_bytes=self.street.reserve_bytes) as store,
+            open_links(world) as links,
+            trio.open_nursery() as nursery,
+        ):
             own = OwnStatus(self.node, self.address, store.identity.incarnation, store.identity.boot, key_of(self.number))
             if log.registry.current(self.node) is None and not self.lives:
                 left_of = NodeId(0) if log.registry.vacant_seat(self.node) else log.registry.order[self.street.join_before]
@@ -199,9 +203,7 @@ class House:
             self.lives += 1
             asker: Any = Asker(links, own)
             any_log: Any = KnownLog(log, world.clock)
-            line = Line(
-                world, store, asker, any_log, own, Lease(self), Scenes(), Owners(self.street), reserve_bytes=self.street.reserve_bytes
-            )
+            line = Line(world, store, asker, any_log, own, Lease(self), Scenes(), Owners(self.street))
             handlers = Handlers(lambda: log.registry, own.mini, lambda _mini: None)
             line.register(handlers)
             await line.load()
