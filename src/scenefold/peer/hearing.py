@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of
@@ -29,6 +30,22 @@ CLAIM_PATIENCE_S = 10.0
 _log = logging.getLogger("scenefold.peer.gossip")
 
 
+class Early(NamedTuple):
+    """A status whose claims cannot be judged yet, who told it, and when by our clock."""
+
+    status: Status
+    sender: NodeId
+    heard_at: float
+
+    def is_overruled(self, word: Status, now: float) -> bool:
+        """Whether a status that the node says itself now, and that is not early, means that this one is not true.
+
+        An older one may have been on its way for a while.
+        """
+        is_later = word.incarnation != self.status.incarnation or word.lamport >= self.status.lamport
+        return is_later or now - self.heard_at >= CLAIM_PATIENCE_S
+
+
 class Hearing:
     """Judges datagrams and statuses, and puts what is right into the roster."""
 
@@ -41,8 +58,8 @@ class Hearing:
         self._quiet = QuietLog(_log)
         self._quiet_claims = QuietLog(_log, logging.INFO)
         self._claimed_since: dict[NodeId, float] = {}
-        self._early: dict[NodeId, tuple[Status, NodeId]] = {}
-        """The newest status of each peer that names a log position above ours, and who told it."""
+        self._early: dict[NodeId, Early] = {}
+        """The newest status of each peer that names a log position above ours."""
         self.is_contested = False
         """Somebody has claimed what is ours since this was last set to False: others may believe it until we speak."""
         self.dropped = 0
@@ -102,12 +119,12 @@ class Hearing:
             self._claimed_since.pop(node, None)
         if early:
             waiting = self._early.get(node)
-            if waiting is None or status.lamport > waiting[0].lamport or status.incarnation != waiting[0].incarnation:
-                self._early[node] = status, sender
+            if waiting is None or status.lamport > waiting.status.lamport or status.incarnation != waiting.status.incarnation:
+                self._early[node] = Early(status, sender, now)
             return self._roster.note_life(status, now, relayed=node != sender)
-        if node == sender:
+        if node == sender and node in self._early and self._early[node].is_overruled(status, now):
             # By its own word it knows no more than we do: whatever said otherwise is over.
-            self._early.pop(node, None)
+            del self._early[node]
         return not is_contest and self._roster.hear(status, now, relayed=node != sender)
 
     def _hear_of_myself(self, status: Status, sender: NodeId) -> None:
@@ -121,11 +138,11 @@ class Hearing:
 
     def log_grew(self) -> None:
         """The roster has taken a newer log: what was early may be judged now."""
-        due = [heard for heard in self._early.values() if not is_early(heard[0], self._roster.position)]
-        self._early = {node: heard for node, heard in self._early.items() if is_early(heard[0], self._roster.position)}
-        for status, sender in due:
+        due = [heard for heard in self._early.values() if not is_early(heard.status, self._roster.position)]
+        self._early = {node: heard for node, heard in self._early.items() if is_early(heard.status, self._roster.position)}
+        for heard in due:
             # Its key may have been revoked, or its incarnation removed, since it was verified.
-            self._judge(status, sender)
+            self._judge(heard.status, heard.sender)
 
     async def take_table(self, statuses: Sequence[Status], source: NodeId) -> int:
         """Take a whole table that a member has sent; the number of signs of life in it."""

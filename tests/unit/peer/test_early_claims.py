@@ -90,3 +90,26 @@ async def test_who_is_removed_while_a_table_is_verified_is_nobody_in_it(
         monkeypatch.setattr(workers, "run", slowly)
         assert await hearer.gossip.take_table([status], node_at(1)) == 0
         assert node_at(3) not in hearer.roster.arcs()
+
+
+@pytest.mark.parametrize(("late_s", "believed"), [(0.0, 20), (11.0, 10)])
+async def test_an_older_word_that_was_on_its_way_does_not_end_a_newer_claim(
+    late_s: float, believed: int, autojump_clock: trio.testing.MockClock
+) -> None:
+    async with village(4, registered=3) as them:
+        for index in range(3):
+            await them.start(index)
+        await trio.sleep(5)
+        hearer, author = them.of(0), them.of(1)
+        hearer.own.arc = None
+        them.ether.lost = lambda _source, _target: True
+        await trio.testing.wait_all_tasks_blocked()
+        now, position = author.own.signed(), them.registry.position
+        newer = replace(now, lamport=now.lamport + 20, left_fence=None, right_bound=Location.from_number(20), log_position=position + 1)
+        older = replace(now, lamport=now.lamport + 10, left_fence=None, right_bound=Location.from_number(10))
+        hearer.gossip._hearing.hear(PingBroadcast((signed(newer),), request_id=1), them.of(2).own.me)
+        await trio.sleep(late_s)
+        hearer.gossip._hearing.hear(PingBroadcast((signed(older),), request_id=1), author.own.me)
+        them.register(3)
+        await trio.testing.wait_all_tasks_blocked()
+        assert hearer.roster.arcs()[author.own.me].last == Location.from_number(believed)
