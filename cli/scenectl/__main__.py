@@ -1,88 +1,43 @@
-"""`scenectl`: the groups of verbs, each in a file of its own that is imported when one of its verbs is called.
+"""`scenectl` as a process: what a signal does before there is anything to stop, then the program itself.
 
-So `scenectl --help` imports cyclopts and nothing of ours but this, `errors` and `output`. Whatever a verb
-raises ends here as one line on standard error and an exit code (errors.py).
+Small on purpose: whatever is imported before `main` runs is a time in which Ctrl-C shows a traceback.
 """
 
 from __future__ import annotations
 
-import os
+import signal
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from scenefold.base.early_signals import leave_at
 
-from scenectl.errors import DONE, READER_LEFT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
-from scenectl.output import emit_error
-from scenefold.base.kernel_cache import use_kernel_cache
-
-GROUPS = {
-    "cluster": "Make a cluster, join it, and look at it.",
-    "node": "Run nodes, and let them leave.",
-    "scene": "Make scenes and fill them.",
-    "space": "Make, move and query the spaces of a scene.",
-    "data": "Read and write single records of a scene.",
-    "render": "Render images.",
-    "bench": "Measure, as the project's own documentation does.",
-    "demo": "The whole way in one go: five nodes, the sample scene, an image.",
-}
+INTERRUPTED = 130
+WORDS = b"error: interrupted: the same command may be given again\n"
+RESULT = (
+    b'{"error": {"kind": "interrupted", "what": "interrupted", "where": "", "remedy": "the same command may be given again"}, '
+    b'"exit_code": 130}\n'
+)
+"""What errors.py says of an interruption; tests hold it equal."""
+_SERVICES = (["node", "run"], ["node", "local"], ["cluster", "join"])
+"""Verbs that go on until they are told to stop: SIGTERM is their usual end."""
 
 
-def build_app() -> App:
-    """The command line as a cyclopts application; no group is imported yet."""
-    app = App(
-        name="scenectl",
-        help=(
-            "Scenes that are stored, edited and path-traced on a handful of ordinary computers.\n\n"
-            "Example: scenectl render still kitchen.glb -o kitchen.exr"
-        ),
-        version=_version,
-        help_format="plaintext",
-        help_epilogue=(
-            "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 cluster unreachable, "
-            "4 refused by consensus or mode, 5 degraded, 130 interrupted."
-        ),
-    )
-    for name, about in GROUPS.items():
-        app.command(f"scenectl.{name}:app", name=name, help=about)
-    return app
+def main() -> int:
+    """Run the command of this process and return its exit code."""
+    _leave_in_words(sys.argv[1:])
+    from scenectl.program import main as run
+
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        # From here on a verb may have something to end in order, and `run` says the same words.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    return run()
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code."""
-    use_kernel_cache()
-    tokens = list(sys.argv[1:] if arguments is None else arguments)
-    as_json, debug = "--json" in tokens, "--debug" in tokens
-    try:
-        result = build_app()(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-        sys.stdout.flush()
-        return result if isinstance(result, int) else DONE
-    except CycloptsError as error:
-        emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
-        return WRONG_USAGE
-    except (Exception, KeyboardInterrupt, SystemExit, BaseExceptionGroup) as error:
-        if reader_left(error):
-            # Writing out what is left at exit would fail once more.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return READER_LEFT
-        if isinstance(error, SystemExit):
-            raise
-        ending = ending_of(error)
-        emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
-        return ending.exit_code
-
-
-def _usage_ending(error: CycloptsError) -> Ending:
-    chain = " ".join(error.command_chain or ())
-    command = f"scenectl {chain}".strip()
-    what = " ".join(str(error).split()).rstrip(".")
-    return Ending("usage", WRONG_USAGE, what, where=command, remedy=f"see `{command} --help`")
-
-
-def _version() -> str:
-    import scenefold
-
-    return f"scenectl {scenefold.__version__}"
+def _leave_in_words(tokens: Sequence[str]) -> None:
+    result = RESULT if "--json" in tokens else b""
+    leave_at([signal.SIGINT, signal.SIGTERM, signal.SIGHUP], INTERRUPTED, words=WORDS, result=result)
+    if tokens[:2] in _SERVICES:
+        leave_at([signal.SIGTERM], 0)
 
 
 if __name__ == "__main__":

@@ -236,6 +236,8 @@ async def _check_fixed(target: Space, space: SpaceName) -> None:
 def _read(file: Path, count: int) -> bytes:
     from scenefold.base.errors import LocalFault
 
+    if str(file) == "-" and sys.stdin is None:
+        raise LocalFault("there is nothing to read", where="standard input is closed", remedy="name a file, or send it one")
     if str(file) == "-":
         return sys.stdin.buffer.read(count)
     try:

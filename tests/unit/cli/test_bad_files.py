@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import scenefold.node.local
-from scenectl.__main__ import main
+from scenectl.program import main
 from unit.scene.gltf_maker import TRIANGLE, Maker
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from scenectl.__main__ import main
 from scenectl.bench_curve import CurveBench, bench_curve
+from scenectl.program import main
 
 TINY = ["bench", "curve", "--points", "64", "--boxes", "2", "--arcs", "4", "--rounds", "1"]
 

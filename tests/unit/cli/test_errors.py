@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -58,13 +59,13 @@ def test_our_own_bugs_ask_for_a_report() -> None:
 
 
 FALLS_IN_A_NURSERY = """
-import sys, trio, scenectl.cluster, scenectl.__main__
+import sys, trio, scenectl.cluster, scenectl.program
 async def work():
     async with trio.open_nursery():
         while True:
             print("a line", flush=True)
 scenectl.cluster._look = lambda profile: trio.run(work)
-sys.exit(scenectl.__main__.main(["cluster", "status"]))
+sys.exit(scenectl.program.main(["cluster", "status"]))
 """
 
 
@@ -92,3 +93,26 @@ async def test_a_cancelled_drain_is_a_refusal() -> None:
         await leave(cluster, "127.0.0.4", lambda _: None)
     ending = ending_of(refused.value)
     assert (ending.kind, ending.exit_code) == ("refused", 4)
+
+
+@pytest.mark.parametrize("verb", [["cluster", "status"], ["--help"], ["cluster", "status", "--json"]])
+def test_without_an_output_it_says_so_and_does_nothing(verb: list[str]) -> None:
+    done = subprocess.run(
+        ["/bin/sh", "-c", 'exec "$@" >&-', "sh", sys.executable, "-m", "scenectl", *verb], capture_output=True, timeout=60
+    )
+    assert done.returncode == 1
+    assert done.stderr == b"error: there is nowhere to write (standard output is closed): send it to a file, or to /dev/null\n"
+
+
+def test_without_an_input_nothing_is_stored() -> None:
+    put = ["-m", "scenectl", "data", "put", "files", "0a", "-", "--scene", "kitchen"]
+    done = subprocess.run(["/bin/sh", "-c", 'exec "$@" <&-', "sh", sys.executable, *put], capture_output=True, timeout=60)
+    assert done.returncode == 1
+    assert done.stderr == b"error: there is nothing to read (standard input is closed): name a file, or send it one\n"
+
+
+def test_without_standard_error_results_are_nothing_but_results() -> None:
+    wrong = ["-m", "scenectl", "cluster", "status", "--json", "--colour"]
+    done = subprocess.run(["/bin/sh", "-c", 'exec "$@" 2>&-', "sh", sys.executable, *wrong], capture_output=True, timeout=60)
+    assert (done.returncode, done.stderr) == (2, b"")
+    assert json.loads(done.stdout)["exit_code"] == 2

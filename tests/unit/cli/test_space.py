@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from scenectl import space
-from scenectl.__main__ import main
 from scenectl.positions import Box, Position
+from scenectl.program import main
 
 
 def test_boxes_and_positions_are_read_as_they_stand() -> None:

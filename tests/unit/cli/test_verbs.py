@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from scenectl.__main__ import GROUPS, main
+from scenectl.program import GROUPS, main
 
 VERBS = [
     "cluster init",
@@ -146,7 +146,7 @@ def test_a_missing_scene_file_is_a_failure_with_its_name(capsys: pytest.CaptureF
 def test_help_imports_nothing_heavy() -> None:
     code = (
         "import sys\n"
-        "from scenectl.__main__ import main\n"
+        "from scenectl.program import main\n"
         "main(['--help'])\n"
         "heavy = {'numpy', 'numba', 'trio', 'cryptography', 'lmdb', 'trimesh', 'OpenEXR'} & set(sys.modules)\n"
         "sys.exit(f'imported: {heavy}' if heavy else 0)\n"
