@@ -52,7 +52,7 @@ def init(
     from scenefold.client import create_cluster
 
     more = () if spares is None else spares.all
-    profile = create_cluster(folder, name or folder.resolve().name, nodes.all, spares=more, ports=cluster_ports(ports))
+    profile = create_cluster(folder, folder.resolve().name if name is None else name, nodes.all, spares=more, ports=cluster_ports(ports))
     document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more)}
     first = nodes.all[0]
     text = (

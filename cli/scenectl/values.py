@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self
 from cyclopts import Parameter, Token
 from cyclopts.validators import Number
 
-from scenefold.base.ids import SPACE_ID_MAX
+from scenefold.base.ids import SPACE_ID_MAX, checked_node_id
 from scenefold.base.limits import NODES_MAX, POOL_NODES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 
@@ -265,6 +264,6 @@ def _is_digits(text: str) -> bool:
 
 def _check_address(text: str) -> None:
     try:
-        ipaddress.IPv4Address(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is no IPv4 address such as 127.0.0.2") from None
+        checked_node_id(text)
+    except ValueError as problem:
+        raise ValueError(f"{problem}, such as 127.0.0.2") from None

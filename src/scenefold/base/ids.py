@@ -15,11 +15,24 @@ KeyId = NewType("KeyId", int)
 """32 bits: the first 32 bits of the SHA-256 of a public key."""
 
 SPACE_ID_MAX = 8191
+_UNSPECIFIED = ipaddress.IPv4Network("0.0.0.0/8")
+_BROADCAST = ipaddress.IPv4Address("255.255.255.255")
 
 
 def node_id_of(address: str) -> NodeId:
     """The id of the node at an IPv4 address such as "127.0.0.2"; ValueError if it is none."""
     return NodeId(int(ipaddress.IPv4Address(address)))
+
+
+def checked_node_id(address: str) -> NodeId:
+    """The id of a node that shall be at this address; ValueError, in words, if it is no IPv4 address, or not that of one machine."""
+    try:
+        known = ipaddress.IPv4Address(address)
+    except ValueError:
+        raise ValueError(f"{address!r} is no IPv4 address") from None
+    if known in _UNSPECIFIED or known.is_multicast or known == _BROADCAST:
+        raise ValueError(f"{address} is not the address of one machine")
+    return NodeId(int(known))
 
 
 def address_of(node_id: NodeId) -> str:

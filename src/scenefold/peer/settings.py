@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from scenefold.base.errors import UsageFault
-from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.ids import NodeId, checked_node_id, node_id_of
 from scenefold.base.limits import BLACKLIST_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.peer.timing import REMOVE_AFTER_S, T_WAIT_S
@@ -72,9 +72,9 @@ class NodeSettings:
 
         for address in (self.address, *self.seeds, *self.blacklist):
             try:
-                node_id_of(address)
-            except ValueError:
-                raise UsageFault(f"{address!r} is no IPv4 address", remedy="give one such as 192.168.1.20") from None
+                checked_node_id(address)
+            except ValueError as problem:
+                raise UsageFault(f"{problem}", remedy="give one such as 192.168.1.20") from None
 
     @property
     def memory_budget_bytes(self) -> int:

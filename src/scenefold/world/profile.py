@@ -22,11 +22,12 @@ import secrets
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from scenefold.base.errors import DamagedData, LocalFault, UsageFault
-from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.ids import NodeId, address_of, checked_node_id, node_id_of
 from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
     Authority,
@@ -188,11 +189,12 @@ class ClusterProfile:
 def _checked_addresses(node_addresses: Sequence[str]) -> list[str]:
     """The addresses in id order; LocalFault if one is malformed, doubled, or their number is out of bounds."""
     try:
-        ids = sorted(node_id_of(address) for address in node_addresses)
-    except ipaddress.AddressValueError as problem:
+        ids = sorted(checked_node_id(address) for address in node_addresses)
+    except ValueError as problem:
         raise LocalFault(f"{problem}", where="node addresses", remedy="give IPv4 addresses such as 127.0.0.2") from None
-    if len(set(ids)) != len(ids):
-        raise LocalFault("a node address is given twice", remedy="give every address once")
+    twice = next((first for first, second in pairwise(ids) if first == second), None)
+    if twice is not None:
+        raise UsageFault("a node address is given twice", where=address_of(twice), remedy="give every address once")
     if not 1 <= len(ids) <= NODES_MAX:
         raise LocalFault(f"{len(ids)} nodes", remedy=f"a cluster has 1 to {NODES_MAX} nodes")
     return [address_of(node_id) for node_id in ids]

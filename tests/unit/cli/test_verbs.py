@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -95,6 +96,11 @@ WRONG = {
     "a negative seed": ["render", "still", "a.glb", "--seed", "-1"],
     "a malformed address": ["cluster", "init", "x", "--nodes", "127.0.0.2,here"],
     "an address twice": ["cluster", "init", "x", "--nodes", "127.0.0.2,127.0.0.2"],
+    "an address of a node and a spare": ["cluster", "init", "x", "--nodes", "127.0.0.2", "--spares", "127.0.0.3,127.0.0.2"],
+    "no machine's address": ["cluster", "init", "x", "--nodes", "0.0.0.0"],
+    "no machine's address for a spare": ["cluster", "init", "x", "--nodes", "127.0.0.2", "--spares", "224.0.0.1"],
+    "a seed that is all machines": ["cluster", "join", "255.255.255.255"],
+    "a node that is no machine": ["node", "run", "--address", "0.0.0.7"],
     "no address": ["cluster", "init", "x", "--nodes", ","],
     "a malformed location": ["data", "get", "1", "xyz", "--scene", "s"],
     "a long location": ["data", "get", "1", "0" * 41, "--scene", "s"],
@@ -141,6 +147,12 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
 def test_a_missing_scene_file_is_a_failure_with_its_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "still", "nowhere.glb", "-o", "x.exr"]) == 1
     assert "nowhere.glb" in capsys.readouterr().err
+
+
+def test_a_name_that_is_given_is_the_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cluster", "init", str(tmp_path / "x"), "--nodes", "127.0.0.2", "--name", ""]) == 1
+    assert "'' cannot be the name of a cluster" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -32,6 +32,7 @@ def test_a_blacklist_may_be_as_long_as_a_status_can_carry() -> None:
         ({"blacklist": some_addresses(BLACKLIST_MAX + 1)}, f"a blacklist of {BLACKLIST_MAX + 1} nodes", f"give {BLACKLIST_MAX} at most"),
         ({"blacklist": ("10.0.0.2", "ada")}, "'ada' is no IPv4 address", "give one such as"),
         ({"seeds": ("10.0.0.300",)}, "'10.0.0.300' is no IPv4 address", "give one such as"),
+        ({"seeds": ("0.0.0.0",)}, "0.0.0.0 is not the address of one machine", "give one such as"),
         ({"remove_after_s": 5.0}, "removal after 5 s", "give at least"),
         ({"remove_after_s": float("nan")}, "removal after nan s", "give at least"),
         ({"transfer_bytes_per_s": 0}, "transfers of 0 bytes a second", "give at least 1"),

@@ -108,7 +108,13 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "addresses, what",
-    [([], "0 nodes"), (["127.0.0.2", "127.0.0.2"], "twice"), (["not.an.address"], "Expected 4 octets"), (["1.2.3"], "Expected 4")],
+    [
+        ([], "0 nodes"),
+        (["127.0.0.2", "127.0.0.2"], "twice"),
+        (["not.an.address"], "no IPv4 address"),
+        (["1.2.3"], "no IPv4 address"),
+        *((["127.0.0.2", nobody], "not the address of one machine") for nobody in ("0.0.0.0", "0.1.2.3", "224.0.0.1", "255.255.255.255")),
+    ],
 )
 def test_bad_addresses_leave_nothing_behind(tmp_path: Path, addresses: list[str], what: str) -> None:
     with pytest.raises(LocalFault, match=what):
