@@ -254,12 +254,26 @@ def line_warnings(nodes: Sequence[NodeState]) -> list[Concern]:
                 assert before is not None
                 found.append(Concern("overlap", f"{before.address} and {node.address} both own {_piece(twice)}", True, node.address))
         elif arc.first > free and not _is_within(gap := Arc(free, _before(arc.first)), handed):
-            found.append(Concern("gap", f"nobody owns {_piece(gap)}, left of {node.address}", True, node.address))
+            beside = nodes[0 if before is None else nodes.index(before) : nodes.index(node) + 1]
+            found.append(Concern("gap", _unowned(f"{_piece(gap)}, left of {node.address}", beside), True, node.address))
         if free is not None and arc.last >= free:
             free, before = arc.last.next(), node
     if free is not None and not _is_within(rest := Arc(free, LAST), handed):
-        found.append(Concern("gap", f"nobody owns {_piece(rest)}, at the end of the line", True))
+        beside = nodes[0 if before is None else nodes.index(before) :]
+        found.append(Concern("gap", _unowned(f"{_piece(rest)}, at the end of the line", beside), True))
     return found
+
+
+def _unowned(place: str, beside: Sequence[NodeState]) -> str:
+    """`beside`: who may own the place, by the order of the line. A silent one may have taken it just before it fell silent."""
+    silent = [node for node in beside if not node.alive]
+    if not silent:
+        return f"nobody owns {place}"
+    verb, them, their = ("does", "it", "its") if len(silent) == 1 else ("do", "them", "their")
+    # The voter is never removed.
+    or_wait = "" if any(node.is_voter for node in silent) else f", or wait for {their} removal"
+    who = _some([node.address for node in silent])
+    return f"nobody who answers owns {place}; {who}, which {verb} not answer, may: start {them}{or_wait}"
 
 
 def _is_within(piece: Arc, handed: Sequence[Arc]) -> bool:

@@ -132,6 +132,24 @@ def test_a_silent_node_counts_with_what_it_was_last_heard_to_own() -> None:
     assert "nobody can join" in status_of([missing(ADDRESSES[0], arc(0, 0.25), is_voter=True), *thirds()[1:]]).warnings[0].text
 
 
+def test_what_a_silent_node_may_have_taken_is_not_called_nobodys() -> None:
+    """Who fell silent just after it took its piece is known to nobody as its owner."""
+    left, _, right = thirds()
+    taken = [left, missing(ADDRESSES[1], None), right]
+    gap = next(warning for warning in status_of(taken).warnings if warning.kind == "gap")
+    assert gap.text.startswith("nobody who answers owns 40000000..7fffffff (25.00% of the line), left of 127.0.0.4; ")
+    assert gap.text.endswith("127.0.0.3, which does not answer, may: start it, or wait for its removal") and gap.degrades
+    grown = [missing(ADDRESSES[0], arc(0, 0.1), is_voter=True), missing(ADDRESSES[1], None), right]
+    gap = next(warning for warning in line_warnings(grown) if warning.kind == "gap")
+    assert gap.text.endswith("127.0.0.2, 127.0.0.3, which do not answer, may: start them"), "the voter is never removed"
+    at_the_end = [left, node(ADDRESSES[1], arc(0.25, 0.5)), missing(ADDRESSES[2], None)]
+    assert (
+        "nobody who answers owns 80000000" in line_warnings(at_the_end)[0].text and "127.0.0.4, which" in line_warnings(at_the_end)[0].text
+    )
+    elsewhere = [left, right, missing(ADDRESSES[1], None)]
+    assert line_warnings(elsewhere)[0].text.startswith("nobody owns "), "the order of the line says who cannot"
+
+
 def test_a_founder_that_never_came_is_awaited() -> None:
     founder = replace(missing(ADDRESSES[2], arc(0.5, 1)), incarnation=bytes(16), heard_s=None)
     assert founder.role == "awaited"
