@@ -14,6 +14,7 @@ from typing import Protocol
 import trio
 
 from scenefold.base.ids import node_id_of
+from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.crypto import SigningKey
 from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeDrained, NodeSettings, PeerServices
 from scenefold.store import LmdbDisk, open_store
@@ -48,7 +49,7 @@ async def run_node(
         profile.node_identity(me.address),
         profile.authority_certificate(),
         ports=profile.ports,
-        disk=LmdbDisk(),
+        disk=LmdbDisk(ahead_bytes_max=STORE_RESERVE_BYTES),
         lanes={"render": settings.render_threads},
     )
     chosen = default_extensions() if extensions is None else extensions

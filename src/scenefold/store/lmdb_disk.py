@@ -5,7 +5,7 @@ One folder is one LMDB environment with a named table for each of ours. Every co
 is closed and opened again with a larger map, and the change runs anew. Opening again, rather than resizing in place,
 leaves a way back if the larger map cannot be had.
 
-Before a commit the file is lengthened by what the commit may write at most (`preallocation.py`).
+Before a commit the file is lengthened by what the commit may write at most, and some way ahead (`preallocation.py`).
 """
 
 from __future__ import annotations
@@ -38,13 +38,15 @@ TREE_PAGES_MAX = 8
 class LmdbDisk:
     """Opens folders as LMDB environments."""
 
-    def __init__(self, *, map_bytes_first: int = MAP_BYTES_FIRST) -> None:
+    def __init__(self, *, map_bytes_first: int = MAP_BYTES_FIRST, ahead_bytes_max: int = 0) -> None:
+        """`ahead_bytes_max`: how far a file is lengthened before there is need."""
         self._map_bytes_first = map_bytes_first
+        self._ahead_bytes_max = ahead_bytes_max
 
     def open(self, folder: Path, tables: Sequence[str]) -> LmdbEnvironment:
         lock = FolderLock(folder)
         try:
-            return LmdbEnvironment(folder, tables, lock, self._map_bytes_first)
+            return LmdbEnvironment(folder, tables, lock, self._map_bytes_first, self._ahead_bytes_max)
         except BaseException:
             lock.release()
             raise
@@ -53,18 +55,20 @@ class LmdbDisk:
 class LmdbEnvironment:
     """An open folder (port `Environment`)."""
 
-    def __init__(self, folder: Path, tables: Sequence[str], lock: FolderLock, map_bytes: int) -> None:
+    def __init__(self, folder: Path, tables: Sequence[str], lock: FolderLock, map_bytes: int, ahead_bytes_max: int) -> None:
         self._folder = folder
         self._names = tuple(tables)
         self._lock = lock
         self._passage = Passage()
-        # A map twice the file leaves room for the first changes after a start.
-        self._map_bytes = max(map_bytes, 2 * _file_bytes(folder))
+        self._ahead_bytes_max = ahead_bytes_max
+        # A map twice the file leaves room for the first changes after a start; what was taken ahead is none of it.
+        self._map_bytes = max(map_bytes, 2 * (_file_bytes(folder) - ahead_bytes_max))
         self._failed: str | None = None
         try:
             self._open()
         except lmdb.Error as error:
             raise _opening_fault(error, folder) from error
+        self._reach_ahead()
 
     def _open(self) -> None:
         env = lmdb.open(
@@ -83,7 +87,15 @@ class LmdbEnvironment:
         self._env = env
         # The machine that made the folder may have had pages of another size.
         self._page_bytes = int(env.stat()["psize"])
-        self._file = GrowingFile(self._folder / DATA_NAME)
+        self._file = GrowingFile(self._folder / DATA_NAME, self._ahead_bytes_max)
+
+    def _reach_ahead(self) -> None:
+        try:
+            self._file.reach(self._end_bytes())
+        except OSError as error:
+            self._shut()
+            remedy = "see to the disk"
+            raise LocalFault(f"the store's file cannot be lengthened: {error}", where=str(self._folder), remedy=remedy) from error
 
     @contextmanager
     def read(self) -> Iterator[ReadTransaction]:
