@@ -10,6 +10,7 @@ import pytest
 
 from integration.scenectl_process import running, scenectl
 from loopback import ports_option
+from scenefold.world.profile import ClusterProfile
 
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
@@ -145,6 +146,16 @@ def test_a_cluster_of_its_own_nodes_one_missing(tmp_path: Path) -> None:
     foreign = scenectl("node", "run", "--address", addresses[1], "--data", tmp_path / "data", profile=profile)
     assert foreign.code == 1
     assert addresses[0] in foreign.error or "another node" in foreign.error
+
+
+@pytest.mark.parametrize("verb", [["cluster", "status"], ["scene", "list"]])
+def test_a_profile_of_another_cluster_is_told_from_nodes_that_are_away(profile: str, verb: list[str], tmp_path: Path) -> None:
+    ports = ClusterProfile.load(Path(profile)).ports
+    for away in ("127.0.0.1", "127.0.0.14"):
+        other = tmp_path / away
+        nodes = ",".join([away, *ADDRESSES])
+        assert scenectl("cluster", "init", other, "--nodes", nodes, "--ports", f"{ports.low},{ports.high}").code == 0
+        assert "its certificate is not valid here" in scenectl(*verb, profile=other).refusal(3)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])

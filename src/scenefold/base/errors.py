@@ -44,6 +44,10 @@ class Unreachable(ScenefoldError):
     """The cluster, or the node that had to answer, did not (exit code 3)."""
 
 
+class TurnedAway(Unreachable):
+    """Somebody is there, but none of this cluster, or none that speaks as we do: no trying again mends that, and it tells more than silence."""
+
+
 class Refused(ScenefoldError):
     """A node refused a request for a stated reason (exit code 4 where consensus or the mode forbids)."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial, reduce
 from typing import TypeVar
 
 import trio
@@ -14,6 +14,7 @@ from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
 from scenefold.client.calls import Calls, no_answer
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
+from scenefold.client.hedging import more_telling
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
@@ -101,8 +102,7 @@ class Cluster:
         line = self.line_of(table)
         reports = await self.reports([address for _, address in line])
         if not any(isinstance(report, NodeReport) for report in reports.values()):
-            silent = next((error for error in reports.values() if isinstance(error, ScenefoldError)), None)
-            raise no_answer([address for _, address in line], silent)
+            raise no_answer([address for _, address in line], _most_telling(reports.values()))
         return judged(self.name, *self.states(table, reports))
 
     def line_of(self, table: RespondTable) -> list[tuple[NodeId, str]]:
@@ -140,6 +140,12 @@ class Cluster:
     async def in_worker(self, lane: str, function: Callable[..., Result], *arguments: object) -> Result:
         """Run what computes or blocks in a thread of this client's lane."""
         return await self.calls.world.workers.run(lane, function, *arguments)
+
+
+def _most_telling(ends: Iterable[object]) -> ScenefoldError | None:
+    """Of what nodes could not be asked for: the error that says most."""
+    silences = [end for end in ends if isinstance(end, Unreachable)]
+    return reduce(more_telling, silences) if silences else next((end for end in ends if isinstance(end, ScenefoldError)), None)
 
 
 def _address_of_sender(table: RespondTable) -> str | None:

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable
 from scenefold.world import background_tasks
 
 T = TypeVar("T")
@@ -23,7 +23,8 @@ T = TypeVar("T")
 async def first_answer(
     tries: Sequence[Callable[[], Awaitable[T]]], *, next_after_s: float, at_a_time: int, refusal_counts: bool = True
 ) -> T:
-    """What the first of the tries returns or raises, but for Unreachable and PeerFault; of these the last one, Unreachable rather.
+    """What the first of the tries returns or raises, but for Unreachable and PeerFault; of these the last one, Unreachable rather,
+    and of that TurnedAway rather: a certificate that is not valid says more than a closed port.
 
     `refusal_counts` false: Refused is one of these, too.
     """
@@ -52,9 +53,14 @@ async def first_answer(
                 if not isinstance(end, ScenefoldError):
                     return end
                 if isinstance(end, Unreachable):
-                    silence = end
+                    silence = end if silence is None else more_telling(silence, end)
                 elif not isinstance(end, PeerFault) and (refusal_counts or not isinstance(end, Refused)):
                     raise end
                 if over == len(tries):
                     # Who was silent may be back soon, so this is worth another try.
                     raise silence or end
+
+
+def more_telling(first: Unreachable, second: Unreachable) -> Unreachable:
+    """Of two that cannot be reached the one whose reason says more; the second if neither does."""
+    return first if isinstance(first, TurnedAway) and not isinstance(second, TurnedAway) else second

@@ -78,7 +78,7 @@ class Links:
         if link.channel is None:
             assert link.failure is not None
             failure = link.failure
-            raise Unreachable(failure.what, where=failure.where, remedy=failure.remedy) from failure
+            raise type(failure)(failure.what, where=failure.where, remedy=failure.remedy) from failure
         return link.channel
 
     async def _keep(self, key: Key, link: _Link) -> None:

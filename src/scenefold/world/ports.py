@@ -53,6 +53,10 @@ class ConnectionLost(Exception):
     """The connection is gone: cut, reset, refused by the peer's TLS, or closed by us. The text says which."""
 
 
+class HandshakeRefused(ConnectionLost):
+    """TLS forbids the connection: a certificate of another authority, or of none."""
+
+
 class DiskFull(Exception):
     """The disk took nothing of this change: no room, or a quota. What was durable before still is."""
 

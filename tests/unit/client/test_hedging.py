@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from trio.testing import MockClock
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, TurnedAway, Unreachable
 from scenefold.base.limits import CLIENT_ASKED_MAX, CLIENT_NEXT_S, CLIENT_REQUEST_S
 from scenefold.base.reasons import RejectReason
 from scenefold.client.hedging import first_answer
@@ -42,6 +42,8 @@ class Tries:
             await trio.sleep(seconds)
         finally:
             self.under_way -= 1
+        if what == "turns away":
+            raise TurnedAway(f"another certificate {number}")
         if what == "away":
             raise Unreachable(f"away {number}")
         if what == "nonsense":
@@ -90,6 +92,12 @@ async def test_where_no_refusal_counts_the_next_is_asked(autojump_clock: MockClo
 async def test_if_nobody_answers_the_last_reason_is_given(autojump_clock: MockClock) -> None:
     with pytest.raises(Unreachable, match="away 1"):
         await asked(Tries((5.0, "away"), (9.0, "away"), (4.0, "away")))
+
+
+async def test_what_says_more_than_silence_is_the_reason_that_is_given(autojump_clock: MockClock) -> None:
+    for seconds in ((0.1, 0.1, 0.1), (0.1, 0.3, 0.2), (0.3, 0.1, 0.1)):
+        with pytest.raises(TurnedAway, match="another certificate 1"):
+            await asked(Tries((seconds[0], "away"), (seconds[1], "turns away"), (seconds[2], "away")))
 
 
 async def test_one_that_answers_with_nonsense_does_not_speak_for_all(autojump_clock: MockClock) -> None:

@@ -13,11 +13,11 @@ import time
 
 import trio
 
-from scenefold.base.errors import PeerFault, Unreachable
+from scenefold.base.errors import PeerFault, TurnedAway, Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, PENDING_HANDSHAKES_MAX
 from scenefold.crypto import Identity, client_context, server_context
-from scenefold.world.ports import ConnectionLost, Ports, Priority, Serve
+from scenefold.world.ports import ConnectionLost, HandshakeRefused, Ports, Priority, Serve
 from scenefold.world.quiet import QuietLog
 from scenefold.world.real.binding import bind_fault
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
@@ -81,13 +81,15 @@ class RealNetwork:
         except trio.TooSlowError:
             raise _unreachable(where, f"no answer within {self._handshake_s_max:g} s") from None
         except NoCommonVersion as error:
-            raise _unreachable(where, error.what, error.remedy) from error
-        except (ConnectionLost, PeerFault) as error:
+            raise _unreachable(where, error.what, error.remedy, kind=TurnedAway) from error
+        except (HandshakeRefused, PeerFault) as error:
+            raise _unreachable(where, str(error), kind=TurnedAway) from error
+        except ConnectionLost as error:
             raise _unreachable(where, str(error)) from error
         expected = f"node:{node_id_of(address)}"
         if connection.peer != expected:
             await connection.aclose()
-            raise _unreachable(where, f"{connection.peer} answers there instead of {expected}")
+            raise _unreachable(where, f"{connection.peer} answers there instead of {expected}", kind=TurnedAway)
         return connection
 
     async def _connect(self, address: str, port: int) -> TlsConnection:
@@ -157,6 +159,6 @@ class _Door:
         return None
 
 
-def _unreachable(where: str, why: str, remedy: str = "") -> Unreachable:
+def _unreachable(where: str, why: str, remedy: str = "", *, kind: type[Unreachable] = Unreachable) -> Unreachable:
     remedy = remedy or "see that the node runs there and belongs to this cluster (`scenectl cluster status`)"
-    return Unreachable(f"no connection to the node: {why}", where=where, remedy=remedy)
+    return kind(f"no connection to the node: {why}", where=where, remedy=remedy)

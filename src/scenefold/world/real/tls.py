@@ -13,11 +13,13 @@ import trio
 
 from scenefold.base.errors import DamagedData
 from scenefold.crypto import peer_name
-from scenefold.world.ports import ConnectionLost
+from scenefold.world.ports import ConnectionLost, HandshakeRefused
 from scenefold.world.versions import RANGE_BYTES, NoCommonVersion, Versions
 
 SEND_PIECE_BYTES = 256 * 1024
 CLOSE_S_MAX = 1.0
+
+_CUT = (ssl.SSLEOFError, ssl.SSLZeroReturnError, ssl.SSLSyscallError)
 
 TlsStream = trio.SSLStream[trio.SocketStream]
 
@@ -63,8 +65,8 @@ async def shake_hands(
     `dialled` is the address that we connected to, which the peer's certificate must contain; None on the side that
     accepts. `context` offers the names of `versions`.
 
-    ConnectionLost if the peer cuts it, or shows no certificate of our authority; PeerFault if it names no one;
-    NoCommonVersion.
+    ConnectionLost if the peer cuts it, HandshakeRefused if it shows no certificate of our authority, or is not content with
+    ours; PeerFault if it names no one; NoCommonVersion.
     """
     stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     stream.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -72,7 +74,8 @@ async def shake_hands(
     try:
         await secure.do_handshake()
     except trio.BrokenResourceError as error:
-        raise ConnectionLost(why_broken(error)) from error
+        lost = HandshakeRefused if _is_of_tls(_first_cause(error)) else ConnectionLost
+        raise lost(why_broken(error)) from error
     peer, name = peer_name(secure), secure.selected_alpn_protocol()
     if name is None:
         raise versions.apart_from_nothing(peer)
@@ -98,15 +101,24 @@ async def _apart(secure: TlsStream, peer: str, ours: Versions) -> NoCommonVersio
 
 def why_broken(error: Exception) -> str:
     """What happened to a connection, in words, from the chain of causes that Trio and ssl leave."""
-    cause: BaseException = error
-    while cause.__cause__ is not None:
-        cause = cause.__cause__
+    cause = _first_cause(error)
     if isinstance(cause, ssl.SSLCertVerificationError):
         return f"its certificate is not valid here: {cause.verify_message}"
-    if isinstance(cause, ssl.SSLEOFError | ssl.SSLZeroReturnError | ssl.SSLSyscallError):
+    if isinstance(cause, _CUT):
         return "the connection was cut"
     if isinstance(cause, ssl.SSLError):
         return f"TLS failed: {(cause.reason or str(cause)).replace('_', ' ').lower()}"
     if isinstance(cause, OSError):
         return f"the connection failed: {cause.strerror or cause}"
     return "the connection is closed" if isinstance(cause, trio.ClosedResourceError) else "the connection was cut"
+
+
+def _is_of_tls(cause: BaseException) -> bool:
+    """Whether TLS itself forbids the connection, and nobody cut it."""
+    return isinstance(cause, ssl.SSLError) and not isinstance(cause, _CUT)
+
+
+def _first_cause(error: BaseException) -> BaseException:
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return error
