@@ -16,6 +16,7 @@ from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.removals import _removed
 from scenefold.wire import Member
+from scenefold.world.ports import DiskFull
 from simulation.quiet import Rest, at_rest
 
 
@@ -40,6 +41,16 @@ def cut_from_the_voter(rest: Rest) -> None:
 
 def told_to_leave(rest: Rest) -> None:
     rest.cluster.nodes[1].told_to_leave = True
+
+
+def judged_dead_and_back(rest: Rest) -> None:
+    """The voter judges it while it is dead, and is slow to write that down."""
+    watch, node, now = rest.cluster.watch, rest.cluster.nodes[1], rest.cluster.net.now
+    incarnation = incarnation_of(node.disk)
+    assert incarnation is not None
+    watch.reach.goes_down(1, now - 15.0)
+    watch.judged(Member(node.node_id, incarnation))
+    watch.reach.comes_up(1, now)
 
 
 def removed(case: Case) -> list[str]:
@@ -81,26 +92,39 @@ def test_who_could_be_reached_must_not_be_removed(case: Case) -> None:
     [
         Case(lambda rest: rest.cluster.crash(1, silent=True)),
         Case(cut_off),
+        Case(judged_dead_and_back),
         Case(told_to_leave, reason=DRAINED),
         Case(incarnation=NO_INCARNATION),
         Case(incarnation=bytes([7]) * 16),
     ],
-    ids=["it was dead", "nobody could hear it", "it left as it was told", "its founding seat", "another incarnation"],
+    ids=[
+        "it was dead",
+        "nobody could hear it",
+        "it came back too late",
+        "it left as it was told",
+        "its founding seat",
+        "another incarnation",
+    ],
 )
 def test_who_could_not_or_left_may_be_removed(case: Case) -> None:
     assert removed(case) == []
 
 
-def ended(*ends: BaseException, is_full: bool = False) -> tuple[list[str], Rest]:
+def no_room() -> LocalFault:
+    """What a start on a full disk ends with."""
+    fault = LocalFault("no room")
+    fault.__cause__ = DiskFull("not for one page")
+    return fault
+
+
+def ended(*ends: BaseException, came_up: bool = True) -> tuple[list[str], Rest]:
     """What is said of a life of n1 that ended by itself."""
     said: list[str] = []
     rests: list[Rest] = []
 
     async def look(rest: Rest) -> None:
         node = rest.cluster.nodes[1]
-        if is_full:
-            node.disk.fill(0)
-        rest.cluster._judge_end(node, list(ends))
+        rest.cluster._judge_end(node, list(ends), came_up=came_up)
         said.extend(f"{violation.law}: {violation.what}" for violation in rest.cluster.watch.violations)
         rests.append(rest)
         # Who was drained is switched off; its life is none of this test's.
@@ -112,26 +136,27 @@ def ended(*ends: BaseException, is_full: bool = False) -> tuple[list[str], Rest]
 
 
 @pytest.mark.parametrize(
-    ("ends", "is_full", "words"),
+    ("ends", "came_up", "words"),
     [
-        ((), False, "without a reason"),
-        ((ValueError("a bug"),), False, "ValueError: a bug"),
+        ((), True, "without a reason"),
+        ((ValueError("a bug"),), True, "ValueError: a bug"),
         ((LocalFault("a bad argument"),), False, "LocalFault: a bad argument"),
-        ((DamagedData("rotten"),), False, "DamagedData: rotten"),
-        ((LocalFault("no room"), ValueError("a bug")), True, "LocalFault: no room; ValueError: a bug"),
-        ((IdentityRenewed("anew"), ValueError("a bug")), False, "IdentityRenewed: anew; ValueError: a bug"),
+        ((DamagedData("rotten"),), True, "DamagedData: rotten"),
+        ((no_room(),), True, "LocalFault: no room"),
+        ((no_room(), ValueError("a bug")), False, "LocalFault: no room; ValueError: a bug"),
+        ((IdentityRenewed("anew"), ValueError("a bug")), True, "IdentityRenewed: anew; ValueError: a bug"),
     ],
 )
-def test_a_life_that_ends_by_a_fault_is_a_violation(ends: tuple[BaseException, ...], is_full: bool, words: str) -> None:
-    said, _ = ended(*ends, is_full=is_full)
+def test_a_life_that_ends_by_a_fault_is_a_violation(ends: tuple[BaseException, ...], came_up: bool, words: str) -> None:
+    said, _ = ended(*ends, came_up=came_up)
     assert said == [f"{laws.SOUND}: n1 ends by itself: {words}"]
 
 
 @pytest.mark.parametrize(
-    ("end", "is_full"), [(Unreachable("no seed answers"), False), (LocalFault("no room"), True)], ids=["no seed", "a full disk"]
+    ("end", "came_up"), [(Unreachable("no seed answers"), True), (no_room(), False)], ids=["no seed", "a start on a full disk"]
 )
-def test_a_life_that_the_world_ends_is_none(end: BaseException, is_full: bool) -> None:
-    said, rest = ended(end, is_full=is_full)
+def test_a_life_that_the_world_ends_is_none(end: BaseException, came_up: bool) -> None:
+    said, rest = ended(end, came_up=came_up)
     assert said == []
     assert rest.cluster.nodes[1].is_wanted
 

@@ -27,6 +27,7 @@ from scenefold.peer.enrolment import IdentityRenewed
 from scenefold.simulation import laws
 from scenefold.simulation.acknowledged import see_acknowledged
 from scenefold.simulation.disks import incarnation_of
+from scenefold.simulation.judged import see_judged
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
 from scenefold.store import StoreDamaged
@@ -224,14 +225,14 @@ class Cluster:
                 ends = list(_leaves(group))
         if not node.is_wanted:
             return "killed"
-        return self._judge_end(node, ends, came_up)
+        return self._judge_end(node, ends, came_up=came_up)
 
     def _settings(self, node: Node) -> NodeSettings:
         settings = NodeSettings(profile_folder=Path("/profile"), address=node.address, data_folder=DATA_FOLDER, memory_bytes=1 << 30)
         remove_after_s = self.habits.remove_after_s
         return settings if remove_after_s is None else replace(settings, remove_after_s=remove_after_s)
 
-    def _judge_end(self, node: Node, ends: list[BaseException], came_up: bool) -> str:
+    def _judge_end(self, node: Node, ends: list[BaseException], *, came_up: bool) -> str:
         """Why a life ended that nobody ended; what must not be is a violation."""
         words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
         drained = any(isinstance(end, NodeDrained) for end in ends)
@@ -267,6 +268,7 @@ class Cluster:
                 self.watch.acknowledges(node.slot, *named(item), location)
 
         see_acknowledged(context, acknowledged)
+        see_judged(context, self.watch.judged)
 
 
 def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:

@@ -39,6 +39,7 @@ def _removed(cluster: Cluster, removal: Removal) -> None:
         return
     if removal.member.incarnation == NO_INCARNATION or incarnation_of(node.disk) != removal.member.incarnation:
         return
-    window = (now - (cluster.habits.remove_after_s or DEFAULT_REMOVE_AFTER_S) / 2, now)
+    judged_at = watch.judged_at.get(removal.member.incarnation, now)
+    window = (judged_at - (cluster.habits.remove_after_s or DEFAULT_REMOVE_AFTER_S) / 2, judged_at)
     if node.is_wanted and watch.reach.was_reachable(slot, 0, list(cluster.running), window):
         watch.violated(laws.REMOVED_RIGHTLY, f"n{slot} is removed though it could be reached: {removal.reason}", slots=(slot, 0))

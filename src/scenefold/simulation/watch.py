@@ -33,6 +33,7 @@ from scenefold.simulation.reach import Reach
 from scenefold.simulation.recording import Recorder
 from scenefold.simulation.rot import Rot
 from scenefold.simulation.story import Story, Violation
+from scenefold.wire import Member
 
 VIOLATIONS_MAX = 50
 
@@ -60,6 +61,8 @@ class Watch:
         self.violations: list[Violation] = []
         self.put_back: dict[int, bytes] = {}
         """The incarnation of the backup that each slot's disk was last put back to."""
+        self.judged_at: dict[bytes, float] = {}
+        """When the voter last had nothing against the removal of an incarnation."""
         self.on_handover: Callable[[int], None] | None = None
         """Called with the slot whose open handovers have just changed on its disk."""
         self._now = now
@@ -82,6 +85,10 @@ class Watch:
 
     def _client_said(self, who: str, place: Place, what: str) -> None:
         self.story.tell(self._now(), None, "{} {}", who, what, location=place.location)
+
+    def judged(self, member: Member) -> None:
+        """The voter has nothing against a removal; it may take long to write it down."""
+        self.judged_at[member.incarnation] = self._now()
 
     # ------------------------------------------------------------------------------------------------------- disks
 
