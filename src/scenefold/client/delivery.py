@@ -63,10 +63,10 @@ async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequenc
                 if outcome.reason == STORED:
                     doubt.settle(index)
             else:
-                search.was_busy(node, [index])
-                if outcome.reason == RejectReason.NOT_READY:
-                    # The node may have stored it, and lost its lease before it could say so.
-                    doubt.note([index])
+                without_lease = outcome.reason == RejectReason.NOT_READY and outcome.owner == node
+                search.was_busy(node, [index], _no_lease(address) if without_lease else _not_now(outcome.reason, address))
+                if outcome.reason == RejectReason.NOT_READY and not without_lease:
+                    doubt.note([index], f"{address} was not ready to say, as when its lease ends in the midst of a write")
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
         return [(node, frame) for node, indices in search.routed(pending).items() for frame in frames(indices, sizes)]
@@ -152,7 +152,7 @@ async def _rounds(
                 errors.append(error)
             except (Refused, PeerFault) as error:
                 if isinstance(error, Refused) and is_passing(error.reason):
-                    search.was_busy(node, frame)
+                    search.was_busy(node, frame, error)
                 elif search.is_last_word(node, frame):
                     raise
                 else:
@@ -169,7 +169,7 @@ async def _rounds(
         silence = next((found for found in errors if isinstance(found, Unreachable)), None)
         passing = next((found for found in errors if isinstance(found, Refused) and is_passing(found.reason)), None)
         if not patience.bears(silence or passing):
-            raise silence or (heaviest(errors) if errors else _unsettled(len(left)))
+            raise silence or (heaviest(errors) if errors else search.excuse(left))
         await calls.pause(patience)
         await calls.refresh()
 
@@ -180,6 +180,16 @@ def stale_answer(address: str) -> Refused:
     return Refused(RejectReason.NOT_READY, "the answer may be stale: the node holds no lease just now", where=address, remedy=remedy)
 
 
-def _unsettled(count: int) -> Refused:
-    remedy = "try again in a while; `scenectl cluster status` shows who is there"
-    return Refused(RejectReason.BUSY, f"the owners of {count} records are busy or keep changing", remedy=remedy)
+def _no_lease(address: str) -> Refused:
+    what = "has no lease: it takes no writes until the cluster's voter answers it"
+    remedy = "see that the voter runs; `scenectl cluster status` names it, and who has no lease"
+    return Refused(RejectReason.NOT_READY, what, where=address, remedy=remedy)
+
+
+def _not_now(reason: int, address: str) -> Refused:
+    what = (
+        "is busy: the place is changing hands"
+        if reason == RejectReason.BUSY
+        else "is not ready: it has no lease, or does not know enough yet"
+    )
+    return Refused(RejectReason(reason), what, where=address)

@@ -31,14 +31,16 @@ class Doubt:
         self._where = where
         self._remedy = remedy
         self._is_open_after = is_open_after or (lambda reason: reason == RejectReason.NOT_READY)
-        self._open: dict[int, None] = {}
+        self._open: dict[int, str] = {}
+        """Each with how it came into doubt, if its answer was not lost."""
 
     def __contains__(self, number: int) -> bool:
         return number in self._open
 
-    def note(self, numbers: Iterable[int]) -> None:
-        """These may have happened."""
-        self._open.update(dict.fromkeys(numbers))
+    def note(self, numbers: Iterable[int], since: str = "") -> None:
+        """These may have happened, `since` something is as it is; by default: since an answer was lost."""
+        for number in numbers:
+            self._open.setdefault(number, since)
 
     def settle(self, number: int) -> None:
         """An answer says that it happened; or whoever wanted it looks himself."""
@@ -69,5 +71,7 @@ class Doubt:
         except ScenefoldError as error:
             if not self._open or (isinstance(error, Unreachable) and not nor_silence):
                 raise
-            what = f"the answer to {self._what} was lost, and it may have happened; a later try: {error.what}"
-            raise Unreachable(what, where=self._where(next(iter(self._open))), remedy=self._remedy) from error
+            number, since = next(iter(self._open.items()))
+            lost = f"the answer to {self._what} was lost, and it may have happened"
+            what = f"{f'{self._what} may have happened: {since}' if since else lost}; a later try: {error.what}"
+            raise Unreachable(what, where=self._where(number), remedy=self._remedy) from error

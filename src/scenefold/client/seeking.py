@@ -9,9 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
+
+WAIT = "try again in a while; `scenectl cluster status` shows who is there"
 
 
 class Search:
@@ -26,6 +30,8 @@ class Search:
         self._hoped: dict[int, set[NodeId]] = {}
         """Who was busy with a record, or named as its owner, at any time."""
         self._disbelieved: set[NodeId] = set()
+        self._excuses: dict[int, Refused] = {}
+        """What was said last of a record by who may own it, and had no answer."""
 
     def routed(self, pending: Iterable[int]) -> dict[NodeId, list[int]]:
         """Which of these goes to which node now."""
@@ -49,10 +55,19 @@ class Search:
         if owner and owner not in passed:
             self._named[index] = owner
 
-    def was_busy(self, node: NodeId, indices: Iterable[int]) -> None:
+    def was_busy(self, node: NodeId, indices: Iterable[int], why: Refused) -> None:
         """The node cannot say anything of these just now."""
         for index in indices:
             self._hoped.setdefault(index, set()).add(node)
+            self._excuses[index] = why
+
+    def excuse(self, indices: Sequence[int]) -> Refused:
+        """Why there is no answer for these, as far as nodes said."""
+        said = next((self._excuses[index] for index in indices if index in self._excuses), None)
+        if said is None:
+            return Refused(RejectReason.BUSY, f"the owners of {len(indices)} records are busy or keep changing", remedy=WAIT)
+        others = f"; {len(indices)} records wait" if len(indices) > 1 else ""
+        return Refused(said.reason, f"{said.where} {said.what}{others}", remedy=said.remedy or WAIT)
 
     def is_last_word(self, node: NodeId, indices: Iterable[int]) -> bool:
         """Whether nonsense, or a lasting refusal, of this node is what the call ends with; if not, it is passed over."""

@@ -73,7 +73,8 @@ class Writes:
         if not self._line.owns(home):
             return self._not_ours(item, home)
         if not self._lease.holds():
-            return _outcome(item, RejectReason.NOT_READY)
+            # Our own id: whoever wrote need not fear that it is here.
+            return PutOutcome(RejectReason.NOT_READY, item.location, self._me)
         return _outcome(item, RejectReason.UNKNOWN_SCENE_OR_SPACE) if scene is None else None
 
     def _not_ours(self, item: PutItem, place: Location) -> PutOutcome:

@@ -58,7 +58,7 @@ class PutItem:
 
 @dataclass(frozen=True, slots=True)
 class PutOutcome:
-    """What became of one record: `reason` 0 is stored; `owner` is the node to ask instead, or 0."""
+    """What became of one record: `reason` 0 is stored; `owner` is the node to ask instead, the answerer itself if it stored nothing for want of a lease, or 0."""
 
     reason: int
     location: Location

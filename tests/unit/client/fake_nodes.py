@@ -110,7 +110,9 @@ class FakeNodes:
     reply_records_max: int = 1000
     range_max: int = 1000
     without_lease: set[str] = field(default_factory=set)
-    """They acknowledge nothing, and mark what they read as stale."""
+    """They take no writes, and mark what they read as stale."""
+    losing_lease: set[str] = field(default_factory=set)
+    """They store one more record, and have no lease by the time that they could say so."""
     rotten: set[Location] = field(default_factory=set)
     """Places whose records have changed on the disk."""
     ill_timed: Callable[[], None] | None = None
@@ -215,6 +217,11 @@ class FakeNodes:
 
     def _put(self, address: str, item: PutItem) -> PutOutcome:
         if address in self.without_lease:
+            return PutOutcome(RejectReason.NOT_READY, item.location, node_id_of(address))
+        if address in self.losing_lease:
+            self.losing_lease.remove(address)
+            self._put(address, item)
+            self.without_lease.add(address)
             return PutOutcome(RejectReason.NOT_READY, item.location, NodeId(0))
         new = RecordHeader.decode(item.header)
         if new.placement and item.location == new.location:

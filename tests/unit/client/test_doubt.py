@@ -170,6 +170,28 @@ async def test_faults_without_end_are_no_refusal(autojump_clock: MockClock) -> N
     assert await space.get(FIRST) == b"mine"
 
 
+async def test_who_had_no_lease_when_the_write_came_leaves_no_doubt(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    nodes.without_lease = set(nodes.addresses)
+    with pytest.raises(Refused, match=r"^127.0.0.[234] has no lease.*until the cluster.s voter answers.*records wait") as refused:
+        await space.put_many(ITEMS)
+    assert refused.value.reason is RejectReason.NOT_READY
+    assert not nodes.records
+
+
+async def test_whose_lease_ends_in_the_midst_of_a_write_leaves_doubt_and_it_says_so(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes(addresses=("127.0.0.2",))
+    space = _scene(nodes).space(FILES)
+    await space.put(FIRST, b"before")
+    nodes.losing_lease = {"127.0.0.2"}
+    with pytest.raises(Unreachable) as told:
+        await space.put(FIRST, b"mine")
+    assert "a write may have happened: 127.0.0.2 was not ready to say" in str(told.value)
+    assert "a later try: 127.0.0.2 has no lease" in str(told.value)
+    assert await space.get(FIRST, stale_ok=True) == b"mine"
+
+
 async def test_new_records_are_looked_for_where_they_may_be(autojump_clock: MockClock) -> None:
     """Whoever wants free places looks himself at what lies in taken ones, so a lost answer is no doubt for him."""
     nodes = Faulty(addresses=("127.0.0.2",))

@@ -99,6 +99,7 @@ def test_without_a_lease_nothing_is_acknowledged_nor_called_absent() -> None:
         assert await put(one, item(5)) == [0]
         one.lease.held = False
         assert await put(one, item(6), item(5)) == [RejectReason.NOT_READY] * 2
+        assert [outcome.owner for outcome in await outcomes(one, item(6))] == [one.me], "its own id: nothing of it was looked at"
         for node in (one, other):
             reply = await get(node, 5)
             assert isinstance(reply, GetManyReply) and reply.stale and found(reply) == [True]
@@ -118,7 +119,8 @@ def test_without_a_lease_nothing_is_acknowledged_nor_called_absent() -> None:
 def test_a_lease_that_runs_out_during_a_write_acknowledges_nothing() -> None:
     async def test(_: Neighbours, one: Node) -> None:
         one.lease.lost_after = 1
-        assert await put(one, item(5)) == [RejectReason.NOT_READY]
+        (outcome,) = await outcomes(one, item(5))
+        assert (outcome.reason, outcome.owner) == (RejectReason.NOT_READY, 0), "it may have been stored"
         one.lease = one.data.writes._lease = type(one.lease)()
         assert await put(one, item(5)) == [0], "the same bytes again"
 
