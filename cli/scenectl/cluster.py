@@ -125,7 +125,8 @@ def join(
         capacity_bytes=capacity,
         join_place=place_of(place),
     )
-    run_until_stopped(settings, output, extensions=[*default_extensions(), Telling(output)])
+    telling = Telling(output)
+    run_until_stopped(settings, output, extensions=[*default_extensions(), telling], told_ready=telling.may_begin)
 
 
 @app.command

@@ -22,13 +22,18 @@ class Telling:
     """Says when the node is a member, what arrives, and when it owns an arc. Once in every life of the node."""
 
     def __init__(self, output: Output) -> None:
+        import trio
+
         self._output = output
+        self.may_begin = trio.Event()
+        """It says nothing before this is set: that the node is ready comes first, though it may be a member before that."""
 
     async def run(self, context: NodeContext, *, task_status: trio.TaskStatus[None]) -> None:
         """Tell, until the arc is there."""
         import trio
 
         task_status.started()
+        await self.may_begin.wait()
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self._waiting, context)
             await self._member(context)

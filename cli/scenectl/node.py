@@ -16,6 +16,8 @@ from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit,
 from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
 
 if TYPE_CHECKING:
+    import trio
+
     from scenefold.client import DrainReport
     from scenefold.node import Extension, NodeSettings
 
@@ -97,8 +99,10 @@ def run_(
     run_until_stopped(settings, output)
 
 
-def run_until_stopped(settings: NodeSettings, output: Output, *, extensions: Sequence[Extension] | None = None) -> None:
-    """Run a node, say when it is ready and, should it leave the cluster in order, that it has."""
+def run_until_stopped(
+    settings: NodeSettings, output: Output, *, extensions: Sequence[Extension] | None = None, told_ready: trio.Event | None = None
+) -> None:
+    """Run a node, say when it is ready (`told_ready`: set then) and, should it leave the cluster in order, that it has."""
     import trio
 
     from scenectl.running import serve
@@ -109,6 +113,8 @@ def run_until_stopped(settings: NodeSettings, output: Output, *, extensions: Seq
             await nursery.start(partial(run_node, settings, extensions=extensions))
             document = {"event": "ready", "address": settings.address, "data": str(settings.data_folder)}
             emit_event(output, document, f"Node {settings.address} is ready; its data is in {settings.data_folder}.")
+            if told_ready is not None:
+                told_ready.set()
         emit_event(output, {"event": "left", "address": settings.address}, f"Node {settings.address} has left the cluster.")
 
     serve(work)

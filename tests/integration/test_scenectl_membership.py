@@ -133,6 +133,14 @@ def test_a_newcomer_without_room_gets_nothing_and_is_seen_to_wait(profile: str, 
     assert silent.code == 3 and spare in silent.error
 
 
+def test_a_node_that_is_a_member_already_is_ready_first(profile: str, tmp_path: Path) -> None:
+    for _ in range(2):
+        with joining(profile, SPARES[1], tmp_path / "data", "--capacity", "4096") as process:
+            assert event(process, "member")["members"] == 3
+            process.send_signal(signal.SIGTERM)
+            process.communicate(timeout=LIMIT_S)
+
+
 def test_the_node_that_decides_cannot_be_drained(profile: str) -> None:
     refused = scenectl("node", "drain", FOUNDERS[0], profile=profile)
     assert refused.code == 4 and "cannot do without it" in refused.error and FOUNDERS[0] in refused.error
