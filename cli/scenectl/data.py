@@ -110,7 +110,7 @@ def get(
         raise LocalFault("there is no record", where=place, remedy="`scenectl data ls` lists those that are there")
     document: dict[str, Any] = {"scene": scene, "space": number, "location": location.first.hex(), "bytes": len(payload)}
     if to is not None:
-        to.write_bytes(payload)
+        _write(to, payload)
         emit(output, document | {"file": str(to)}, f"{size_text(len(payload))} written to {to}.")
     elif output.json:
         import base64
@@ -245,3 +245,13 @@ def _read(file: Path, count: int) -> bytes:
             return source.read(count)
     except OSError as error:
         raise LocalFault(f"cannot read the file: {error.strerror}", where=str(file), remedy="check the path") from error
+
+
+def _write(file: Path, payload: bytes) -> None:
+    from scenefold.base.errors import LocalFault
+
+    try:
+        file.write_bytes(payload)
+    except OSError as error:
+        remedy = "choose another file, in a folder that is there and has room"
+        raise LocalFault(f"cannot write the file: {error.strerror}", where=str(file), remedy=remedy) from error

@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from scenectl.errors import DONE, FAILED, READER_LEFT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
 from scenectl.output import emit_error
@@ -92,7 +92,11 @@ def _plug() -> None:
 def _usage_ending(error: CycloptsError) -> Ending:
     chain = " ".join(error.command_chain or ())
     command = f"scenectl {chain}".strip()
-    what = " ".join(str(error).split()).rstrip(".")
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        many = len(error.unused_tokens) > 1
+        what = f"{', '.join(map(repr, error.unused_tokens))} {'are arguments' if many else 'is an argument'} too many"
+    else:
+        what = " ".join(str(error).split()).rstrip(".")
     return Ending("usage", WRONG_USAGE, what, where=command, remedy=f"see `{command} --help`")
 
 

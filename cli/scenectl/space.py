@@ -144,8 +144,9 @@ def translate(
 
     async def move(opened: Scene) -> LoggedSpace:
         moved = await opened.space_named(name_or_number(space))
-        dimensions = (await moved.info()).dimensions
-        check_dimensions(len(by.coordinates), dimensions, "an offset", f"space {space}")
+        known = await moved.info()
+        if not known.node_managed and not known.parent:  # else it cannot be moved at all, which the log says
+            check_dimensions(len(by.coordinates), known.dimensions, "an offset", f"space {space}")
         return await moved.translate(by.coordinates)
 
     _emit_moved(output, scene, run(_in_scene, output.profile, scene, move))

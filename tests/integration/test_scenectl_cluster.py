@@ -96,6 +96,10 @@ def test_data_errors(profile: str, scene: str, tmp_path: Path) -> None:
     assert second.code == 4
     assert "already" in second.error
     assert scenectl("data", "get", "files", "02", *at, profile=profile).out == b"first"
+    nowhere = scenectl("data", "get", "files", "02", "-o", tmp_path / "nowhere" / "f", *at, profile=profile)
+    assert "choose another file" in nowhere.refusal(1) and str(tmp_path / "nowhere" / "f") in nowhere.error
+    spaceless = scenectl("data", "put", "4711", "02", "-", *at, profile=profile, stdin=b"x")
+    assert "unknown scene or space" in spaceless.refusal(1) and "scenectl space list" in spaceless.error
     unknown = scenectl("data", "get", "files", "02", "--scene", "attic", profile=profile)
     assert unknown.code == 1
     assert "attic" in unknown.error

@@ -35,6 +35,11 @@ Result = TypeVar("Result")
 _BEHIND = frozenset({RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED})
 """What a node says to whoever signs under a log position that is over."""
 
+_REMEDIES = {
+    RejectReason.STORAGE_FULL: "free space on the nodes or add a node",
+    RejectReason.UNKNOWN_SCENE_OR_SPACE: "`scenectl space list` shows the spaces of the scene",
+}
+
 
 class Wish(NamedTuple):
     """A payload and where it shall lie. `expect`: None, ABSENT, or the digest of what it replaces."""
@@ -275,7 +280,7 @@ class SceneAccess:
         return items
 
     def _refused(self, reason: int, wish: Wish) -> Refused:
-        remedy = "free space on the nodes or add a node" if reason == RejectReason.STORAGE_FULL else ""
+        remedy = _REMEDIES.get(RejectReason(reason), "")
         words = RejectReason(reason).name.lower().replace("_", " ")
         return Refused(RejectReason(reason), f"the record was refused: {words}", where=self._where(wish), remedy=remedy)
 

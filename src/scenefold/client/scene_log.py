@@ -216,7 +216,8 @@ class LogAccess:
             signed = sign_record(record, key)
             state = before.state.apply(record)
         except Refused as refusal:
-            raise LocalFault(refusal.what, where=f"scene {self._name}", remedy="`scenectl space list` shows what there is") from refusal
+            remedy = refusal.remedy or "`scenectl space list` shows what there is"
+            raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal
         header = replace(
             before.header,
             position=state.position,

@@ -144,6 +144,13 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
     assert document["error"]["what"]
 
 
+def test_arguments_too_many_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cluster", "status", "extra"]) == 2
+    assert capsys.readouterr().err.startswith("error: 'extra' is an argument too many (scenectl cluster status)")
+    assert main(["cluster", "status", "one", "two"]) == 2
+    assert "'one', 'two' are arguments too many" in capsys.readouterr().err
+
+
 def test_a_missing_scene_file_is_a_failure_with_its_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "still", "nowhere.glb", "-o", "x.exr"]) == 1
     assert "nowhere.glb" in capsys.readouterr().err

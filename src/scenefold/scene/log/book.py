@@ -229,9 +229,9 @@ def _resolved(space: LoggedSpace) -> LoggedSpace:
     """The space; Refused if its places cannot be told apart where it lies. Where nodes choose, there are none."""
     lost = None if space.node_managed else lost_by(space)
     if lost is not None:
-        raise _ill_formed(lost)
+        raise _ill_formed(lost.what, lost.remedy)
     return space
 
 
-def _ill_formed(what: str) -> Refused:
-    return Refused(RejectReason.ILL_FORMED, what, where="scene log")
+def _ill_formed(what: str, remedy: str = "") -> Refused:
+    return Refused(RejectReason.ILL_FORMED, what, where="scene log", remedy=remedy)

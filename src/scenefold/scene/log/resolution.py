@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from scenefold.base.limits import SPACE_PLACE_BITS
 from scenefold.scene.log.space import LoggedSpace
@@ -18,18 +19,27 @@ _SPARE_BITS = 3
 """Home times factor, plus offset, is rounded twice, the offset once before: with so many bits more no two places meet."""
 
 
-def lost_by(space: LoggedSpace) -> str | None:
-    """What is lost where the space lies now, as a sentence; None if nothing is."""
+class Loss(NamedTuple):
+    """What is lost, and what to do, in words."""
+
+    what: str
+    remedy: str
+
+
+def lost_by(space: LoggedSpace) -> Loss | None:
+    """What is lost where the space lies now; None if nothing is."""
     low, high = space.world_box
     if not all(map(math.isfinite, (space.transform.factor, *space.transform.offset, *low, *high))):
-        return f"space {space.id} would leave the range of numbers"
+        return Loss(f"space {space.id} would leave the range of numbers", "move or scale it by less")
     if space.transform.factor < sys.float_info.min:
-        return f"space {space.id} would be scaled by {space.transform.factor:g} in all, less than numbers hold with all their digits"
+        what = f"space {space.id} would be scaled by {space.transform.factor:g} in all, less than numbers hold with all their digits"
+        return Loss(what, "make it less small")
     home = ([corner[axis] * space.transform.factor for corner in (space.low, space.high)] for axis in range(space.dimensions))
     for axis, scaled in enumerate(home):
         if not _resolved(low[axis], high[axis], (*scaled, space.transform.offset[axis])):
             where = f"from {low[axis]:g} to {high[axis]:g} on axis {axis}"
-            return f"space {space.id} would lie {where}, so far off for its size that numbers cannot tell its places apart"
+            what = f"space {space.id} would lie {where}, so far off for its size that numbers cannot tell its places apart"
+            return Loss(what, "scale it up first, or leave it nearer to the origin")
     return None
 
 

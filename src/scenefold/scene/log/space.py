@@ -117,19 +117,21 @@ class LoggedSpace:
 
     def locations_of(self, points: npt.ArrayLike) -> list[Location]:
         """The first location of the cell that each world position lies in; SpaceFault for one outside of the space."""
+        curve = self.lattice.curve  # first: where there are no positions, it does not matter how many numbers they have
         rows = self._rows(points)
         low, high = self.world_box
         inside = ((rows >= low) & (rows <= high)).all(axis=1)
         if not inside.all():
             row = rows[int(inside.argmin())].tolist()
             raise SpaceFault(f"the position {_text(row)} lies outside of the space", where=self._where, remedy=self._extent)
-        found = self.lattice.curve.encode(self.lattice.cells(self.transform.undo(rows)))
+        found = curve.encode(self.lattice.cells(self.transform.undo(rows)))
         return [Location.from_padded(location) for location in found.tolist()]
 
     def cell_box(self, low: Sequence[float], high: Sequence[float]) -> CellBox:
         """The cells that a world box meets. SpaceFault for a box that is none, or that meets no cell."""
         import numpy as np
 
+        lattice = self.lattice  # first, too
         corners = np.stack([self._corner(low), self._corner(high)])
         if (corners[0] > corners[1]).any():
             axis = int(np.argmax(corners[0] > corners[1]))
@@ -138,7 +140,7 @@ class LoggedSpace:
         world_low, world_high = self.world_box
         if (corners[1] < world_low).any() or (corners[0] > world_high).any():
             raise SpaceFault(f"the box {_text(low)} to {_text(high)} lies outside of the space", where=self._where, remedy=self._extent)
-        return CellBox(*self.lattice.cells(self.transform.undo(corners)))
+        return CellBox(*lattice.cells(self.transform.undo(corners)))
 
     def box_arcs(self, low: Sequence[float], high: Sequence[float], limit: int) -> list[Arc]:
         """At most `limit` arcs of the line, ascending, that hold every location in the world box; they may hold others, too."""
