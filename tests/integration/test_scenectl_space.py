@@ -76,12 +76,14 @@ def test_all_nodes_take_records_of_a_new_space_at_once(profile: str) -> None:
 def test_a_managed_space_lists_ids(profile: str) -> None:
     made(profile, "results", "--managed")
     assert space(profile, "query", "results").json["records"] == []
-    assert "nodes choose" in space(profile, "query", "results", "--box", "0,0,0:1,1,1").refusal(1)
+    for box in ("0,0,0:1,1,1", "0:1"):
+        assert "nodes choose" in space(profile, "query", "results", "--box", box).refusal(1), "however many coordinates it has"
     assert "no box" in space(profile, "create", "sums", "--managed", "--box", "0,0,0:1,1,1").refusal(2)
     for managed in ("results", "renders"):
         refused = scenectl("data", "put", managed, "0a", "-", "--scene", "kitchen", profile=profile, stdin=b"x")
         assert "nodes choose" in refused.refusal(2)
     assert "no positions" in space(profile, "scale", "results", "--by", "2").refusal(1)
+    assert "no positions" in space(profile, "translate", "results", "--by", "1").refusal(1)
 
 
 def test_imported_geometry_is_asked_by_box_and_stays_where_it_is(profile: str, tmp_path: Path) -> None:
@@ -102,6 +104,7 @@ def test_imported_geometry_is_asked_by_box_and_stays_where_it_is(profile: str, t
         (["query", "attic", "--box", "0:1"], "no space 'attic'"),
         (["query", "999"], "no such space"),
         (["translate", "hall", "--by", "1e15,0,0"], "so far off for its size"),
+        (["translate", "hall", "--by", "1e15,0,0"], "scale it up first, or leave it nearer"),
         (["scale", "hall", "--by", "1e-320"], "less than numbers hold"),
         (["create", "hall"], "needs a name of its own"),
         (["create", "shade", "--parent", "attic"], "no space 'attic'"),
@@ -154,6 +157,9 @@ def test_shadows_and_copies_are_noted_and_listed(profile: str) -> None:
     assert (safe["copies"], safe["copies_min"], safe["parent"]) == (3, 2, 0)
     assert (shade["copies"], shade["parent"], shade["copy_offset"]) == (1, parent, "80" + "00" * 19)
     assert (shade["dimensions"], shade["curve"], shade["world_low"]) == (2, "z-order", [1, 2])
+    for name in ("shade", str(shade["space"])):
+        copied = scenectl("data", "put", name, "0a", "-", "--scene", "kitchen", profile=profile, stdin=b"by hand").refusal(2)
+        assert f"write to space {parent}, whose shadow it is" in copied, "copies are the nodes' to make"
     text = scenectl("space", "list", "--scene", "kitchen", profile=profile).out.decode()
     assert "shadow of safe" in text and "3, at least 2" in text
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.errors import DamagedData, LocalFault, UsageFault
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.client.births import writers_of
@@ -51,6 +51,8 @@ class SceneIdentity:
     """In render mode the spaces that may still be written; None: edit mode."""
     node_managed: Mapping[SpaceId, bool] = field(default_factory=dict)
     """Of the known spaces: whether nodes choose where records lie."""
+    shadows: Mapping[SpaceId, SpaceId] = field(default_factory=dict)
+    """Of the known spaces those that hold copies, which are the nodes' to make, each with the space whose copies they are."""
 
     def with_header(self, header: SceneLogPublic) -> SceneIdentity:
         """The same scene as a newer header tells of it. What payloads are written for stays as it was."""
@@ -62,10 +64,14 @@ class SceneIdentity:
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
+            shadows={entry.space: entry.parent for entry in header.spaces if entry.parent},
         )
 
     def check_kind(self, space: SpaceId, object_id: bytes) -> None:
-        """LocalFault for a record with a place where nodes choose it, or the other way about."""
+        """LocalFault for a record in a shadow, or with a place where nodes choose it, or the other way about."""
+        if space in self.shadows:
+            remedy = f"write to space {self.shadows[space]}, whose shadow it is"
+            raise UsageFault("a shadow holds copies, which only nodes make", where=f"space {space}", remedy=remedy)
         is_managed = self.node_managed.get(space, bool(object_id))
         if is_managed and not object_id:
             remedy = "store it with put_managed, without a location"
