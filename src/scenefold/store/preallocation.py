@@ -21,6 +21,11 @@ AHEAD_BYTES_MIN = 8 << 20
 """Taken ahead by the smallest file; by others as much as they have. Whoever has little needs little to delete it."""
 
 
+def ahead_of(size: int, bytes_max: int) -> int:
+    """How much a file of this size takes ahead of need."""
+    return min(bytes_max, max(size, AHEAD_BYTES_MIN))
+
+
 class GrowingFile:
     """An existing file that others write, held open to lengthen it."""
 
@@ -34,7 +39,7 @@ class GrowingFile:
     def reach(self, size: int) -> bool:
         """Have blocks up to `size` at least; False if there is no room for them."""
         step = min(max(size // 8, STEP_BYTES_MIN), STEP_BYTES_MAX)
-        ahead = size + min(self._ahead_bytes_max, max(size, AHEAD_BYTES_MIN))
+        ahead = size + ahead_of(size, self._ahead_bytes_max)
         if self._ahead_bytes_max and ahead > self.size:
             spared = self.size + self._free_bytes() - self._ahead_bytes_max
             if spared > max(size, self.size) and self._lengthen(min(ahead + step, spared)):

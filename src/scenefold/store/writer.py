@@ -18,6 +18,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import Change, MayUseReserve
+from scenefold.store.preallocation import ahead_of
 from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, SpaceAddress, Tally, room_beside
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, ReadTransaction, Workers, WriteTransaction
@@ -152,9 +153,11 @@ class GroupWriter:
 
 def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_bytes: int) -> Committed:
     """Apply changes in one synced transaction (in the writing thread). What has no room is looked at, answered, not raised."""
-    room_bytes = room_beside(environment.space(), reserve_bytes)
-    # So much of the reserve is left to deletions of what is smaller than they are, and no more.
-    grown_bytes = DELETION_BYTES_MAX if 2 * (room_bytes + reserve_bytes) > reserve_bytes else 0
+    space = environment.space()
+    room_bytes = room_beside(space, reserve_bytes)
+    # The other half of what a store takes ahead is for who makes room, or lets others go on.
+    is_half_left = 2 * (room_bytes + reserve_bytes) > ahead_of(space.used, reserve_bytes)
+    grown_bytes = DELETION_BYTES_MAX if is_half_left else 0
     admitted: list[Change[Any]] = []
     for change in changes:
         if isinstance(change, MayUseReserve) or change.size_bytes <= room_bytes:

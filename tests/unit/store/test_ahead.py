@@ -89,7 +89,9 @@ def test_others_who_fill_the_disk_leave_room_to_replace_all_there_is_while_someb
     with others_have_the_rest(tmp_path):
         with environment.read() as transaction:
             stored(environment, 100)
-            assert transaction.get(RECORDS, b"0000") == bytes(60_000)
+            value = transaction.get(RECORDS, b"0000")
+            assert value is not None
+            assert bytes(value) == bytes(60_000)
         with pytest.raises(DiskFull):
             stored(environment, 1_000)
         stored(environment, 100)

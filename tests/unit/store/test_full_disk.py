@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -18,6 +17,7 @@ from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, tombstone
 from scenefold.crypto import Record
 from scenefold.store import LmdbDisk, Outcome, Put, open_store
 from scenefold.store.layout import RECORDS, pack_record, record_key
+from scenefold.store.preallocation import AHEAD_BYTES_MIN
 from scenefold.store.statistics import capacity_of
 from scenefold.store.writer import DELETION_BYTES_MAX
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
@@ -144,7 +144,7 @@ async def test_what_is_there_is_acknowledged_again_when_the_disk_has_filled_up(t
         put(1, seq=5, expect=b""),
         put(1, seq=4),
         put(1, seq=6, expect=bytes(32)),
-        put(1, seq=6, size=65),
+        put(1, seq=6, size=5_000),
         put(2),
         put(2, expect=bytes(32)),
     ]
@@ -173,7 +173,7 @@ async def test_an_object_that_is_there_is_acknowledged_again_and_where_it_lies(t
     async with whole_store(world(), tmp_path) as store:
         [first] = await store.put([Put(managed(1))])
     async with open_store(world(), tmp_path, NODE, reserve_bytes=FULL) as store:
-        again, newer, other = await store.put([Put(managed(1)), Put(managed(1, seq=2, size=65)), Put(managed(2))])
+        again, newer, other = await store.put([Put(managed(1)), Put(managed(1, seq=2, size=5_000)), Put(managed(2))])
         assert again == first
         assert again.location is not None
         assert [newer.outcome, other.outcome] == [Outcome.FULL] * 2
@@ -199,28 +199,40 @@ async def test_what_has_rotted_is_acknowledged_again_only_if_it_could_be_written
 async def test_what_replaces_a_record_and_is_no_larger_is_taken_by_a_full_disk(tmp_path: Path, made: Callable[..., Record]) -> None:
     """A deletion is one: nodes cannot tell it from any other record."""
     async with whole_store(world(), tmp_path) as store:
-        await store.put([Put(made(1, size=3_000)), Put(made(2, size=3_000))])
+        await store.put([Put(made(1, size=6_000)), Put(made(2, size=6_000))])
     async with open_store(world(), tmp_path, NODE, reserve_bytes=FULL) as store:
-        asked = [made(1, seq=2, size=3_000), made(1, seq=3, size=20), made(1, seq=4, size=21), made(2, seq=2, size=3_001), made(3)]
+        asked = [made(1, seq=2, size=6_000), made(1, seq=3, size=20), made(1, seq=4, size=5_000), made(2, seq=2, size=6_001), made(3)]
         results = await store.put([Put(one) for one in asked])
         assert [result.outcome.name for result in results] == ["STORED", "STORED", "FULL", "FULL", "FULL"]
         statistics = await store.statistics()
         assert statistics.records == 2
-        assert statistics.bytes == sum(len(pack_record(one)) for one in (asked[1], made(2, size=3_000)))
+        assert statistics.bytes == sum(len(pack_record(one)) for one in (asked[1], made(2, size=6_000)))
     async with open_store(world(), tmp_path, NODE) as store:
         again, after = await store.put([Put(asked[1]), Put(asked[2])])
         assert [again.outcome, after.outcome] == [Outcome.STORED] * 2
         assert again.location == results[0].location == results[1].location
 
 
+class NearlyFull(TroubledDisk):
+    """LMDB that says how much is left, and has all the room in truth."""
+
+    left_bytes = 0
+
+    def open(self, folder: Path, tables: Sequence[str], /) -> Environment:
+        environment = super().open(folder, tables)
+        space = environment.space
+        environment.space = lambda: space()._replace(free=self.left_bytes, reusable=0)  # type: ignore[method-assign]
+        return environment
+
+
 @pytest.mark.expect_log("full but for its reserve")
-async def test_a_deletion_may_be_larger_than_what_it_deletes_while_half_of_the_reserve_is_left(tmp_path: Path) -> None:
+async def test_a_deletion_may_be_larger_than_what_it_deletes_while_half_of_what_is_taken_ahead_is_left(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1, size=20), put(2, size=20)])
     smaller, larger = put(1, seq=2, size=2_100), put(2, seq=2, size=DELETION_BYTES_MAX)
-    free = shutil.disk_usage(tmp_path).free
-    for reserve, wanted in [(3 * free, "FULL"), (free * 3 // 2, "STORED")]:
-        async with open_store(world(), tmp_path, NODE, reserve_bytes=reserve) as store:
+    disk = NearlyFull()
+    for disk.left_bytes, wanted in [(AHEAD_BYTES_MIN // 2, "FULL"), (AHEAD_BYTES_MIN // 2 + 1, "STORED")]:
+        async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
             assert [result.outcome.name for result in await store.put([smaller, larger, put(3)])] == [wanted, "FULL", "FULL"]
 
 
