@@ -54,7 +54,7 @@ def test_a_violation_is_said_and_fails(capsys: pytest.CaptureFixture[str], monke
 def _crash_by_itself(cluster: Cluster, slot: int, *, silent: bool) -> bool:
     """The node does not die from outside, but of a fault of its own, and its machine is never seen again."""
     node = cluster.nodes[slot]
-    cluster._judge_end(node, [ValueError("gone")])
+    cluster._judge_end(node, [ValueError("gone")], came_up=True)
     return crash(cluster, slot, silent=silent)
 
 
