@@ -9,11 +9,15 @@ from loopback import ports_option
 
 BENCH = ("bench", "render", "--scene", "cornell", "--size", "24x16", "--samples", "2", "--repetitions", "1")
 
+COLD_S = 180.0
+"""Where nothing is compiled yet and other tests want the cores."""
+
 
 @pytest.mark.slow
+@pytest.mark.timeout(200)
 def test_clusters_are_compared_and_their_images_are_equal() -> None:
     ports = ports_option("127.0.0.2", "127.0.0.3")
-    done = scenectl(*BENCH, "--nodes", "1,2", "--ports", ports, "--json")
+    done = scenectl(*BENCH, "--nodes", "1,2", "--ports", ports, "--json", limit_s=COLD_S)
     assert done.code == 0, done.err
     report = done.json
     assert report["same_image"] is True
@@ -25,8 +29,9 @@ def test_clusters_are_compared_and_their_images_are_equal() -> None:
     assert report["paths_per_s"] == report["one_thread"]["paths_per_s"]["median"]
 
 
+@pytest.mark.timeout(200)
 def test_without_clusters_there_is_a_table() -> None:
-    done = scenectl(*BENCH, "--nodes", "none")
+    done = scenectl(*BENCH, "--nodes", "none", limit_s=COLD_S)
     assert done.code == 0, done.err
     assert "kept end to end" in done.out.decode()
 
