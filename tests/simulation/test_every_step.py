@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator
-
 import pytest
 
 from scenefold.world.sim import Point
@@ -23,14 +20,8 @@ ROLES = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def silent() -> Iterator[None]:
-    """Nodes complain of neighbours that crash, as they should; the observer says what is wrong."""
-    ours = logging.getLogger("scenefold")
-    level = ours.level
-    ours.setLevel(logging.CRITICAL + 1)
-    yield
-    ours.setLevel(level)
+# Nodes complain of neighbours that crash, as they should; the observer says what is wrong.
+pytestmark = pytest.mark.usefixtures("silent")
 
 
 @pytest.mark.parametrize(("story", "founders"), [(joining, 2), (leaving, 3), (handing, 2)])

@@ -5,8 +5,7 @@ Whole nodes: the second of four gives half of its arc to a neighbour, and is dea
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import pytest
@@ -28,14 +27,8 @@ SOON_S = 6.0
 """Before the dead one is removed, with a margin; a client's read and each node's are well within it."""
 
 
-@pytest.fixture(autouse=True)
-def silent() -> Iterator[None]:
-    """Nodes complain of neighbours that crash, as they should; what matters is what is answered."""
-    ours = logging.getLogger("scenefold")
-    level = ours.level
-    ours.setLevel(logging.CRITICAL + 1)
-    yield
-    ours.setLevel(level)
+# Nodes complain of neighbours that crash, as they should; what matters is what is answered.
+pytestmark = pytest.mark.usefixtures("silent")
 
 
 async def give_and_die(stage: Stage, side: Side) -> list[Location]:

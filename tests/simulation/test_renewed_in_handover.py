@@ -7,8 +7,6 @@ may queue behind the renewal.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator
 from functools import partial
 
 import pytest
@@ -27,14 +25,8 @@ LONG_S = 150.0
 RENEWAL_S_MAX = 60.0
 
 
-@pytest.fixture(autouse=True)
-def silent() -> Iterator[None]:
-    """Nodes say that one begins anew, as they should."""
-    ours = logging.getLogger("scenefold")
-    level = ours.level
-    ours.setLevel(logging.CRITICAL + 1)
-    yield
-    ours.setLevel(level)
+# Nodes say that one begins anew, as they should.
+pytestmark = pytest.mark.usefixtures("silent")
 
 
 async def restored_as_it_deletes(commit_s: float, stage: Stage) -> None:

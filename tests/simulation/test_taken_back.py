@@ -6,9 +6,7 @@ clients read, and try to write what is there already as new. Then the piece must
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
-from collections.abc import Iterator
 
 import pytest
 import trio
@@ -28,14 +26,8 @@ CLAIM = 3
 READ_PAUSE_S = 0.3
 
 
-@pytest.fixture(autouse=True)
-def silent() -> Iterator[None]:
-    """Nodes complain of neighbours that are gone, as they should; what matters is what clients are told."""
-    ours = logging.getLogger("scenefold")
-    level = ours.level
-    ours.setLevel(logging.CRITICAL + 1)
-    yield
-    ours.setLevel(level)
+# Nodes complain of neighbours that are gone, as they should; what matters is what clients are told.
+pytestmark = pytest.mark.usefixtures("silent")
 
 
 async def giving_all_under_eyes(stage: Stage, told: Counter[str]) -> None:
