@@ -20,7 +20,7 @@ from scenefold.peer import IdentityRenewed
 from scenefold.wire import Member, RemoveNode
 from scenefold.world import background_tasks
 from scenefold.world.sim import SimNet, run_simulated
-from unit.peer.logs_made import LOG_KEY, facts, key_of, node
+from unit.peer.logs_made import LOG_KEY, facts, node, secrets_of
 
 
 @pytest.fixture(autouse=True)
@@ -68,7 +68,7 @@ class Machines:
                 world = self.net.world(f"node:{node(number)}", address)
                 try:
                     async with background_tasks() as nursery:
-                        self.contexts[number] = await nursery.start(run_assembled, settings, self.facts, key_of(number), log_key, world)
+                        self.contexts[number] = await nursery.start(run_assembled, settings, self.facts, secrets_of(number), log_key, world)
                         self.lives[number] = self.lives.get(number, 0) + 1
                         status.started()
                         status = trio.TASK_STATUS_IGNORED

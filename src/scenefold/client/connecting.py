@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
-from scenefold.crypto import SigningKey
+from scenefold.crypto import MemberSecrets
 from scenefold.world import Ports, World, offline_world, open_links, real_world
 from scenefold.world.profile import ClusterProfile
 
@@ -23,16 +23,16 @@ async def connect(profile: str | Path | None = None) -> AsyncIterator[Cluster]:
     table of who is there from the first that answers.
     LocalFault if there is no such profile.
     """
-    known, world, writer = await offline_world().workers.run("import", _read, profile)
+    known, world, secrets = await offline_world().workers.run("import", _read, profile)
     async with open_links(world) as links:
-        yield Cluster(known, world, links, writer)
+        yield Cluster(known, world, links, secrets.signing)
 
 
-def _read(profile: str | Path | None) -> tuple[ClusterProfile, World, SigningKey]:
+def _read(profile: str | Path | None) -> tuple[ClusterProfile, World, MemberSecrets]:
     """What of a profile lies on disk, and the world that its user's identity opens."""
     known = ClusterProfile.load(profile_folder(profile))
     world = real_world(known.user_identity(), known.authority_certificate(), ports=known.ports)
-    return known, world, known.user_signing_key()
+    return known, world, known.user_secrets()
 
 
 def profile_folder(profile: str | Path | None) -> Path:

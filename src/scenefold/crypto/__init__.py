@@ -1,6 +1,7 @@
 """Keys, records, certificates, signed datagrams. The only door to `cryptography`; specs/04-records.md has the bytes."""
 
 from scenefold.crypto.authority import Authority, Identity, read_authority_certificate
+from scenefold.crypto.cards import Card, MemberKeys, NotOfThisCluster, OutOfDate
 from scenefold.crypto.datagrams import (
     DATAGRAM_OVERHEAD_BYTES,
     EVERYBODY,
@@ -27,6 +28,7 @@ from scenefold.crypto.keys import (
     key_id_of,
 )
 from scenefold.crypto.logs import open_log, seal_log
+from scenefold.crypto.member_secrets import MemberSecrets
 from scenefold.crypto.objects import OBJECT_BYTES, object_of, signed_place, wanted_place
 from scenefold.crypto.record_header import (
     HEADER_BYTES,
@@ -48,16 +50,19 @@ from scenefold.crypto.records import (
     verify_record,
     verify_records,
 )
+from scenefold.crypto.sealing_keys import AUTHORITY_PURPOSE, LOCKBOX_PURPOSE, SealingKey, SealingPublicKey
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
 from scenefold.crypto.tls import client_context, peer_name, server_context
 
 __all__ = [
+    "AUTHORITY_PURPOSE",
     "DATAGRAM_DOMAIN",
     "DATAGRAM_OVERHEAD_BYTES",
     "EVERYBODY",
     "HEADER_BYTES",
     "HEADER_DOMAIN",
     "LEASE_DOMAIN",
+    "LOCKBOX_PURPOSE",
     "LOG_DOMAIN",
     "NONCE_BYTES",
     "OBJECT_BYTES",
@@ -69,14 +74,21 @@ __all__ = [
     "STATUS_DOMAIN",
     "SYMMETRIC_KEY_BYTES",
     "Authority",
+    "Card",
     "Identity",
     "IllFormedRecord",
     "InvalidSignature",
+    "MemberKeys",
+    "MemberSecrets",
+    "NotOfThisCluster",
+    "OutOfDate",
     "PublicKey",
     "Record",
     "RecordHeader",
     "RecordPlace",
     "ReplayWindow",
+    "SealingKey",
+    "SealingPublicKey",
     "SignedDatagram",
     "SigningKey",
     "StrangeVersion",

@@ -9,25 +9,33 @@ from __future__ import annotations
 
 import datetime
 import ipaddress
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
 from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, load_pem_private_key
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+    load_der_public_key,
+    load_pem_private_key,
+)
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.crypto.cards import MEMBER_KEYS, MemberKeys
+from scenefold.crypto.names import NAME_PATTERN, common_name
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_certificate, read_secret, write_secret
 
 AUTHORITY_YEARS = 10
 LEAF_DAYS = 365
 SKEW = datetime.timedelta(days=1)
 """Certificates are valid from a day ago: an old computer's clock may be behind."""
-NAME_PATTERN = re.compile(r"node:[0-9]{1,10}|user:[A-Za-z0-9._@-]{1,50}")
 CERTIFICATE_FILE = "certificate.pem"
 KEY_FILE = "key.pem"
 
@@ -50,7 +58,7 @@ class Identity:
     def from_files(cls, folder: Path) -> Self:
         """The identity in a folder; LocalFault if it is missing, exposed or damaged."""
         certificate, key = read_certificate(folder / CERTIFICATE_FILE), read_secret(folder / KEY_FILE)
-        name = _common_name(_load_certificate(certificate, folder / CERTIFICATE_FILE))
+        name = common_name(_load_certificate(certificate, folder / CERTIFICATE_FILE))
         _matching_key(certificate, key, folder)
         return cls(name, certificate, key)
 
@@ -82,27 +90,35 @@ class Authority:
         )
         return cls(certificate.public_bytes(Encoding.PEM), key)
 
-    def issue(self, name: str, addresses: list[str], *, now: datetime.datetime | None = None) -> Identity:
-        """A new key and a certificate for it, valid for a year. A node is reached at `addresses` (IP addresses)."""
+    def issue(self, name: str, addresses: list[str], *, keys: MemberKeys | None = None, now: datetime.datetime | None = None) -> Identity:
+        """A new TLS key and a certificate for it, valid for a year. A node is reached at `addresses` (IP addresses)."""
+        key = ec.generate_private_key(ec.SECP256R1())
+        return Identity(name, self.certify(name, addresses, tls_key_of(key), keys=keys, now=now), _key_pem(key))
+
+    def certify(
+        self, name: str, addresses: list[str], tls_key: bytes, *, keys: MemberKeys | None = None, now: datetime.datetime | None = None
+    ) -> bytes:
+        """A certificate (PEM), valid for a year, for a TLS key that was made elsewhere: P-256, DER. DamagedData if it is another."""
         if not NAME_PATTERN.fullmatch(name):
             raise LocalFault(f"{name!r} names no member", remedy='use "node:<number>" or "user:<name>" with letters, digits and . _ @ -')
-        key = ec.generate_private_key(ec.SECP256R1())
+        key = _public_key(tls_key)
         uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
         if name.startswith("node:"):
             uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
         subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
         builder = (
-            _draft(subject, self._certificate.subject, key.public_key(), now, datetime.timedelta(days=LEAF_DAYS))
+            _draft(subject, self._certificate.subject, key, now, datetime.timedelta(days=LEAF_DAYS))
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs_certificates=False), critical=True)
             .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
-            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
             .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(self._key.public_key()), critical=False)
         )
         if addresses:
             builder = builder.add_extension(x509.SubjectAlternativeName([_address(text) for text in addresses]), critical=False)
-        certificate = builder.sign(self._key, hashes.SHA256())
-        return Identity(name, certificate.public_bytes(Encoding.PEM), _key_pem(key))
+        if keys is not None:
+            builder = builder.add_extension(x509.UnrecognizedExtension(MEMBER_KEYS, keys.encode()), critical=False)
+        return builder.sign(self._key, hashes.SHA256()).public_bytes(Encoding.PEM)
 
     def to_files(self, folder: Path) -> None:
         """Writes certificate and key, 0600 in a folder of 0700; LocalFault if they exist."""
@@ -164,6 +180,21 @@ def _address(text: str) -> x509.IPAddress:
         raise LocalFault(f"{text!r} is no IP address", remedy="give it as four numbers, such as 192.168.1.20") from None
 
 
+def tls_key_of(key: ec.EllipticCurvePrivateKey) -> bytes:
+    """The public half (DER), as `Authority.certify` takes it."""
+    return key.public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+
+
+def _public_key(der: bytes) -> ec.EllipticCurvePublicKey:
+    try:
+        key = load_der_public_key(der)
+    except (ValueError, UnsupportedAlgorithm):
+        raise DamagedData("the TLS key to certify is no key") from None
+    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
+        raise DamagedData("the TLS key to certify is not of P-256")
+    return key
+
+
 def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
 
@@ -184,8 +215,3 @@ def _matching_key(certificate: bytes, pem: bytes, folder: Path) -> ec.EllipticCu
     if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != public_key:
         raise LocalFault("the key does not belong to the certificate", where=str(folder), remedy="restore both from one backup")
     return key
-
-
-def _common_name(certificate: x509.Certificate) -> str:
-    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    return str(names[0].value) if names else ""

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from scenefold.base.errors import LocalFault, PeerFault
-from scenefold.crypto.authority import NAME_PATTERN, Identity
+from scenefold.crypto.authority import Identity
+from scenefold.crypto.names import NAME_PATTERN
 
 
 class HasCertificate(Protocol):

@@ -15,7 +15,7 @@ import trio
 
 from scenefold.base.ids import node_id_of
 from scenefold.base.limits import STORE_RESERVE_BYTES
-from scenefold.crypto import SigningKey
+from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeDrained, NodeSettings, PeerServices
 from scenefold.store import LmdbDisk, open_store
 from scenefold.world import World, background_tasks, open_links, real_world
@@ -44,7 +44,7 @@ async def run_node(
     """
     profile = ClusterProfile.load(settings.profile_folder)
     me = profile.member(settings.address)
-    signing_key, log_key = profile.node_signing_key(me.address), profile.log_signing_key(me.address)
+    secrets, log_key = profile.node_secrets(me.address), profile.log_signing_key(me.address)
     world = real_world(
         profile.node_identity(me.address),
         profile.authority_certificate(),
@@ -56,7 +56,7 @@ async def run_node(
     joined, first = trio.Event(), _FirstStart(task_status)
     while True:
         try:
-            await run_assembled(settings, profile.facts(), signing_key, log_key, world, chosen, joined=joined, task_status=first)
+            await run_assembled(settings, profile.facts(), secrets, log_key, world, chosen, joined=joined, task_status=first)
         except NodeDrained:
             _log.info("node %s has left the cluster: it may be switched off", me.address)
             return
@@ -67,7 +67,7 @@ async def run_node(
 async def run_assembled(
     settings: NodeSettings,
     facts: ClusterFacts,
-    signing_key: SigningKey,
+    secrets: MemberSecrets,
     log_signing_key: SigningKey | None,
     world: World,
     extensions: Sequence[Extension] = (),
@@ -86,7 +86,7 @@ async def run_assembled(
         background_tasks() as nursery,
     ):
         services = PeerServices(
-            settings, facts, signing_key, log_signing_key, world, store, links, joined=trio.Event() if joined is None else joined
+            settings, facts, secrets, log_signing_key, world, store, links, joined=trio.Event() if joined is None else joined
         )
         for extension in extensions:
             await nursery.start(extension.run, services.context)

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
-from scenefold.crypto import SigningKey
+from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.context import NodeContext
@@ -63,7 +63,7 @@ class PeerServices:
         self,
         settings: NodeSettings,
         facts: ClusterFacts,
-        signing_key: SigningKey,
+        secrets: MemberSecrets,
         log_signing_key: SigningKey | None,
         world: World,
         store: Store,
@@ -73,7 +73,7 @@ class PeerServices:
     ) -> None:
         me = node_id_of(settings.address)
         identity = store.identity
-        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, signing_key, blacklist=settings.blacklisted)
+        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, secrets.signing, blacklist=settings.blacklisted)
         own.update(memory_total_bytes=settings.memory_budget_bytes)
         roster = Roster(me)
 

@@ -19,7 +19,7 @@ import trio
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.location import Location
-from scenefold.crypto import SigningKey
+from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.node.running import run_assembled
 from scenefold.peer import NodeContext, NodeSettings
 from scenefold.peer.balance.draining import NodeDrained
@@ -47,6 +47,11 @@ def key_of(seed: int, name: str) -> SigningKey:
     return SigningKey.from_seed(hashlib.sha256(f"{seed} key of {name}".encode()).digest())
 
 
+def secrets_of(seed: int, name: str) -> MemberSecrets:
+    """All keys of somebody, from the seed of the run."""
+    return MemberSecrets(key_of(seed, name), SealingKey(hashlib.sha256(f"{seed} sealing key of {name}".encode()).digest()))
+
+
 def address_of_slot(slot: int) -> str:
     return f"10.0.{(slot + 1) >> 8}.{(slot + 1) & 255}"
 
@@ -68,7 +73,7 @@ class Node:
     slot: int
     address: str
     node_id: NodeId
-    key: SigningKey
+    secrets: MemberSecrets
     disk: SimDisk
     context: NodeContext | None = None
     scope: trio.CancelScope | None = None
@@ -95,6 +100,10 @@ class Node:
     def name(self) -> str:
         return f"node:{self.node_id}"
 
+    @property
+    def credential(self) -> Credential:
+        return Credential(self.node_id, self.address, self.secrets.signing.public, self.secrets.sealing.public)
+
     def owns(self, location: Location) -> bool:
         return self.context is not None and self.context.line.owns(location)
 
@@ -113,7 +122,7 @@ class Cluster:
         self._nursery = nursery
         for slot in range(founders + spares):
             address = address_of_slot(slot)
-            node = Node(slot, address, node_id_of(address), key_of(net.seed, f"n{slot}"), SimDisk())
+            node = Node(slot, address, node_id_of(address), secrets_of(net.seed, f"n{slot}"), SimDisk())
             node.gone.set()
             self.nodes[slot] = node
         self._slots = {node.node_id: slot for slot, node in self.nodes.items()}
@@ -126,7 +135,7 @@ class Cluster:
             cluster_id=hashlib.sha256(f"{net.seed} cluster".encode()).digest()[:16],
             ports=net.ports,
             seeds=tuple(node.address for node in list(self.nodes.values())[:3]),
-            credentials=tuple(Credential(node.node_id, node.address, node.key.public) for node in self.nodes.values()),
+            credentials=tuple(node.credential for node in self.nodes.values()),
             founders=tuple(ids[:founders]),
             voters=(ids[0],),
             log_key=self._log_key.public,
@@ -217,7 +226,7 @@ class Cluster:
         with trio.CancelScope() as node.scope:
             try:
                 async with trio.open_nursery() as life:
-                    context = await life.start(run_assembled, settings, self.facts, node.key, log_key, world, ())
+                    context = await life.start(run_assembled, settings, self.facts, node.secrets, log_key, world, ())
                     came_up = True
                     if node.is_wanted:
                         self._is_up(node, context)

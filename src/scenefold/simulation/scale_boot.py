@@ -37,10 +37,10 @@ async def prepare(cluster: Cluster, founders: int) -> None:
         world = cluster.net.world(node.name, node.address, node.disk)
         async with open_store(world, DATA_FOLDER, node.node_id) as store:
             members.append(Member(node.node_id, store.identity.incarnation))
-    seats = tuple(Founder(node.node_id, node.key.public.raw, node.address) for node in nodes)
+    seats = tuple(Founder(node.node_id, node.secrets.signing.public.raw, node.address) for node in nodes)
     entries: list[LogEntry] = [Found(seats, cluster.facts.voters)]
     for node, member in zip(nodes, members, strict=True):
-        entries.append(AddNode(member, node.key.public.raw, node.address, NodeId(0)))
+        entries.append(AddNode(member, node.secrets.signing.public.raw, node.address, NodeId(0)))
     records, head = [], Registry().head
     for position, entry in enumerate(entries, 1):
         record = LogRecord(position, head, position.to_bytes(16, "big"), cluster.facts.voter, entry)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from scenefold.base.ids import NodeId, SceneId
-from scenefold.crypto import PublicKey
+from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.wire import KeyEntry, SceneLogPublic, SceneMode
 from scenefold.world.ports import Ports
 
@@ -20,11 +20,12 @@ GENESIS_POSITION = 1
 
 @dataclass(frozen=True, slots=True)
 class Credential:
-    """A node that the cluster's authority has certified: its id, address, and the key that it signs with."""
+    """A node that the cluster's authority has certified: its id, address, the key that it signs with, and that which is sealed to."""
 
     node_id: NodeId
     address: str
     public_key: PublicKey
+    sealing_key: SealingPublicKey
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
 Written by `scenectl cluster init`, read by every client and node (design page ux, Set-up):
 
-    cluster.toml             name, cluster id, ports, seeds, nodes (id, address, public signing key), founders, voters, the
+    cluster.toml             name, cluster id, ports, seeds, nodes (id, address, public keys), founders, voters, the
                              public key of the cluster's log
     authority/               the cluster's certificate authority; its key is needed only to admit others
-    nodes/<address>/         a node's TLS identity and signing seed; a voter's also holds the seed of the log's key
-    users/<name>/            a user's TLS identity and signing seed
+    nodes/<address>/         a node's TLS identity, signing and sealing key; a voter's also holds the seed of the log's key
+    users/<name>/            a user's TLS identity, signing and sealing key
     scenes/<name>.toml       keys of scenes (keyring.py)
 
 A machine needs only its own part: cluster.toml, the authority's certificate, and its own folder under nodes/ or users/.
@@ -32,7 +32,10 @@ from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
     Authority,
     Identity,
+    MemberKeys,
+    MemberSecrets,
     PublicKey,
+    SealingPublicKey,
     SigningKey,
     make_private_folder,
     read_authority_certificate,
@@ -43,9 +46,8 @@ from scenefold.world.ports import Ports
 from scenefold.world.toml_files import damaged, read_settings_toml, write_toml
 
 DEFAULT_USER = "owner"
-_FORMAT = 2
+_FORMAT = 3
 _SETTINGS = "cluster.toml"
-_SEED = "signing.seed"
 _LOG_SEED = "log.seed"
 
 
@@ -95,7 +97,7 @@ class ClusterProfile:
             raise LocalFault("there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`")
         document = read_settings_toml(path)
         if document.get("format") != _FORMAT:
-            is_older = document.get("format") == 1
+            is_older = document.get("format") in (1, 2)
             raise LocalFault(
                 f"the profile has format {document.get('format')!r}, this program knows {_FORMAT}",
                 where=str(path),
@@ -155,13 +157,13 @@ class ClusterProfile:
     def node_identity(self, address: str) -> Identity:
         return Identity.from_files(self._node_folder(address))
 
-    def node_signing_key(self, address: str) -> SigningKey:
-        """The key that the node signs its status with; LocalFault if it is not the registered one."""
-        path = self._node_folder(address) / _SEED
-        key = SigningKey.from_file(path)
-        if key.public != self.member(address).public_key:
-            raise damaged(path, f"it is not the key that is registered for {address}")
-        return key
+    def node_secrets(self, address: str) -> MemberSecrets:
+        """The keys that the node signs with and opens what is sealed to it; LocalFault if they are not the registered ones."""
+        folder, member = self._node_folder(address), self.member(address)
+        secrets = MemberSecrets.from_files(folder)
+        if (secrets.signing.public, secrets.sealing.public) != (member.public_key, member.sealing_key):
+            raise damaged(folder, f"they are not the keys that are registered for {address}")
+        return secrets
 
     def log_signing_key(self, address: str) -> SigningKey | None:
         """The key that signs the cluster's log, if the node is a voter; LocalFault if it is not the known one."""
@@ -176,8 +178,8 @@ class ClusterProfile:
     def user_identity(self, user: str = DEFAULT_USER) -> Identity:
         return Identity.from_files(self._user_folder(user))
 
-    def user_signing_key(self, user: str = DEFAULT_USER) -> SigningKey:
-        return SigningKey.from_file(self._user_folder(user) / _SEED)
+    def user_secrets(self, user: str = DEFAULT_USER) -> MemberSecrets:
+        return MemberSecrets.from_files(self._user_folder(user))
 
     def _node_folder(self, address: str) -> Path:
         return self.folder / "nodes" / self.member(address).address
@@ -219,12 +221,12 @@ def _write_all(folder: Path, name: str, addresses: Sequence[str], founders: Sequ
     authority.to_files(folder / "authority")
     members = []
     for address in addresses:
-        identity = authority.issue(f"node:{node_id_of(address)}", [address])
-        key = _write_party(folder / "nodes" / address, identity)
-        members.append({"id": int(node_id_of(address)), "address": address, "public_key": key.public.raw.hex()})
+        keys = _write_party(authority, folder / "nodes" / address, f"node:{node_id_of(address)}", [address])
+        public = {"public_key": keys.signing.raw.hex(), "sealing_key": keys.sealing.raw.hex()}
+        members.append({"id": int(node_id_of(address)), "address": address, **public})
     voter, log_key = founders[0], SigningKey.generate()
     log_key.to_file(folder / "nodes" / voter / _LOG_SEED)
-    _write_party(folder / "users" / DEFAULT_USER, authority.issue(f"user:{DEFAULT_USER}", []))
+    _write_party(authority, folder / "users" / DEFAULT_USER, f"user:{DEFAULT_USER}", [], is_administrator=True)
     make_private_folder(folder / "scenes")
     write_toml(
         folder / _SETTINGS,
@@ -242,11 +244,12 @@ def _write_all(folder: Path, name: str, addresses: Sequence[str], founders: Sequ
     )
 
 
-def _write_party(folder: Path, identity: Identity) -> SigningKey:
-    key = SigningKey.generate()
-    identity.to_files(folder)
-    key.to_file(folder / _SEED)
-    return key
+def _write_party(authority: Authority, folder: Path, name: str, addresses: list[str], *, is_administrator: bool = False) -> MemberKeys:
+    secrets = MemberSecrets.generate()
+    keys = secrets.public(is_administrator=is_administrator)
+    authority.issue(name, addresses, keys=keys).to_files(folder)
+    secrets.to_files(folder)
+    return keys
 
 
 def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
@@ -255,6 +258,7 @@ def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
             NodeId(int(entry["id"])),
             str(ipaddress.IPv4Address(entry["address"])),
             PublicKey(bytes.fromhex(entry["public_key"])),
+            SealingPublicKey(bytes.fromhex(entry["sealing_key"])),
         )
         for entry in document["members"]
     )

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId, address_of, node_id_of
-from scenefold.crypto import LOG_DOMAIN, SigningKey
+from scenefold.crypto import LOG_DOMAIN, MemberSecrets, SealingKey, SigningKey
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, RemoveNode, SignedRecord
 from scenefold.world.facts import ClusterFacts, Credential
@@ -21,6 +21,10 @@ def node(number: int) -> NodeId:
 
 def key_of(number: int) -> SigningKey:
     return SigningKey.from_seed(hashlib.sha256(b"node %d" % number).digest())
+
+
+def secrets_of(number: int) -> MemberSecrets:
+    return MemberSecrets(key_of(number), SealingKey(hashlib.sha256(b"sealing key of node %d" % number).digest()))
 
 
 def incarnation(number: int, life: int = 0) -> bytes:
@@ -67,7 +71,10 @@ def signed(record: LogRecord, key: SigningKey = LOG_KEY) -> SignedRecord:
 
 def facts(founders: int, spares: int = 0, ports: Ports | None = None) -> ClusterFacts:
     """A cluster of this many founders, the first of which is the voter."""
-    credentials = [Credential(node(number), address_of(node(number)), key_of(number).public) for number in range(founders + spares)]
+    credentials = [
+        Credential(node(number), address_of(node(number)), key_of(number).public, secrets_of(number).sealing.public)
+        for number in range(founders + spares)
+    ]
     return ClusterFacts(
         name="trial",
         cluster_id=bytes(16),

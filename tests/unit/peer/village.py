@@ -19,7 +19,7 @@ from scenefold.base.errors import Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import SigningKey
+from scenefold.crypto import SealingKey, SigningKey
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Senders
 from scenefold.peer.probing import Probing
@@ -44,6 +44,10 @@ def incarnation_of(index: int) -> bytes:
 
 def key_of(node: NodeId) -> SigningKey:
     return SigningKey.from_seed(node.to_bytes(4, "big") * 8)
+
+
+def sealing_key_of(node: NodeId) -> SealingKey:
+    return SealingKey(node.to_bytes(4, "little") * 8)
 
 
 @dataclass
@@ -246,7 +250,9 @@ async def village(
         cluster_id=bytes(16),
         ports=Ports(),
         seeds=seeds,
-        credentials=tuple(Credential(member, address_of(member), key_of(member).public) for member in members),
+        credentials=tuple(
+            Credential(member, address_of(member), key_of(member).public, sealing_key_of(member).public) for member in members
+        ),
         founders=tuple(members),
         voters=(FIRST,),
         log_key=key_of(FIRST).public,

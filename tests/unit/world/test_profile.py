@@ -11,6 +11,7 @@ import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import address_of
+from scenefold.crypto import Card
 from scenefold.world import Ports
 from scenefold.world.keyring import SceneKeys
 from scenefold.world.profile import ClusterProfile
@@ -55,7 +56,7 @@ def test_the_log_of_a_cluster_has_a_name_that_its_key_gives(profile: ClusterProf
     header = profile.facts().genesis_header
     assert header.scene == int.from_bytes(header.genesis[:4], "big") and header.with_genesis() == header
     assert header == ClusterProfile.load(profile.folder).facts().genesis_header
-    assert replace(profile.facts(), log_key=profile.user_signing_key().public).genesis_header.scene != header.scene
+    assert replace(profile.facts(), log_key=profile.user_secrets().signing.public).genesis_header.scene != header.scene
 
 
 def test_another_key_for_the_log_is_noticed(tmp_path: Path) -> None:
@@ -70,8 +71,12 @@ def test_every_party_has_keys_of_its_own(profile: ClusterProfile) -> None:
     names = [profile.node_identity(address).name for address in EVERYBODY]
     assert names == [f"node:{member.node_id}" for member in profile.members]
     assert profile.user_identity().name == "user:owner"
-    seeds = {profile.node_signing_key(address).seed for address in EVERYBODY} | {profile.user_signing_key().seed}
-    assert len(seeds) == len(EVERYBODY) + 1
+    secrets = [profile.node_secrets(address) for address in EVERYBODY] + [profile.user_secrets()]
+    assert len({seed for one in secrets for seed in (one.signing.seed, one.sealing.seed)}) == 2 * (len(EVERYBODY) + 1)
+    cards = [Card.verified(profile.node_identity(address).certificate, profile.authority_certificate()) for address in EVERYBODY]
+    assert [card.keys for card in cards] == [one.public() for one in secrets[:-1]]
+    owner = Card.verified(profile.user_identity().certificate, profile.authority_certificate())
+    assert owner.keys == secrets[-1].public(is_administrator=True), "who makes a cluster administers it"
 
 
 def test_a_machine_needs_no_more_than_its_part(profile: ClusterProfile, tmp_path: Path) -> None:
@@ -81,7 +86,7 @@ def test_a_machine_needs_no_more_than_its_part(profile: ClusterProfile, tmp_path
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
     own = ClusterProfile.load(machine)
-    assert own.node_signing_key(ADDRESSES[1]).public == own.member(ADDRESSES[1]).public_key
+    assert own.node_secrets(ADDRESSES[1]).signing.public == own.member(ADDRESSES[1]).public_key
     assert own.node_identity(ADDRESSES[1]) and own.authority_certificate()
     assert {path.name for path in profile.folder.iterdir()} == {"cluster.toml", "authority", "nodes", "users", "scenes"}
 
@@ -142,7 +147,7 @@ def test_no_profile_is_one_clear_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"\xff\xfe", b"format = 2", b"format = 2\nname = 3", b"format =", b'format = 2\nname = "x"\ncluster_id = "00"\nmembers = []'],
+    [b"", b"\xff\xfe", b"format = 3", b"format = 3\nname = 3", b"format =", b'format = 3\nname = "x"\ncluster_id = "00"\nmembers = []'],
 )
 def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "cluster.toml").write_bytes(content)
@@ -150,10 +155,10 @@ def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> No
         ClusterProfile.load(tmp_path)
 
 
-@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (3, "version that wrote it")])
+@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (2, "cluster init"), (4, "version that wrote it")])
 def test_a_file_of_another_version_says_so(tmp_path: Path, number: int, remedy: str) -> None:
     (tmp_path / "cluster.toml").write_text(f"format = {number}")
-    with pytest.raises(LocalFault, match=f"format {number}, this program knows 2") as caught:
+    with pytest.raises(LocalFault, match=f"format {number}, this program knows 3") as caught:
         ClusterProfile.load(tmp_path)
     assert remedy in caught.value.remedy
 
@@ -172,7 +177,7 @@ def test_a_missing_key_file_is_named(tmp_path: Path) -> None:
     profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2"])
     (profile.folder / "nodes" / "127.0.0.2" / "signing.seed").unlink()
     with pytest.raises(LocalFault, match="missing") as caught:
-        profile.node_signing_key("127.0.0.2")
+        profile.node_secrets("127.0.0.2")
     assert "signing.seed" in caught.value.where
 
 
@@ -180,8 +185,8 @@ def test_another_nodes_seed_is_noticed(tmp_path: Path) -> None:
     profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"])
     nodes = profile.folder / "nodes"
     (nodes / "127.0.0.3" / "signing.seed").replace(nodes / "127.0.0.2" / "signing.seed")
-    with pytest.raises(LocalFault, match="not the key that is registered"):
-        profile.node_signing_key("127.0.0.2")
+    with pytest.raises(LocalFault, match="not the keys that are registered"):
+        profile.node_secrets("127.0.0.2")
 
 
 def test_a_stranger_is_no_member(profile: ClusterProfile) -> None:

@@ -1,0 +1,163 @@
+"""Who somebody is, and the keys that go with the name, as the cluster's authority says (specs/04-records.md, Certificates).
+
+A member's certificate binds its name to three keys: that of TLS, and in an extension of our own the one that it signs with and
+the one that things are sealed to. So one document, verified against the authority alone, tells whose signature counts and whom a
+scene's key may be sealed to, whoever handed it over.
+
+    extension, identifier 2.25.(a UUID), not critical:
+        version u8 = 1 | flags u8 | signing suite u8 | length u16 | signing key | sealing suite u8 | length u16 | sealing key
+        flags: 1 = administrator
+"""
+
+from __future__ import annotations
+
+import datetime
+import struct
+from dataclasses import dataclass
+from typing import Self
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature as _InvalidSignature
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.serialization import Encoding
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import KeyId
+from scenefold.crypto.keys import PublicKey
+from scenefold.crypto.names import NAME_PATTERN, common_name
+from scenefold.crypto.sealing_keys import SealingPublicKey
+
+MEMBER_KEYS = x509.ObjectIdentifier("2.25.148122825122386051277728952077388622717")
+CARD_BYTES_MAX = 4096
+"""A certificate with RSA keys has less than half of it."""
+_HEAD = struct.Struct(">BB")
+_KEY = struct.Struct(">BH")
+_VERSION = 1
+_ADMINISTRATOR = 1
+_SUITE = 1
+
+
+class NotOfThisCluster(DamagedData):
+    """A certificate that another authority issued, or nobody that we know."""
+
+
+class OutOfDate(DamagedData):
+    """A certificate before or after its time."""
+
+
+@dataclass(frozen=True, slots=True)
+class MemberKeys:
+    """The public keys of a member besides that of TLS."""
+
+    signing: PublicKey
+    sealing: SealingPublicKey
+    is_administrator: bool = False
+
+    def encode(self) -> bytes:
+        """The bytes of the extension."""
+        parts = [_HEAD.pack(_VERSION, _ADMINISTRATOR if self.is_administrator else 0)]
+        for raw in (self.signing.raw, self.sealing.raw):
+            parts += [_KEY.pack(_SUITE, len(raw)), raw]
+        return b"".join(parts)
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """What `encode` made; DamagedData for anything else."""
+        try:
+            version, flags = _HEAD.unpack_from(data)
+            if version != _VERSION or flags & ~_ADMINISTRATOR:
+                raise DamagedData(f"the keys in a certificate have version {version}, flags {flags}", remedy="update this program")
+            raws, at = [], _HEAD.size
+            for _ in range(2):
+                suite, length = _KEY.unpack_from(data, at)
+                if suite != _SUITE:
+                    raise DamagedData(f"a key in a certificate has suite {suite}", remedy="update this program")
+                raws.append(data[at + _KEY.size : at + _KEY.size + length])
+                at += _KEY.size + length
+        except struct.error:
+            raise DamagedData("the keys in a certificate end too early") from None
+        if at != len(data):
+            raise DamagedData("the keys in a certificate are followed by something else")
+        return cls(PublicKey(raws[0]), SealingPublicKey(raws[1]), bool(flags & _ADMINISTRATOR))
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A certificate of our authority, verified and taken apart."""
+
+    name: str
+    """ "node:<id>" or "user:<name>"."""
+    addresses: tuple[str, ...]
+    keys: MemberKeys
+    serial: int
+    not_before: datetime.datetime
+    not_after: datetime.datetime
+    der: bytes
+
+    @property
+    def signing_id(self) -> KeyId:
+        return self.keys.signing.key_id
+
+    @classmethod
+    def verified(cls, certificate: bytes, authority: bytes, now: datetime.datetime | None = None) -> Self:
+        """The card in a certificate (PEM or DER), if the authority (PEM) issued it.
+
+        NotOfThisCluster if another did, OutOfDate at `now` (not looked at if None), DamagedData if it is no certificate of a member.
+        """
+        parsed = _parsed(certificate)
+        try:
+            parsed.verify_directly_issued_by(x509.load_pem_x509_certificate(authority))
+        except (ValueError, TypeError, UnsupportedAlgorithm, _InvalidSignature):
+            raise NotOfThisCluster("the certificate is of another cluster", remedy="use one that this cluster's authority issued") from None
+        name = common_name(parsed)
+        if not NAME_PATTERN.fullmatch(name):
+            raise DamagedData("the certificate names no member of a cluster")
+        if now is not None:
+            _check_time(parsed, name, now)
+        try:
+            extension = parsed.extensions.get_extension_for_oid(MEMBER_KEYS).value
+        except x509.ExtensionNotFound:
+            raise DamagedData("the certificate holds no member's keys", where=name, remedy="have it issued anew") from None
+        except ValueError:
+            raise DamagedData("the certificate's extensions are damaged", where=name) from None
+        if not isinstance(extension, x509.UnrecognizedExtension):
+            raise DamagedData("the certificate holds no member's keys", where=name)
+        return cls(
+            name,
+            _addresses(parsed),
+            MemberKeys.decode(extension.value),
+            parsed.serial_number,
+            parsed.not_valid_before_utc,
+            parsed.not_valid_after_utc,
+            parsed.public_bytes(Encoding.DER),
+        )
+
+
+def _parsed(certificate: bytes) -> x509.Certificate:
+    if len(certificate) > CARD_BYTES_MAX:
+        raise DamagedData(f"a certificate of {len(certificate)} bytes, at most {CARD_BYTES_MAX} are looked at")
+    try:
+        if certificate.lstrip().startswith(b"-----"):
+            return x509.load_pem_x509_certificate(certificate)
+        return x509.load_der_x509_certificate(certificate)
+    except (ValueError, x509.InvalidVersion, UnsupportedAlgorithm):
+        raise DamagedData("these bytes are no certificate") from None
+
+
+def _check_time(certificate: x509.Certificate, name: str, now: datetime.datetime) -> None:
+    first, last = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    if now < first:
+        raise OutOfDate(
+            f"the certificate is valid from {first:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}", where=name, remedy="set the clock right"
+        )
+    if now > last:
+        remedy = "have it renewed; if that date lies ahead, set the clock right"
+        raise OutOfDate(f"the certificate was valid until {last:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}", where=name, remedy=remedy)
+
+
+def _addresses(certificate: x509.Certificate) -> tuple[str, ...]:
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return ()
+    return tuple(str(address) for address in names.get_values_for_type(x509.IPAddress))
