@@ -39,7 +39,8 @@ def read_scene(path: str | Path) -> SourceScene:
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         kinds = ", ".join(READERS)
-        raise LocalFault(f"files of kind {file.suffix!r} cannot be imported", where=str(file), remedy=f"give one of {kinds}")
+        what = f"files of kind {file.suffix!r} cannot be imported" if file.suffix else "a file without an ending cannot be imported"
+        raise LocalFault(what, where=str(file), remedy=f"give one of {kinds}")
     try:
         return reader(file)
     except MemoryError as error:
