@@ -10,12 +10,11 @@ from dataclasses import replace
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId, NodeId, SceneId
-from scenefold.crypto import HEADER_DOMAIN, PublicKey, SigningKey
+from scenefold.crypto import HEADER_DOMAIN, SUITES, PublicKey, SigningKey, key_id_of
 from scenefold.scene.log import first_log, first_record, sign_record
 from scenefold.wire import NO_GENESIS, KeyEntry, SceneLogPublic, SceneMode, SignedRecord, WriterEntry
 from scenefold.world.keyring import SceneKeys
 
-ED25519 = 1
 FIRST_POSITION = 1
 _POSITION_MAX = 2**64 - 1
 
@@ -43,7 +42,7 @@ def first_records(keys: SceneKeys, origin: NodeId) -> tuple[SignedRecord, ...]:
 def writers_of(header: SceneLogPublic) -> dict[KeyId, PublicKey]:
     """The keys of all writers that a header names in full."""
     named = {entry.key for entry in header.writers}
-    keys = [PublicKey(entry.raw) for entry in header.keys if entry.suite == ED25519]
+    keys = [PublicKey(entry.raw, entry.suite) for entry in header.keys if entry.suite in SUITES]
     return {key.key_id: key for key in keys if key.key_id in named}
 
 
@@ -65,9 +64,8 @@ def verify_header(header: SceneLogPublic, scene: SceneId, genesis: bytes, header
 def header_key_of(header: SceneLogPublic) -> PublicKey:
     """The key that a header says it is signed with; DamagedData if it does not hold it."""
     for entry in header.keys:
-        key = PublicKey(entry.raw)
-        if key.key_id == header.public_key:
-            return key
+        if key_id_of(entry.raw) == header.public_key:
+            return PublicKey(entry.raw, entry.suite)
     raise DamagedData("the scene's header does not hold its key", where=f"scene {header.scene:08x}")
 
 
@@ -85,5 +83,5 @@ def _first_header(header_key: SigningKey, writer: PublicKey, origin: NodeId) -> 
         writers=(WriterEntry(writer.key_id, 0, _POSITION_MAX),),
         public_key=header_key.key_id,
         private_key=KeyId(0),
-        keys=tuple(KeyEntry(ED25519, key.raw) for key in keys.values()),
+        keys=tuple(KeyEntry(key.suite, key.raw) for key in keys.values()),
     ).with_genesis()

@@ -52,12 +52,15 @@ from scenefold.crypto.records import (
 )
 from scenefold.crypto.sealing_keys import AUTHORITY_PURPOSE, LOCKBOX_PURPOSE, SealingKey, SealingPublicKey
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
+from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES, SUITES, Suite, UnknownSuite, suite_named, suite_of
 from scenefold.crypto.tls import client_context, peer_name, server_context
 
 __all__ = [
     "AUTHORITY_PURPOSE",
     "DATAGRAM_DOMAIN",
     "DATAGRAM_OVERHEAD_BYTES",
+    "DEFAULT_SUITE",
+    "ED25519",
     "EVERYBODY",
     "HEADER_BYTES",
     "HEADER_DOMAIN",
@@ -70,8 +73,11 @@ __all__ = [
     "PLACED_BY_NODE",
     "PROPOSAL_DOMAIN",
     "RECORD_DOMAIN",
+    "RSA3072",
     "SIGNATURE_BYTES",
     "STATUS_DOMAIN",
+    "SUITES",
+    "SUITE_NAMES",
     "SYMMETRIC_KEY_BYTES",
     "Authority",
     "Card",
@@ -92,6 +98,8 @@ __all__ = [
     "SignedDatagram",
     "SigningKey",
     "StrangeVersion",
+    "Suite",
+    "UnknownSuite",
     "claimed_epoch",
     "client_context",
     "datagram_counter",
@@ -110,6 +118,8 @@ __all__ = [
     "server_context",
     "sign_datagram",
     "signed_place",
+    "suite_named",
+    "suite_of",
     "verify_datagram",
     "verify_record",
     "verify_records",

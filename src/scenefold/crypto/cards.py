@@ -34,7 +34,8 @@ _HEAD = struct.Struct(">BB")
 _KEY = struct.Struct(">BH")
 _VERSION = 1
 _ADMINISTRATOR = 1
-_SUITE = 1
+_BIT_STRING = 3
+"""Its tag in DER; a signature of P-256 is short enough for a length of one byte."""
 
 
 class NotOfThisCluster(DamagedData):
@@ -53,11 +54,15 @@ class MemberKeys:
     sealing: SealingPublicKey
     is_administrator: bool = False
 
+    def __post_init__(self) -> None:
+        if self.signing.raw == self.sealing.raw:
+            raise DamagedData("the key that a member signs with is the one that is sealed to it")
+
     def encode(self) -> bytes:
         """The bytes of the extension."""
         parts = [_HEAD.pack(_VERSION, _ADMINISTRATOR if self.is_administrator else 0)]
-        for raw in (self.signing.raw, self.sealing.raw):
-            parts += [_KEY.pack(_SUITE, len(raw)), raw]
+        for key in (self.signing, self.sealing):
+            parts += [_KEY.pack(key.suite, len(key.raw)), key.raw]
         return b"".join(parts)
 
     @classmethod
@@ -67,18 +72,16 @@ class MemberKeys:
             version, flags = _HEAD.unpack_from(data)
             if version != _VERSION or flags & ~_ADMINISTRATOR:
                 raise DamagedData(f"the keys in a certificate have version {version}, flags {flags}", remedy="update this program")
-            raws, at = [], _HEAD.size
+            keys, at = [], _HEAD.size
             for _ in range(2):
                 suite, length = _KEY.unpack_from(data, at)
-                if suite != _SUITE:
-                    raise DamagedData(f"a key in a certificate has suite {suite}", remedy="update this program")
-                raws.append(data[at + _KEY.size : at + _KEY.size + length])
+                keys.append((data[at + _KEY.size : at + _KEY.size + length], suite))
                 at += _KEY.size + length
         except struct.error:
             raise DamagedData("the keys in a certificate end too early") from None
         if at != len(data):
             raise DamagedData("the keys in a certificate are followed by something else")
-        return cls(PublicKey(raws[0]), SealingPublicKey(raws[1]), bool(flags & _ADMINISTRATOR))
+        return cls(PublicKey(*keys[0]), SealingPublicKey(*keys[1]), bool(flags & _ADMINISTRATOR))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +112,7 @@ class Card:
             parsed.verify_directly_issued_by(x509.load_pem_x509_certificate(authority))
         except (ValueError, TypeError, UnsupportedAlgorithm, _InvalidSignature):
             raise NotOfThisCluster("the certificate is of another cluster", remedy="use one that this cluster's authority issued") from None
+        _check_end(parsed)
         name = common_name(parsed)
         if not NAME_PATTERN.fullmatch(name):
             raise DamagedData("the certificate names no member of a cluster")
@@ -142,6 +146,13 @@ def _parsed(certificate: bytes) -> x509.Certificate:
         return x509.load_der_x509_certificate(certificate)
     except (ValueError, x509.InvalidVersion, UnsupportedAlgorithm):
         raise DamagedData("these bytes are no certificate") from None
+
+
+def _check_end(certificate: x509.Certificate) -> None:
+    """DamagedData unless the signature at the end is written in the one way: parsers take any count of unused bits that are zero."""
+    signature = certificate.signature
+    if not certificate.public_bytes(Encoding.DER).endswith(bytes((_BIT_STRING, len(signature) + 1, 0)) + signature):
+        raise DamagedData("the certificate's signature is not written as it should be")
 
 
 def _check_time(certificate: x509.Certificate, name: str, now: datetime.datetime) -> None:

@@ -1,15 +1,17 @@
-"""Ed25519 keys, and signatures that mean one thing only (specs/04-records.md, Signatures).
+"""Keys of either suite, and signatures that mean one thing only (specs/04-records.md, Suites and Signatures).
 
     signed bytes  =  length of domain (1 byte) | domain | message
 
 The domain says what is being signed; a signature made for one purpose is worth nothing for another, whatever the
-bytes of the message. Ed25519 signatures have 64 bytes, as thesis C.3 reserves.
+bytes of the message. Ed25519 signatures have 64 bytes, as thesis C.3 reserves; those of RSA-3072 have 384.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -18,11 +20,14 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId
+from scenefold.crypto import rsa3072
+from scenefold.crypto.key_files import secret_from_text, secret_to_text
 from scenefold.crypto.secrets_on_disk import read_secret, write_secret
+from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITES, suite_of
 
 SEED_BYTES = 32
-PUBLIC_KEY_BYTES = 32
-SIGNATURE_BYTES = 64
+SIGNATURE_BYTES = SUITES[ED25519].signature_bytes
+"""Of suite 1, which all that goes by datagram is signed in."""
 
 RECORD_DOMAIN = b"scenefold/record"
 HEADER_DOMAIN = b"scenefold/header"
@@ -45,83 +50,123 @@ def key_id_of(raw: bytes) -> KeyId:
     return KeyId(int.from_bytes(hashlib.sha256(raw).digest()[:4], "big"))
 
 
-def _signed(domain: bytes, message: bytes) -> bytes:
+def signed_bytes(domain: bytes, message: bytes) -> bytes:
+    """What is really signed: no message of one domain is one of another."""
     assert 0 < len(domain) < 256
     return b"".join((bytes((len(domain),)), domain, message))
 
 
 @dataclass(frozen=True, slots=True)
 class PublicKey:
-    """An Ed25519 public key: 32 bytes. DamagedData if they are no key."""
+    """A public key: 32 bytes of Ed25519, or the modulus of 384 bytes of RSA. DamagedData if they are no key."""
 
     raw: bytes
+    suite: int = DEFAULT_SUITE
     key_id: KeyId = field(init=False, compare=False)
-    _key: Ed25519PublicKey = field(init=False, repr=False, compare=False)
+    _verify: Callable[[bytes, bytes], None] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if len(self.raw) != PUBLIC_KEY_BYTES:
-            raise DamagedData(f"a public key has {PUBLIC_KEY_BYTES} bytes, not {len(self.raw)}")
-        try:
-            key = Ed25519PublicKey.from_public_bytes(self.raw)
-        except ValueError:
-            raise DamagedData("these bytes are no Ed25519 key") from None
+        suite = suite_of(self.suite)
+        if len(self.raw) != suite.public_key_bytes:
+            raise DamagedData(f"a public key has {suite.public_key_bytes} bytes, not {len(self.raw)}")
         object.__setattr__(self, "key_id", key_id_of(self.raw))
-        object.__setattr__(self, "_key", key)
+        object.__setattr__(self, "_verify", _verifier(self.raw, self.suite))
+
+    @property
+    def signature_bytes(self) -> int:
+        return SUITES[self.suite].signature_bytes
 
     def verify(self, signature: bytes, domain: bytes, message: bytes) -> None:
         """Returns if the signature is good; InvalidSignature otherwise."""
         try:
-            self._key.verify(signature, _signed(domain, message))
+            self._verify(signature, signed_bytes(domain, message))
         except _InvalidSignature:
             raise InvalidSignature(f"the signature is not that of key {self.key_id:08x}") from None
 
 
+def _verifier(raw: bytes, suite: int) -> Callable[[bytes, bytes], None]:
+    """What checks a signature over bytes; it raises the library's InvalidSignature."""
+    if suite == RSA3072:
+        return partial(rsa3072.verify, rsa3072.public_key(raw))
+    try:
+        return Ed25519PublicKey.from_public_bytes(raw).verify
+    except ValueError:
+        raise DamagedData("these bytes are no Ed25519 key") from None
+
+
 class SigningKey:
-    """An Ed25519 private key. Its repr shows the public half only."""
+    """A private key that signs. Its repr shows the public half only."""
 
-    __slots__ = ("_key", "_seed", "public")
+    __slots__ = ("_secret", "_sign", "public")
 
-    def __init__(self, seed: bytes) -> None:
-        if len(seed) != SEED_BYTES:
-            raise LocalFault(f"a signing seed has {SEED_BYTES} bytes, not {len(seed)}")
-        self._seed = bytes(seed)
-        self._key = Ed25519PrivateKey.from_private_bytes(self._seed)
-        self.public = PublicKey(self._key.public_key().public_bytes_raw())
+    def __init__(self, secret: bytes, suite: int = DEFAULT_SUITE) -> None:
+        """`secret`: a seed of 32 bytes, or in suite 2 a PEM; LocalFault if it is none."""
+        self._secret = bytes(secret)
+        if suite_of(suite).number == RSA3072:
+            rsa = rsa3072.private_key(self._secret)
+            self._sign: Callable[[bytes], bytes] = partial(rsa3072.sign, rsa)
+            raw = rsa3072.modulus_of(rsa)
+        else:
+            if len(secret) != SEED_BYTES:
+                raise LocalFault(f"a signing seed has {SEED_BYTES} bytes, not {len(secret)}")
+            key = Ed25519PrivateKey.from_private_bytes(self._secret)
+            self._sign = key.sign
+            raw = key.public_key().public_bytes_raw()
+        self.public = PublicKey(raw, suite)
 
     @classmethod
-    def generate(cls) -> Self:
-        """A new key, from the operating system's entropy."""
-        return cls(Ed25519PrivateKey.generate().private_bytes_raw())
+    def generate(cls, suite: int = DEFAULT_SUITE) -> Self:
+        """A new key, from the operating system's entropy. In suite 2 it takes about half a second."""
+        return cls(rsa3072.new_key() if suite == RSA3072 else Ed25519PrivateKey.generate().private_bytes_raw(), suite)
 
     @classmethod
     def from_seed(cls, seed: bytes) -> Self:
-        """The key of this seed of 32 bytes; LocalFault for any other length."""
+        """The Ed25519 key of this seed of 32 bytes; LocalFault for any other length."""
         return cls(seed)
 
     @classmethod
     def from_file(cls, path: Path) -> Self:
-        """The key whose seed stands in a file, in hexadecimal; LocalFault if it is missing, exposed or no seed."""
-        text = read_secret(path).decode("ascii", "replace").strip()
+        """The key in a file, of either suite; LocalFault if it is missing, exposed or none."""
+        return cls.from_text(read_secret(path), str(path))
+
+    @classmethod
+    def from_text(cls, text: bytes, where: str) -> Self:
+        """The key that `to_text` made, of either suite; LocalFault naming `where` if it is none."""
         try:
-            return cls(bytes.fromhex(text))
-        except (ValueError, LocalFault):
-            raise LocalFault("the file holds no signing seed", where=str(path), remedy="restore it from a backup") from None
+            return cls(*secret_from_text(text))
+        except LocalFault:
+            raise LocalFault("the file holds no signing seed", where=where, remedy="restore it from a backup") from None
 
     def to_file(self, path: Path) -> None:
-        """Writes the seed in hexadecimal, mode 0600; LocalFault if the file exists."""
-        write_secret(path, self._seed.hex().encode() + b"\n")
+        """Writes the key as its suite says, mode 0600; LocalFault if the file exists."""
+        write_secret(path, self.to_text())
+
+    def to_text(self) -> bytes:
+        """What stands in the file of the key: a seed in hexadecimal, or a PEM."""
+        return secret_to_text(self._secret, self.suite)
+
+    @property
+    def suite(self) -> int:
+        return self.public.suite
+
+    @property
+    def secret(self) -> bytes:
+        """What the key is made from: see `__init__`."""
+        return self._secret
 
     @property
     def seed(self) -> bytes:
-        return self._seed
+        """The seed of a key of suite 1; others have none."""
+        assert self.suite == ED25519, "an RSA key has no seed"
+        return self._secret
 
     @property
     def key_id(self) -> KeyId:
         return self.public.key_id
 
     def sign(self, domain: bytes, message: bytes) -> bytes:
-        """64 bytes that `public.verify` accepts for the same domain and message."""
-        return self._key.sign(_signed(domain, message))
+        """As many bytes as the suite says, which `public.verify` accepts for the same domain and message."""
+        return self._sign(signed_bytes(domain, message))
 
     def __repr__(self) -> str:
         return f"SigningKey({self.key_id:08x})"

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from scenefold.base.errors import LocalFault
 from scenefold.crypto.cards import MemberKeys
 from scenefold.crypto.keys import SigningKey
 from scenefold.crypto.sealing_keys import SealingKey
+from scenefold.crypto.suites import DEFAULT_SUITE, RSA3072
 
-SIGNING_FILE = "signing.seed"
-SEALING_FILE = "sealing.seed"
+_SIGNING, _SEALING = "signing", "sealing"
+_SEED, _PEM = ".seed", ".pem"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,20 +24,32 @@ class MemberSecrets:
     sealing: SealingKey
 
     @classmethod
-    def generate(cls) -> Self:
-        """New ones, from the operating system's entropy."""
-        return cls(SigningKey.generate(), SealingKey.generate())
+    def generate(cls, suite: int = DEFAULT_SUITE) -> Self:
+        """New ones, from the operating system's entropy. In suite 2 it takes about a second."""
+        return cls(SigningKey.generate(suite), SealingKey.generate(suite))
 
     @classmethod
     def from_files(cls, folder: Path) -> Self:
         """Those in a folder; LocalFault if one is missing, exposed or none."""
-        return cls(SigningKey.from_file(folder / SIGNING_FILE), SealingKey.from_file(folder / SEALING_FILE))
+        return cls(SigningKey.from_file(_existing(folder, _SIGNING)), SealingKey.from_file(_existing(folder, _SEALING)))
 
     def to_files(self, folder: Path) -> None:
         """Writes both into a private folder that exists; LocalFault if one is there already."""
-        self.signing.to_file(folder / SIGNING_FILE)
-        self.sealing.to_file(folder / SEALING_FILE)
+        for key, name in ((self.signing, _SIGNING), (self.sealing, _SEALING)):
+            key.to_file(folder / (name + (_PEM if key.suite == RSA3072 else _SEED)))
 
     def public(self, *, is_administrator: bool = False) -> MemberKeys:
         """The public halves, as a certificate binds them to a name."""
         return MemberKeys(self.signing.public, self.sealing.public, is_administrator)
+
+
+def _existing(folder: Path, name: str) -> Path:
+    """The file of a key, whichever suite it is of; that of suite 1 if there is none."""
+    seed, pem = folder / (name + _SEED), folder / (name + _PEM)
+    if not pem.exists():
+        return seed
+    if seed.exists():
+        raise LocalFault(
+            f"there are two {name} keys", where=str(folder), remedy=f"move away the one that is not in use, {seed.name} or {pem.name}"
+        )
+    return pem

@@ -1,7 +1,7 @@
 """The header of a record: clear, signed, 149 bytes, big endian (specs/04-records.md, Record).
 
       0  version           u8   1             77  writer            u32  key id
-      1  suite             u8   1             81  session           u64
+      1  suite             u8   1, 2          81  session           u64
       2  placement         u8   0 or 1        89  content position  u64
       3  scene             u32                97  key epoch         u32
       7  genesis           32                101  nonce             12
@@ -25,9 +25,9 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SPACE_ID_MAX, KeyId, SceneId, SpaceId
 from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.crypto.suites import DEFAULT_SUITE, SUITES
 
 VERSION = 1
-SUITE_AES192GCM_ED25519 = 1
 PLACED_BY_CLIENT = 0
 PLACED_BY_NODE = 1
 """The location field holds 4 zero bytes and a random object id of 16: the node chooses where it lies."""
@@ -72,7 +72,8 @@ class RecordHeader:
     length: int
     digest: bytes
     placement: int = PLACED_BY_CLIENT
-    suite: int = SUITE_AES192GCM_ED25519
+    suite: int = DEFAULT_SUITE
+    """That of the writer's key; it gives the length of the signature."""
     version: int = VERSION
 
     def encode(self) -> bytes:
@@ -152,7 +153,7 @@ class RecordHeader:
         """What is wrong with the fields, beyond their widths; empty if nothing is."""
         if self.version != VERSION:
             return f"version {self.version}"
-        if self.suite != SUITE_AES192GCM_ED25519:
+        if self.suite not in SUITES:
             return f"suite {self.suite}"
         if self.placement not in (PLACED_BY_CLIENT, PLACED_BY_NODE):
             return f"placement {self.placement}"

@@ -1,8 +1,8 @@
 """Records: what a scene's spaces consist of, encrypted and signed by their writer (specs/04-records.md).
 
-    record  =  header (149 bytes) | signature (64 bytes) | ciphertext (as the header says)
+    record  =  header (149 bytes) | signature (as the suite says: 64 or 384 bytes) | ciphertext (as the header says)
 
-AES-192-GCM with the header up to its length and digest as associated data; Ed25519 over the whole header. A node
+AES-192-GCM with the header up to its length and digest as associated data; the writer's signature over the whole header. A node
 verifies without the scene's key, before it stores (thesis Algorithm 6); a reader verifies, then opens. All
 functions are plain and release the GIL where it is long, so they may run in worker threads.
 """
@@ -22,7 +22,7 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.limits import PAYLOAD_BYTES_MAX
 from scenefold.base.location import Location
-from scenefold.crypto.keys import RECORD_DOMAIN, SIGNATURE_BYTES, InvalidSignature, PublicKey, SigningKey
+from scenefold.crypto.keys import RECORD_DOMAIN, InvalidSignature, PublicKey, SigningKey
 from scenefold.crypto.record_header import (
     ASSOCIATED_BYTES,
     HEADER_BYTES,
@@ -32,6 +32,7 @@ from scenefold.crypto.record_header import (
     IllFormedRecord,
     RecordHeader,
 )
+from scenefold.crypto.suites import SUITES
 
 SYMMETRIC_KEY_BYTES = 24
 
@@ -66,7 +67,7 @@ class Record:
         """The record that `data` is, wholly; IllFormedRecord otherwise. Verifies nothing."""
         data = bytes(data)
         header = RecordHeader.decode(data[:HEADER_BYTES])
-        start = HEADER_BYTES + SIGNATURE_BYTES
+        start = HEADER_BYTES + SUITES[header.suite].signature_bytes
         if len(data) != start + header.length:
             raise IllFormedRecord(f"a record of {len(data)} bytes, {start + header.length} were expected")
         return cls(data[:HEADER_BYTES], data[HEADER_BYTES:start], data[start:])
@@ -125,6 +126,7 @@ def seal_record(
         length=len(payload) + TAG_BYTES,
         digest=bytes(32),
         placement=placement,
+        suite=signing_key.suite,
     ).encode()
     associated = draft[:ASSOCIATED_BYTES]
     ciphertext = _cipher(symmetric_key).encrypt(nonce, payload, associated)
@@ -146,6 +148,8 @@ def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | No
         raise IllFormedRecord(f"a ciphertext of {len(record.ciphertext)} bytes, {header.length} were announced")
     if header.writer != public_key.key_id:
         raise InvalidSignature(f"the record was written by key {header.writer:08x}, not {public_key.key_id:08x}")
+    if header.suite != public_key.suite:
+        raise InvalidSignature(f"a record of suite {header.suite} by a key of suite {public_key.suite}")
     public_key.verify(record.signature, RECORD_DOMAIN, record.header_bytes)
     if not hmac.compare_digest(hashlib.sha256(record.ciphertext).digest(), header.digest):
         raise InvalidSignature("the ciphertext is not the one that was signed")

@@ -1,7 +1,7 @@
 """Keys that things are sealed to: a scene's key to those who may read it, the authority's to a trusted node, datagrams to a peer.
 
-An X25519 key pair of its own beside the signing key, since a key that signs should do nothing else. What is sealed names its
-purpose, and opens for no other. RFC 9180 says how (hpke.py); specs/04-records.md, Sealing.
+A key pair of its own beside the signing key, since a key that signs should do nothing else. What is sealed names its purpose, and
+opens for no other. X25519 seals by RFC 9180 (hpke.py), RSA by OAEP with the purpose in its label; specs/04-records.md, Sealing.
 """
 
 from __future__ import annotations
@@ -12,15 +12,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
+from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey, RSAPublicKey
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId
+from scenefold.crypto import rsa3072
 from scenefold.crypto.hpke import EPHEMERAL_BYTES, agreed, open_base, seal_base
-from scenefold.crypto.keys import key_id_of
+from scenefold.crypto.key_files import secret_from_text, secret_to_text
+from scenefold.crypto.keys import SEED_BYTES, key_id_of
 from scenefold.crypto.secrets_on_disk import read_secret, write_secret
+from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITES, suite_of
 
-SEALING_KEY_BYTES = 32
+SEALING_KEY_BYTES = SUITES[ED25519].public_key_bytes
+"""Of suite 1, which all nodes' keys are of."""
 
 LOCKBOX_PURPOSE = b"scenefold/lockbox"
 """A scene's keys, sealed to one who may use them."""
@@ -30,63 +35,104 @@ AUTHORITY_PURPOSE = b"scenefold/authority"
 
 @dataclass(frozen=True, slots=True)
 class SealingPublicKey:
-    """The public half: 32 bytes. DamagedData for another length."""
+    """The public half: 32 bytes of X25519, or the modulus of 384 bytes of RSA. DamagedData if they are no key."""
 
     raw: bytes
+    suite: int = DEFAULT_SUITE
     key_id: KeyId = field(init=False, compare=False)
-    _key: X25519PublicKey = field(init=False, repr=False, compare=False)
+    _key: X25519PublicKey | RSAPublicKey = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if len(self.raw) != SEALING_KEY_BYTES:
-            raise DamagedData(f"a sealing key has {SEALING_KEY_BYTES} bytes, not {len(self.raw)}")
+        suite = suite_of(self.suite)
+        if len(self.raw) != suite.public_key_bytes:
+            raise DamagedData(f"a sealing key has {suite.public_key_bytes} bytes, not {len(self.raw)}")
+        key = rsa3072.public_key(self.raw) if self.suite == RSA3072 else X25519PublicKey.from_public_bytes(self.raw)
         object.__setattr__(self, "key_id", key_id_of(self.raw))
-        object.__setattr__(self, "_key", X25519PublicKey.from_public_bytes(self.raw))
+        object.__setattr__(self, "_key", key)
 
     def seal(self, plaintext: bytes, purpose: bytes, context: bytes, token: Callable[[int], bytes]) -> bytes:
-        """Seals for a purpose (one of this file) and a context (what it belongs to). `token` draws random bytes (world.entropy.token)."""
+        """Seals for a purpose (one of this file) and a context (what it belongs to). `token` draws random bytes (world.entropy.token).
+
+        LocalFault for more than 318 bytes to an RSA key.
+        """
+        if isinstance(self._key, RSAPublicKey):
+            return rsa3072.seal(self._key, plaintext, _info(purpose, context))
         return seal_base(plaintext, self._key, _info(purpose, context), token(EPHEMERAL_BYTES))
 
 
 class SealingKey:
     """The private half. Its repr shows the public one only."""
 
-    __slots__ = ("_key", "_seed", "public")
+    __slots__ = ("_key", "_secret", "public")
 
-    def __init__(self, seed: bytes) -> None:
-        if len(seed) != SEALING_KEY_BYTES:
-            raise LocalFault(f"a sealing key has {SEALING_KEY_BYTES} bytes, not {len(seed)}")
-        self._seed = bytes(seed)
-        self._key = X25519PrivateKey.from_private_bytes(self._seed)
-        self.public = SealingPublicKey(self._key.public_key().public_bytes_raw())
+    def __init__(self, secret: bytes, suite: int = DEFAULT_SUITE) -> None:
+        """`secret`: 32 bytes, or in suite 2 a PEM; LocalFault if it is none."""
+        self._secret = bytes(secret)
+        self._key: X25519PrivateKey | RSAPrivateKey
+        if suite_of(suite).number == RSA3072:
+            self._key = rsa3072.private_key(self._secret)
+            raw = rsa3072.modulus_of(self._key)
+        else:
+            if len(secret) != SEED_BYTES:
+                raise LocalFault(f"a sealing key has {SEED_BYTES} bytes, not {len(secret)}")
+            self._key = X25519PrivateKey.from_private_bytes(self._secret)
+            raw = self._key.public_key().public_bytes_raw()
+        self.public = SealingPublicKey(raw, suite)
 
     @classmethod
-    def generate(cls) -> Self:
-        """A new key, from the operating system's entropy."""
-        return cls(X25519PrivateKey.generate().private_bytes_raw())
+    def generate(cls, suite: int = DEFAULT_SUITE) -> Self:
+        """A new key, from the operating system's entropy. In suite 2 it takes about half a second."""
+        return cls(rsa3072.new_key() if suite == RSA3072 else X25519PrivateKey.generate().private_bytes_raw(), suite)
 
     @classmethod
     def from_file(cls, path: Path) -> Self:
-        """The key that stands in a file, in hexadecimal; LocalFault if it is missing, exposed or none."""
-        text = read_secret(path).decode("ascii", "replace").strip()
+        """The key in a file, of either suite; LocalFault if it is missing, exposed or none."""
+        return cls.from_text(read_secret(path), str(path))
+
+    @classmethod
+    def from_text(cls, text: bytes, where: str) -> Self:
+        """The key that `to_text` made, of either suite; LocalFault naming `where` if it is none."""
         try:
-            return cls(bytes.fromhex(text))
-        except (ValueError, LocalFault):
-            raise LocalFault("the file holds no sealing key", where=str(path), remedy="restore it from a backup") from None
+            return cls(*secret_from_text(text))
+        except LocalFault:
+            raise LocalFault("the file holds no sealing key", where=where, remedy="restore it from a backup") from None
 
     def to_file(self, path: Path) -> None:
-        """Writes it in hexadecimal, mode 0600; LocalFault if the file exists."""
-        write_secret(path, self._seed.hex().encode() + b"\n")
+        """Writes the key as its suite says, mode 0600; LocalFault if the file exists."""
+        write_secret(path, self.to_text())
+
+    def to_text(self) -> bytes:
+        """What stands in the file of the key: a seed in hexadecimal, or a PEM."""
+        return secret_to_text(self._secret, self.suite)
+
+    @property
+    def suite(self) -> int:
+        return self.public.suite
+
+    @property
+    def secret(self) -> bytes:
+        """What the key is made from: see `__init__`."""
+        return self._secret
 
     @property
     def seed(self) -> bytes:
-        return self._seed
+        """The 32 bytes of a key of suite 1; others have none."""
+        assert self.suite == ED25519, "an RSA key has no seed"
+        return self._secret
 
     def open(self, sealed: bytes, purpose: bytes, context: bytes) -> bytes:
         """What was sealed to this key for this purpose and context; DamagedData for anything else."""
+        if isinstance(self._key, RSAPrivateKey):
+            return rsa3072.open_sealed(self._key, sealed, _info(purpose, context))
         return open_base(sealed, self._key, _info(purpose, context))
 
     def agree(self, other: SealingPublicKey) -> bytes:
-        """The secret of 32 bytes that the two keys' holders share; DamagedData for a key of low order. Derive keys from it, use it for none."""
+        """The secret of 32 bytes that the two keys' holders share; DamagedData for a key of low order, LocalFault in another suite than 1.
+
+        Derive keys from it, use it for none.
+        """
+        if isinstance(self._key, RSAPrivateKey) or isinstance(other._key, RSAPublicKey):
+            raise LocalFault("keys of RSA agree on no secret")
         return agreed(self._key, other._key)
 
     def __repr__(self) -> str:

@@ -20,6 +20,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import (
     PLACED_BY_NODE,
+    SUITES,
     IllFormedRecord,
     PublicKey,
     Record,
@@ -50,7 +51,8 @@ class KnownScene:
 
     @classmethod
     def of(cls, public: SceneLogPublic) -> KnownScene:
-        keys = {key.key_id: key for key in (PublicKey(entry.raw) for entry in public.keys)}
+        # Who writes with a suite of a later program is none of our writers yet; all others go on.
+        keys = {key.key_id: key for key in (PublicKey(entry.raw, entry.suite) for entry in public.keys if entry.suite in SUITES)}
         writers: dict[KeyId, list[WriterEntry]] = {}
         for entry in public.writers:
             writers.setdefault(entry.key, []).append(entry)

@@ -14,7 +14,6 @@ from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.wire import KeyEntry, SceneLogPublic, SceneMode
 from scenefold.world.ports import Ports
 
-ED25519 = 1
 GENESIS_POSITION = 1
 
 
@@ -65,7 +64,7 @@ class ClusterFacts:
     @cached_property
     def genesis_header(self) -> SceneLogPublic:
         """The unsigned header of position 1 of the cluster's log. Its hash is the log's genesis, and gives its scene id."""
-        key = KeyEntry(ED25519, self.log_key.raw)
+        key = KeyEntry(self.log_key.suite, self.log_key.raw)
         unborn = SceneLogPublic(
             scene=SceneId(1),
             genesis=bytes(32),

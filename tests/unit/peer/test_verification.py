@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import ED25519, RECORD_DOMAIN, RSA3072
 from scenefold.peer.verification import KnownScene, epochs_of, verified_put, verify_all
-from scenefold.wire import PutItem, WriterEntry
-from unit.peer.scenes_made import STRANGER, WRITER, first_header, later_header, offered, sealed
+from scenefold.wire import KeyEntry, PutItem, WriterEntry
+from unit.crypto.suites_made import SIGNING
+from unit.peer.scenes_made import FOR_EVER, HEADER_KEY, STRANGER, WRITER, first_header, later_header, offered, sealed
 
 SCENE = first_header()
 KNOWN = KnownScene.of(SCENE)
@@ -101,3 +103,32 @@ def test_the_epochs_of_records_say_how_new_a_header_must_be() -> None:
     items = [offered(sealed(later)), offered(sealed(SCENE)), offered(sealed(other)), replace(offered(sealed(later)), header=b"short")]
     assert epochs_of(items) == {SCENE.scene: 9, other.scene: 1}
     assert epochs_of([replace(items[0], header=b"")]) == {SCENE.scene: 0}
+
+
+def test_a_writer_of_the_other_suite_writes_beside_those_of_this_one() -> None:
+    rsa = SIGNING[RSA3072]
+    keys = tuple(KeyEntry(key.public.suite, key.public.raw) for key in (HEADER_KEY, WRITER, rsa))
+    scene = first_header(keys=keys, writers=tuple(WriterEntry(key.key_id, 0, FOR_EVER) for key in (WRITER, rsa)))
+    known = KnownScene.of(scene)
+    for key in (WRITER, rsa):
+        record = sealed(scene, key)
+        assert verified_put(offered(record), known).record == record
+        header = replace(record.header, suite=ED25519 + RSA3072 - key.suite).encode()
+        bent = replace(record, header_bytes=header, signature=key.sign(RECORD_DOMAIN, header))
+        with pytest.raises(Refused, match="by a key of suite") as caught:
+            verified_put(offered(bent), known)
+        assert caught.value.reason == RejectReason.SIGNATURE_INVALID
+    with pytest.raises(Refused) as caught:
+        verified_put(replace(offered(sealed(scene, rsa)), signature=bytes(64)), known)
+    assert caught.value.reason == RejectReason.SIGNATURE_INVALID
+
+
+def test_a_writer_of_a_suite_of_later_programs_stops_nobody_else() -> None:
+    scene = first_header(keys=(*SCENE.keys, KeyEntry(3, b"k" * 32)))
+    verified_put(offered(sealed(scene)), KnownScene.of(scene))
+
+
+def test_a_key_that_is_none_spoils_the_header() -> None:
+    for suite, raw in ((ED25519, b"k" * 384), (RSA3072, b"k" * 32), (RSA3072, bytes(384))):
+        with pytest.raises(DamagedData):
+            KnownScene.of(replace(SCENE, keys=(*SCENE.keys, KeyEntry(suite, raw))))
