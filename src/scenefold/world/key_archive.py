@@ -1,0 +1,177 @@
+"""Keys taken out of a profile and put back: backups, and a user's identity on another computer (docs/how-to/keep-your-keys.md).
+
+A **backup** holds all of a profile but the keys of nodes, whose disks are worth nothing without them anyway: who the cluster is, its
+authority (with its key where the profile has it), its users, its scenes. An **identity** holds who the cluster is and one user. Both are one file
+of text under a passphrase of its own (crypto/passphrases.py, crypto/archives.py).
+
+What comes in is never written over what is there, and a user's keys come in locked, under the passphrase of the file.
+"""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenefold.base.errors import LocalFault
+from scenefold.crypto import make_private_folder, write_secret
+from scenefold.crypto.archives import ARCHIVE_BYTES_MAX, is_safe_name, pack_archive, unpack_archive
+from scenefold.crypto.passphrases import is_locked, lock, unlock
+from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder
+from scenefold.crypto.secrets_on_disk import SECRET_BYTES_MAX
+from scenefold.world.toml_files import read_settings_toml
+
+BACKUP, IDENTITY = "backup", "identity"
+_SETTINGS = "cluster.toml"
+_USERS, _NODES, _AUTHORITY, _SCENES = "users", "nodes", "authority", "scenes"
+_AUTHORITY_KEY = "authority/key.pem"
+_PUBLIC = ("certificate.pem",)
+"""Files of a user's folder that are no secrets, and stay as they are when the rest is locked."""
+
+Token = Callable[[int], bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What a file of keys holds, or what was put back from one."""
+
+    kind: str
+    cluster: str
+    users: tuple[str, ...]
+    scenes: int
+    has_authority_key: bool
+
+    @classmethod
+    def of(cls, kind: str, files: Mapping[str, bytes], cluster: str) -> Taken:
+        users = sorted({name.split("/")[1] for name in files if name.startswith(f"{_USERS}/")})
+        scenes = sum(name.startswith(f"{_SCENES}/") for name in files)
+        return cls(kind, cluster, tuple(users), scenes, _AUTHORITY_KEY in files)
+
+
+def lock_user(folder: Path, passphrase: str, token: Token, ask: Callable[[str], str]) -> None:
+    """Lock a user's keys, or give them another passphrase: `ask` tells the present one. UsageFault if the new one is too short."""
+    present = SecretFolder(folder, ask)
+    names = present.names() if present.is_locked else tuple(name for name in _files_in(folder) if name not in (*_PUBLIC, LOCKED_FILE))
+    present.lock(names, passphrase, token)
+
+
+def export_keys(profile: Path, target: Path, passphrase: str, token: Token, ask: Callable[[str], str], *, user: str | None) -> Taken:
+    """Write a backup of a profile to `target`, or with `user` that user's identity. LocalFault if the file exists or a key is unreadable."""
+    if target.exists():
+        raise LocalFault("the file exists already", where=str(target), remedy="choose another name, or remove it")
+    files = dict(_taken_from(profile, ask, user))
+    kind = BACKUP if user is None else IDENTITY
+    if user is not None and not any(name.startswith(f"{_USERS}/{user}/") for name in files):
+        raise LocalFault(f"the profile has no user {user}", where=str(profile), remedy="see users/ in it")
+    archive = pack_archive(kind, files)
+    locked = lock(archive, passphrase, token)
+    if unlock(locked, passphrase) != archive:
+        raise LocalFault("what was locked does not open again", where=str(target), remedy="report this; no file was written")
+    write_secret(target, locked)
+    return Taken.of(kind, files, _cluster_of(profile))
+
+
+def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> Taken:
+    """Put back what `export_keys` wrote, into a profile of the same cluster or a new one.
+
+    LocalFault if the file is damaged, the profile is of another cluster, or a key there differs; WrongPassphrase. Then nothing is changed.
+    """
+    data = _content(source, ARCHIVE_BYTES_MAX)  # Locked, so it may come on any disk, with any mode.
+    if not is_locked(data):
+        raise LocalFault("the file holds no keys", where=str(source), remedy="give one that `scenectl key backup` or `key export` wrote")
+    kind, files = unpack_archive(unlock(data, passphrase, str(source)), (BACKUP, IDENTITY), str(source))
+    if _SETTINGS not in files or any(_room(name) not in (_SETTINGS, _USERS, _AUTHORITY, _SCENES) for name in files):
+        raise LocalFault("the file of keys is damaged", where=str(source), remedy="restore it from another copy")
+    draft = profile.with_name(f".{profile.name}.{secrets.token_hex(6)}")
+    try:
+        make_private_folder(draft)
+        for name, content in files.items():
+            make_private_folder((draft / name).parent)
+            write_secret(draft / name, content)
+        taken = Taken.of(kind, files, _cluster_of(draft))
+        for user in taken.users:
+            lock_user(draft / _USERS / user, passphrase, token, _never)
+        make_private_folder(draft / _SCENES)
+        _merge(draft, profile)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return taken
+
+
+def _merge(draft: Path, profile: Path) -> None:
+    if not profile.exists() or (profile.is_dir() and not any(profile.iterdir())):
+        draft.rename(profile)
+        return
+    if not (profile / _SETTINGS).exists():
+        raise LocalFault("the place is taken by something else", where=str(profile), remedy="choose another folder")
+    ours, theirs = (read_settings_toml(folder / _SETTINGS).get("cluster_id") for folder in (profile, draft))
+    if ours != theirs:
+        raise LocalFault(
+            "the profile is of another cluster than the keys", where=str(profile), remedy="name a profile that does not exist yet"
+        )
+    new = []
+    for user in _folders_in(draft / _USERS):
+        if (profile / _USERS / user).exists():
+            raise LocalFault(f"the profile has keys of {user} already", where=str(profile), remedy="move them away, or name a new profile")
+        new.append(user)
+    make_private_folder(profile / _USERS)
+    for user in new:
+        (draft / _USERS / user).rename(profile / _USERS / user)
+    for room in (_SCENES, _AUTHORITY):
+        make_private_folder(profile / room)
+        for name in _files_in(draft / room):
+            target = profile / room / name
+            if not target.exists():
+                (draft / room / name).rename(target)
+
+
+def _taken_from(profile: Path, ask: Callable[[str], str], user: str | None) -> Iterator[tuple[str, bytes]]:
+    for path in sorted(profile.rglob("*")):
+        name = path.relative_to(profile).as_posix()
+        if not path.is_file() or not is_safe_name(name) or _room(name) == _NODES:
+            continue
+        if user is not None and (name == _AUTHORITY_KEY or _room(name) == _SCENES or not _is_of(user, name)):
+            continue
+        if path.name == LOCKED_FILE and _room(name) == _USERS:
+            opened = SecretFolder(path.parent, ask)
+            for secret in opened.names():
+                yield f"{Path(name).parent.as_posix()}/{secret}", opened.read(secret)
+        elif not ((path.parent / LOCKED_FILE).exists() and path.name not in _PUBLIC):
+            yield name, _content(path)
+
+
+def _is_of(user: str, name: str) -> bool:
+    return _room(name) != _USERS or name.split("/")[1] == user
+
+
+def _content(path: Path, bytes_max: int = SECRET_BYTES_MAX) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(bytes_max + 1)
+    except OSError as error:
+        raise LocalFault(f"cannot read the file: {error.strerror}", where=str(path), remedy="check its name and permissions") from error
+    if len(data) > bytes_max:
+        raise LocalFault("far too large for a file of keys", where=str(path), remedy="check its name")
+    return data
+
+
+def _room(name: str) -> str:
+    return name.split("/", maxsplit=1)[0]
+
+
+def _cluster_of(profile: Path) -> str:
+    return str(read_settings_toml(profile / _SETTINGS).get("name", ""))
+
+
+def _files_in(folder: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.name for path in folder.iterdir() if path.is_file())) if folder.is_dir() else ()
+
+
+def _folders_in(folder: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.name for path in folder.iterdir() if path.is_dir())) if folder.is_dir() else ()
+
+
+def _never(where: str) -> str:
+    raise AssertionError(f"{where} has just been written unlocked")

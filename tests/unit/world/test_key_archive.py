@@ -1,0 +1,169 @@
+"""If this fails, somebody who did as the docs say has lost their keys, or they lie about in the clear."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from scenefold.base.errors import LocalFault, UsageFault
+from scenefold.crypto import passphrases
+from scenefold.crypto.passphrases import WrongPassphrase, unlock
+from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder, refuse_to_ask
+from scenefold.world import key_archive
+from scenefold.world.key_archive import BACKUP, IDENTITY, export_keys, import_keys, lock_user
+from scenefold.world.profile import ClusterProfile
+
+PASSPHRASE = "four random words here"
+OTHER = "another four words"
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(passphrases, "LOG2_N", 4)
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = ClusterProfile.create(tmp_path_factory.mktemp("profiles") / "studio", "studio", ["127.0.0.2"]).folder
+    (folder / "scenes" / "kitchen.toml").write_text('name = "kitchen"\n')
+    (folder / "scenes" / "kitchen.toml").chmod(0o600)
+    return folder
+
+
+@pytest.fixture
+def profile(original: Path, tmp_path: Path) -> Path:
+    shutil.copytree(original, tmp_path / "studio")
+    return tmp_path / "studio"
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def _secrets_of(profile: Path, user: str = "owner") -> list[str]:
+    return [path.name for path in sorted((profile / "users" / user).iterdir()) if path.name != "certificate.pem"]
+
+
+def _known(_where: str) -> str:
+    return PASSPHRASE
+
+
+def test_a_locked_user_has_nothing_in_the_clear_and_unlocks_to_the_same(profile: Path) -> None:
+    before = _files(profile / "users" / "owner")
+    lock_user(profile / "users" / "owner", PASSPHRASE, os.urandom, refuse_to_ask)
+    assert _secrets_of(profile) == [LOCKED_FILE]
+    folder = SecretFolder(profile / "users" / "owner", _known)
+    assert {name: folder.read(name) for name in folder.names()} == {
+        name: data for name, data in before.items() if name != "certificate.pem"
+    }
+    folder.unlock()
+    assert _files(profile / "users" / "owner") == before
+
+
+def test_the_passphrase_is_changed_in_one_step(profile: Path) -> None:
+    owner = profile / "users" / "owner"
+    lock_user(owner, PASSPHRASE, os.urandom, refuse_to_ask)
+    lock_user(owner, OTHER, os.urandom, _known)
+    assert SecretFolder(owner, lambda _where: OTHER).names()
+    with pytest.raises(WrongPassphrase):
+        SecretFolder(owner, _known).names()
+
+
+def test_what_a_crash_left_beside_a_locked_file_does_not_count_and_goes(profile: Path) -> None:
+    owner = profile / "users" / "owner"
+    name = _secrets_of(profile)[0]
+    content = (owner / name).read_bytes()
+    lock_user(owner, PASSPHRASE, os.urandom, refuse_to_ask)
+    (owner / name).write_bytes(b"older")
+    assert SecretFolder(owner, _known).read(name) == content
+    assert not (owner / name).exists()
+
+
+def test_a_locked_folder_without_a_passphrase_says_what_to_do(profile: Path) -> None:
+    lock_user(profile / "users" / "owner", PASSPHRASE, os.urandom, refuse_to_ask)
+    with pytest.raises(UsageFault, match=r"locked.*SCENEFOLD_PASSPHRASE"):
+        SecretFolder(profile / "users" / "owner").read("signing.seed")
+
+
+@pytest.mark.parametrize("is_locked", [False, True])
+def test_a_backup_brings_everything_back_on_another_machine(profile: Path, tmp_path: Path, is_locked: bool) -> None:
+    before = _files(profile)
+    if is_locked:
+        lock_user(profile / "users" / "owner", PASSPHRASE, os.urandom, refuse_to_ask)
+    backup = tmp_path / "keys.backup"
+    taken = export_keys(profile, backup, OTHER, os.urandom, _known, user=None)
+    assert (taken.kind, taken.cluster, taken.users, taken.scenes, taken.has_authority_key) == (BACKUP, "studio", ("owner",), 1, True)
+    assert backup.stat().st_mode & 0o777 == 0o600
+    backup.chmod(0o644)  # It may come back on any disk.
+    back = tmp_path / "elsewhere" / "studio"
+    assert import_keys(backup, back, OTHER, os.urandom) == taken
+    SecretFolder(back / "users" / "owner", lambda _where: OTHER).unlock()
+    assert _files(back) == {name: data for name, data in before.items() if not name.startswith("nodes/")}
+
+
+def test_an_identity_holds_neither_scenes_nor_the_authoritys_key(profile: Path, tmp_path: Path) -> None:
+    file = tmp_path / "me.keys"
+    taken = export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user="owner")
+    assert (taken.kind, taken.scenes, taken.has_authority_key) == (IDENTITY, 0, False)
+    back = tmp_path / "laptop"
+    import_keys(file, back, PASSPHRASE, os.urandom)
+    assert not (back / "authority" / "key.pem").exists() and _secrets_of(back) == [LOCKED_FILE]
+    assert ClusterProfile.load(back).authority_certificate()
+
+
+def test_nothing_that_is_there_is_overwritten(profile: Path, tmp_path: Path) -> None:
+    file = tmp_path / "keys.backup"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    before = _files(profile)
+    with pytest.raises(LocalFault, match="has keys of owner already"):
+        import_keys(file, profile, PASSPHRASE, os.urandom)
+    with pytest.raises(LocalFault, match="exists already"):
+        export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    stranger = ClusterProfile.create(tmp_path / "other", "other", ["127.0.0.3"]).folder
+    with pytest.raises(LocalFault, match="another cluster"):
+        import_keys(file, stranger, PASSPHRASE, os.urandom)
+    assert _files(profile) == before
+
+
+def test_a_lost_user_and_scene_come_back_into_a_profile_that_has_the_rest(profile: Path, tmp_path: Path) -> None:
+    file = tmp_path / "keys.backup"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    shutil.rmtree(profile / "users" / "owner")
+    (profile / "scenes" / "kitchen.toml").unlink()
+    (profile / "scenes" / "garden.toml").write_text('name = "garden"\n')
+    import_keys(file, profile, PASSPHRASE, os.urandom)
+    assert _secrets_of(profile) == [LOCKED_FILE]
+    assert sorted(path.name for path in (profile / "scenes").iterdir()) == ["garden.toml", "kitchen.toml"]
+
+
+def test_a_wrong_passphrase_and_a_damaged_file_are_told_apart_and_leave_nothing(profile: Path, tmp_path: Path) -> None:
+    file = tmp_path / "keys.backup"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    with pytest.raises(WrongPassphrase):
+        import_keys(file, tmp_path / "back", OTHER, os.urandom)
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    with pytest.raises(LocalFault, match="damaged"):
+        import_keys(file, tmp_path / "back", PASSPHRASE, os.urandom)
+    file.write_bytes(b"name = 3\n")
+    with pytest.raises(LocalFault, match="holds no keys"):
+        import_keys(file, tmp_path / "back", PASSPHRASE, os.urandom)
+    assert {path.name for path in tmp_path.iterdir()} == {"studio", "keys.backup"}
+
+
+@pytest.mark.parametrize("name", ["../evil", "/etc/passwd", "users/../../evil", "nodes/127.0.0.2/key.pem", "users/a/b/c/d", ""])
+def test_a_file_that_would_lie_elsewhere_is_refused(profile: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    import json
+
+    file = tmp_path / "keys.backup"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    document = json.loads(unlock(file.read_bytes(), PASSPHRASE))
+    document["files"][name] = ""
+    monkeypatch.setattr(key_archive, "unlock", lambda *_: json.dumps(document).encode())
+    with pytest.raises(LocalFault, match="damaged"):
+        import_keys(file, tmp_path / "back", PASSPHRASE, os.urandom)
+    assert not (tmp_path / "back").exists()
