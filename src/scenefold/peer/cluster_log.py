@@ -162,7 +162,7 @@ class ClusterLog:
     async def _found(self, voter: Voter) -> None:
         """Begin the log unless it has begun; on a full disk, as soon as there is room."""
         founders = (self._facts.credential(node) for node in self._facts.founders)
-        seats = tuple(Founder(one.node_id, one.public_key.raw, one.address) for one in founders if one is not None)
+        seats = tuple(Founder(one.node_id, one.public_key.raw, one.sealing_key.raw, one.address) for one in founders if one is not None)
         while self.registry.position == 0:
             try:
                 await voter.found(Found(seats, self._facts.voters))

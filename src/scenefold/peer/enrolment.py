@@ -72,7 +72,7 @@ def next_step(registry: Registry, me: Member, *, is_rolled_back: bool) -> Step:
 
 def registration(own: OwnStatus, left_of: NodeId) -> AddNode:
     """The entry that registers this node: left of another one, or (0) on its founding seat."""
-    return AddNode(own.member, own.key.public.raw, address_of(own.me), left_of)
+    return AddNode(own.member, own.key.public.raw, own.secrets.sealing.public.raw, address_of(own.me), left_of)
 
 
 class Enrolment:

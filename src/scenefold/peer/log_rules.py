@@ -11,7 +11,6 @@ import struct
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import key_id_of
 from scenefold.peer.lives import Lives
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode, Trust
@@ -21,12 +20,12 @@ from scenefold.world.facts import ClusterFacts
 def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts) -> None:
     """Refused (12) if this node may not propose this entry."""
     match entry:
-        case AddNode(member, key):
+        case AddNode(member, key, sealing_key):
             if member.node != proposer:
                 raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
             credential = facts.credential(member.node)
-            if credential is not None and credential.public_key.key_id != key_id_of(key):
-                raise _not_authorised(f"{address_of(member.node)} was certified with another key")
+            if credential is not None and (credential.public_key.raw, credential.sealing_key.raw) != (key, sealing_key):
+                raise _not_authorised(f"{address_of(member.node)} was certified with other keys")
         case RemoveNode():
             if registry.current(proposer) is None:
                 raise _not_authorised(f"{address_of(proposer)} is no member, and removes nobody")

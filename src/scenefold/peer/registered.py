@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
-from scenefold.crypto import PublicKey
+from scenefold.base.limits import NODES_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.wire import Member
 
 NO_INCARNATION = bytes(16)
@@ -19,6 +23,7 @@ class Registered:
     node: NodeId
     incarnation: bytes
     key: PublicKey
+    sealing_key: SealingPublicKey
     address: str
     position: int
     founding: bool
@@ -39,8 +44,28 @@ class Removal:
 
 @dataclass(frozen=True, slots=True)
 class Seat:
-    """A founder's place on the line, with the key that may take it."""
+    """A founder's place on the line, with the keys that may take it."""
 
     node: NodeId
     key: PublicKey
+    sealing_key: SealingPublicKey
     address: str
+
+
+@lru_cache(maxsize=2 * NODES_MAX)
+def signing_key_from(raw: bytes) -> PublicKey:
+    """The key of an entry; Refused (5) if it is none."""
+    # Remembered, since every fold of the same log, and every node of a simulation, meets the same keys.
+    try:
+        return PublicKey(raw)
+    except DamagedData as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+
+
+@lru_cache(maxsize=2 * NODES_MAX)
+def sealing_key_from(raw: bytes) -> SealingPublicKey:
+    """The key of an entry; Refused (5) if it is none."""
+    try:
+        return SealingPublicKey(raw)
+    except DamagedData as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem

@@ -13,13 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
-from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.errors import Refused
 from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.limits import NODES_MAX
 from scenefold.base.location import Arc, arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PublicKey
-from scenefold.peer.registered import NO_INCARNATION, Registered, Removal, Seat
+from scenefold.crypto import PublicKey, SealingPublicKey
+from scenefold.peer.registered import NO_INCARNATION, Registered, Removal, Seat, sealing_key_from, signing_key_from
 from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode, Trust
 
 
@@ -121,8 +121,16 @@ class Registry:
 
     def key_of(self, node: NodeId) -> PublicKey | None:
         """The key that a node on the line signs with."""
-        known = self._registered.get(node) or self._founders.get(node)
-        return known.key if known is not None and node in self._ranks else None
+        known = self._known(node)
+        return None if known is None else known.key
+
+    def sealing_key_of(self, node: NodeId) -> SealingPublicKey | None:
+        """The key that datagrams to and from a node on the line are sealed with."""
+        known = self._known(node)
+        return None if known is None else known.sealing_key
+
+    def _known(self, node: NodeId) -> Registered | Seat | None:
+        return (self._registered.get(node) or self._founders.get(node)) if node in self._ranks else None
 
     def is_revoked(self, node: NodeId, key: KeyId) -> bool:
         return (node, key) in self._revoked
@@ -203,7 +211,10 @@ class Registry:
             raise _ill_formed("voters are founders, each once")
         for founder in entry.founders:
             _check_address(founder.node, founder.address)
-        self._founders = {founder.node: Seat(founder.node, _key(founder.key), founder.address) for founder in entry.founders}
+        self._founders = {
+            founder.node: Seat(founder.node, signing_key_from(founder.key), sealing_key_from(founder.sealing_key), founder.address)
+            for founder in entry.founders
+        }
         self._founding_arcs = dict(zip(nodes, arcs_between(even_right_bounds(len(nodes))), strict=True))
         self.order = tuple(nodes)
         self.voters = entry.voters
@@ -216,7 +227,7 @@ class Registry:
             raise _ill_formed("a member has an incarnation")
         if incarnation in self._removals:
             raise Refused(RejectReason.WRONG_INCARNATION, f"this incarnation was removed: {self._removals[incarnation].reason}")
-        key = _key(entry.key)
+        key, sealing_key = signing_key_from(entry.key), sealing_key_from(entry.sealing_key)
         if self.is_revoked(node, key.key_id):
             raise Refused(RejectReason.KEY_REVOKED, f"the key of {address_of(node)} is revoked")
         if node in self._registered:
@@ -226,11 +237,11 @@ class Registry:
             seat = self._founders.get(node)
             if seat is None or node not in self.order:
                 raise _ill_formed(f"{address_of(node)} has no founding seat")
-            if seat.key != key:
-                raise Refused(RejectReason.NOT_AUTHORISED, f"the founding seat of {address_of(node)} waits for another key")
+            if (seat.key, seat.sealing_key) != (key, sealing_key):
+                raise Refused(RejectReason.NOT_AUTHORISED, f"the founding seat of {address_of(node)} waits for other keys")
         else:
             self._insert(node, entry.left_of)
-        self._registered[node] = Registered(node, incarnation, key, entry.address, position, founding)
+        self._registered[node] = Registered(node, incarnation, key, sealing_key, entry.address, position, founding)
 
     def _insert(self, node: NodeId, left_of: NodeId) -> None:
         if node in self.order:
@@ -261,15 +272,6 @@ class Registry:
 @lru_cache(maxsize=2 * NODES_MAX)
 def _hash_of(record: LogRecord) -> bytes:
     return record.hash()
-
-
-@lru_cache(maxsize=2 * NODES_MAX)
-def _key(raw: bytes) -> PublicKey:
-    # Remembered, since every fold of the same log, and every node of a simulation, meets the same keys.
-    try:
-        return PublicKey(raw)
-    except DamagedData as problem:
-        raise _ill_formed(str(problem)) from problem
 
 
 def _check_address(node: NodeId, address: str) -> None:

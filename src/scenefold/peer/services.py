@@ -73,7 +73,7 @@ class PeerServices:
     ) -> None:
         me = node_id_of(settings.address)
         identity = store.identity
-        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, secrets.signing, blacklist=settings.blacklisted)
+        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, secrets, blacklist=settings.blacklisted)
         own.update(memory_total_bytes=settings.memory_budget_bytes)
         roster = Roster(me)
 

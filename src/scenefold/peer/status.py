@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import BLACKLIST_MAX
 from scenefold.base.location import FIRST, Arc, Location
-from scenefold.crypto import STATUS_DOMAIN, SigningKey
+from scenefold.crypto import STATUS_DOMAIN, MemberSecrets, SigningKey
 from scenefold.wire import Member, MiniStatus, Status
 
 TELL_S = 0.02
@@ -46,13 +46,14 @@ class OwnStatus:
     """The author of this node's statuses. Used from the Trio thread only."""
 
     def __init__(
-        self, me: NodeId, address: str, incarnation: bytes, boot: int, key: SigningKey, *, blacklist: Iterable[NodeId] = ()
+        self, me: NodeId, address: str, incarnation: bytes, boot: int, secrets: MemberSecrets, *, blacklist: Iterable[NodeId] = ()
     ) -> None:
         assert 0 <= boot <= _U32_MAX
         listed = tuple(sorted(set(blacklist)))
         assert len(listed) <= BLACKLIST_MAX, "settings are judged before"
         self._lamport = boot << 32
-        self._key = key
+        self.secrets = secrets
+        """What it signs with, and what is sealed to it."""
         self._basis = Status(lamport=0, node=me, incarnation=incarnation, boot=boot, address=address, blacklist=listed)
         self.load = Load()
         self.arc: Arc | None = None
@@ -83,7 +84,7 @@ class OwnStatus:
 
     @property
     def key(self) -> SigningKey:
-        return self._key
+        return self.secrets.signing
 
     def signed(self) -> Status:
         """A new status, signed, later than all before."""
@@ -103,7 +104,7 @@ class OwnStatus:
             rays_per_second=min(load.rays_per_second, _U32_MAX),
             ray_queue_length=min(load.ray_queue_length, _U32_MAX),
         )
-        return replace(status, signature=self._key.sign(STATUS_DOMAIN, status.signable()))
+        return replace(status, signature=self.secrets.signing.sign(STATUS_DOMAIN, status.signable()))
 
     def mini(self) -> MiniStatus:
         """The short form, for a packet on an authenticated connection."""

@@ -20,7 +20,7 @@ from scenefold.peer import gossip, hearing
 from scenefold.peer.balance import balancer
 from scenefold.peer.log_book import LogBook
 from scenefold.peer.registry import Registry
-from scenefold.simulation.cluster import DATA_FOLDER, Cluster, key_of
+from scenefold.simulation.cluster import DATA_FOLDER, Cluster, Node, key_of
 from scenefold.store import open_store
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, SignedRecord
 
@@ -37,10 +37,10 @@ async def prepare(cluster: Cluster, founders: int) -> None:
         world = cluster.net.world(node.name, node.address, node.disk)
         async with open_store(world, DATA_FOLDER, node.node_id) as store:
             members.append(Member(node.node_id, store.identity.incarnation))
-    seats = tuple(Founder(node.node_id, node.secrets.signing.public.raw, node.address) for node in nodes)
+    seats = tuple(Founder(node.node_id, *_keys_of(node), node.address) for node in nodes)
     entries: list[LogEntry] = [Found(seats, cluster.facts.voters)]
     for node, member in zip(nodes, members, strict=True):
-        entries.append(AddNode(member, node.secrets.signing.public.raw, node.address, NodeId(0)))
+        entries.append(AddNode(member, *_keys_of(node), node.address, NodeId(0)))
     records, head = [], Registry().head
     for position, entry in enumerate(entries, 1):
         record = LogRecord(position, head, position.to_bytes(16, "big"), cluster.facts.voter, entry)
@@ -53,6 +53,10 @@ async def prepare(cluster: Cluster, founders: int) -> None:
         async with open_store(world, DATA_FOLDER, node.node_id) as store:
             book = LogBook(store)
             await book.append(records, header)
+
+
+def _keys_of(node: Node) -> tuple[bytes, bytes]:
+    return node.secrets.signing.public.raw, node.secrets.sealing.public.raw
 
 
 def fill_tables(cluster: Cluster) -> None:

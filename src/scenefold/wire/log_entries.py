@@ -85,6 +85,7 @@ class AddNode:
 
     member: Member
     key: bytes
+    sealing_key: bytes
     address: str
     left_of: NodeId
 
@@ -115,6 +116,7 @@ class RevokeNode:
 class Founder:
     node: NodeId
     key: bytes
+    sealing_key: bytes
     address: str
 
 
@@ -166,7 +168,7 @@ class Boxed:
 _COORDINATES = Many(F64, counts=tuple(range(1, SPACE_DIMENSIONS_MAX + 1)))
 _KEY = Bin(lengths=(32,))
 _ADDRESS = Text(ADDRESS_BYTES_MAX)
-FOUNDER = Struct(Founder, ("node", U32), ("key", _KEY), ("address", _ADDRESS))
+FOUNDER = Struct(Founder, ("node", U32), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS))
 _SINGLE: dict[int, Struct[Any]] = {
     1: Struct(
         CreateSpace,
@@ -191,7 +193,7 @@ _SINGLE: dict[int, Struct[Any]] = {
     6: Struct(RemoveParticipant, ("member", MEMBER)),
     7: Struct(AddObserver, ("member", MEMBER)),
     8: Struct(RemoveObserver, ("member", MEMBER)),
-    32: Struct(AddNode, ("member", MEMBER), ("key", _KEY), ("address", _ADDRESS), ("left_of", U32)),
+    32: Struct(AddNode, ("member", MEMBER), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS), ("left_of", U32)),
     33: Struct(RemoveNode, ("member", MEMBER), ("reason", MESSAGE)),
     34: Struct(Trust, ("node", U32), ("trusted", BOOL)),
     35: Struct(RevokeNode, ("node", U32), ("key", U32)),

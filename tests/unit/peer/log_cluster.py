@@ -23,7 +23,7 @@ from scenefold.store import open_store
 from scenefold.wire import MiniStatus
 from scenefold.world import Connection, Priority, background_tasks, open_links, serve_connection
 from scenefold.world.sim import SimNet
-from unit.peer.logs_made import LOG_KEY, facts, key_of, node
+from unit.peer.logs_made import LOG_KEY, facts, node, secrets_of
 
 FOLDER = Path("/data")
 
@@ -68,7 +68,7 @@ class LogNode:
             background_tasks() as nursery,
         ):
             identity = store.identity
-            self.own = OwnStatus(self.id, self.address, identity.incarnation, identity.boot, key_of(self.number))
+            self.own = OwnStatus(self.id, self.address, identity.incarnation, identity.boot, secrets_of(self.number))
             roster = Roster(self.id)
             routing = Routing(lambda: self.log.registry, roster, self.own)
             peers = Peers(world, links, self.own, roster, routing)

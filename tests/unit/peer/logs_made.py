@@ -27,6 +27,11 @@ def secrets_of(number: int) -> MemberSecrets:
     return MemberSecrets(key_of(number), SealingKey(hashlib.sha256(b"sealing key of node %d" % number).digest()))
 
 
+def _raw(number: int) -> tuple[bytes, bytes]:
+    secrets = secrets_of(number)
+    return secrets.signing.public.raw, secrets.sealing.public.raw
+
+
 def incarnation(number: int, life: int = 0) -> bytes:
     return hashlib.sha256(b"life %d of %d" % (life, number)).digest()[:16]
 
@@ -36,14 +41,14 @@ def member(number: int, life: int = 0) -> Member:
 
 
 def found(count: int, voters: Sequence[int] = (0,)) -> Found:
-    founders = (Founder(node(number), key_of(number).public.raw, address_of(node(number))) for number in range(count))
+    founders = (Founder(node(number), *_raw(number), address_of(node(number))) for number in range(count))
     return Found(tuple(founders), tuple(node(number) for number in voters))
 
 
 def add(number: int, left_of: int | None = None, life: int = 0) -> AddNode:
     """Node `number` takes its founding seat, or stands left of another one."""
     target = NodeId(0) if left_of is None else node(left_of)
-    return AddNode(member(number, life), key_of(number).public.raw, address_of(node(number)), target)
+    return AddNode(member(number, life), *_raw(number), address_of(node(number)), target)
 
 
 def remove(number: int, life: int = 0, reason: str = "gone") -> RemoveNode:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from scenefold.base.errors import Refused
@@ -10,7 +12,7 @@ from scenefold.peer.enrolment import Step, next_step
 from scenefold.peer.log_rules import check_proposer, predecessor
 from scenefold.peer.registry import Registry
 from scenefold.wire import LogEntry, Member, RevokeNode, Trust
-from unit.peer.logs_made import add, facts, folded, found, key_of, member, node, remove
+from unit.peer.logs_made import add, facts, folded, found, key_of, member, node, remove, secrets_of
 
 CASES = {
     "nothing is known": (Registry(), member(1), False, Step.WAIT),
@@ -44,14 +46,14 @@ def refusal(entry: LogEntry, proposer: int, registry: Registry) -> RejectReason:
     return caught.value.reason
 
 
-def test_a_node_registers_itself_with_the_key_that_it_was_certified_with() -> None:
+def test_a_node_registers_itself_with_the_keys_that_it_was_certified_with() -> None:
     registry = folded(found(3), add(0))
     check_proposer(add(1), node(1), registry, facts(3))
     check_proposer(add(9, left_of=0), node(9), registry, facts(3))  # certified later, unknown to these facts
     assert refusal(add(1), 2, registry) == RejectReason.NOT_AUTHORISED
     stolen = add(3, left_of=0)
-    forged = type(stolen)(stolen.member, key_of(9).public.raw, stolen.address, stolen.left_of)
-    assert refusal(forged, 3, registry) == RejectReason.NOT_AUTHORISED
+    for changed in ({"key": key_of(9).public.raw}, {"sealing_key": secrets_of(9).sealing.public.raw}):
+        assert refusal(replace(stolen, **changed), 3, registry) == RejectReason.NOT_AUTHORISED
 
 
 def test_members_propose_removals_and_voters_the_rest() -> None:

@@ -14,7 +14,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import SigningKey, parse_datagram, sign_datagram, verify_datagram
+from scenefold.crypto import MemberSecrets, SealingKey, SigningKey, parse_datagram, sign_datagram, verify_datagram
 from scenefold.peer.range_datagrams import ANSWERERS, QUESTIONS_MAX, RangeDatagrams
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import Packet, QueryRange, RejectRange, RequestState, ReturnRange, decode_packet, encode_packet
@@ -95,7 +95,7 @@ def asking(
 
     async def main(neighbours: Neighbours, _: Node, owner: Node) -> None:
         neighbours.net.set_weather(weather)
-        own = OwnStatus(owner.me, address_of(owner.me), bytes(16), 1, KEYS[owner.me])
+        own = OwnStatus(owner.me, address_of(owner.me), bytes(16), 1, MemberSecrets(KEYS[owner.me], SealingKey(bytes([9]) * 32)))
         answering = RangeDatagrams(owner.world, own, Members, owner.data.ranges)  # type: ignore[arg-type]
         socket = await neighbours.net.world(f"node:{ASKER}", address_of(ASKER)).network.open_datagrams(address_of(ASKER), Priority.LOW)
         async with trio.open_nursery() as nursery:

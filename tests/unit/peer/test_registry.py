@@ -16,7 +16,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.registered import NO_INCARNATION
 from scenefold.peer.registry import Registry
 from scenefold.wire import LogEntry, Member, RemoveNode, RevokeNode, SceneMode, SetMode, Trust
-from unit.peer.logs_made import add, folded, found, incarnation, key_of, member, node, record, remove
+from unit.peer.logs_made import add, folded, found, incarnation, key_of, member, node, record, remove, secrets_of
 
 
 def refusal(after: Registry, entry: LogEntry) -> RejectReason:
@@ -34,12 +34,14 @@ def test_founders_stand_in_id_order_with_even_arcs_before_anybody_registered() -
     assert registry.vacant_seat(node(2)) is not None and registry.current(node(2)) is None
 
 
-def test_a_founder_takes_its_seat_once_and_only_with_its_key() -> None:
+def test_a_founder_takes_its_seat_once_and_only_with_its_keys() -> None:
     registry = folded(found(3), add(1))
     assert registry.members == (node(1),) and registry.is_current(member(1)) and not registry.is_current(member(1, life=1))
     assert registry.vacant_seat(node(1)) is None and registry.founding_arc(node(1)) is not None
     assert refusal(registry, add(1, life=1)) == RejectReason.BUSY, "the id is in use"
-    assert refusal(registry, replace(add(2), key=key_of(9).public.raw)) == RejectReason.NOT_AUTHORISED
+    for changed in ({"key": key_of(9).public.raw}, {"sealing_key": secrets_of(9).sealing.public.raw}):
+        assert refusal(registry, replace(add(2), **changed)) == RejectReason.NOT_AUTHORISED
+    assert [registry.sealing_key_of(node(number)) for number in (1, 2, 7)] == [*(secrets_of(n).sealing.public for n in (1, 2)), None]
     assert refusal(registry, add(7)) == RejectReason.ILL_FORMED, "no founder"
     assert refusal(registry, add(2, left_of=0)) == RejectReason.ILL_FORMED, "a founder has a seat already"
 

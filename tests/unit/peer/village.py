@@ -19,7 +19,7 @@ from scenefold.base.errors import Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import SealingKey, SigningKey
+from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Senders
 from scenefold.peer.probing import Probing
@@ -235,7 +235,7 @@ class Village:
         """A founder takes its seat."""
         node = node_at(index)
         member = Member(node, incarnation or incarnation_of(index))
-        self.commit(AddNode(member, key_of(node).public.raw, address_of(node), NodeId(0)))
+        self.commit(AddNode(member, key_of(node).public.raw, sealing_key_of(node).public.raw, address_of(node), NodeId(0)))
 
 
 @asynccontextmanager
@@ -261,7 +261,7 @@ async def village(
     async with trio.open_nursery() as nursery:
         them = Village(nursery)
         for index, member in enumerate(members):
-            own = OwnStatus(member, address_of(member), incarnation_of(index), 1, key_of(member))
+            own = OwnStatus(member, address_of(member), incarnation_of(index), 1, MemberSecrets(key_of(member), sealing_key_of(member)))
             own.arc = arcs[index]
             world, roster, log = a_world(them.ether, random), Roster(member), Log(them, member)
             calls = cast(Any, Calls(them, member))
@@ -270,7 +270,9 @@ async def village(
             probing = Probing(world, gossip, roster, calls, cast(Any, log), own, settings)
             them.nodes[member] = node = Node(own, roster, gossip, probing, log, {})
             probing.register(cast(Any, node))
-        founders = tuple(Founder(member, key_of(member).public.raw, address_of(member)) for member in members)
+        founders = tuple(
+            Founder(member, key_of(member).public.raw, sealing_key_of(member).public.raw, address_of(member)) for member in members
+        )
         them.commit(Found(founders, (FIRST,)))
         for index in range(count if registered is None else registered):
             them.register(index)

@@ -28,7 +28,7 @@ from scenefold.store.statistics import Counts
 from scenefold.store.walking import Entry, Manifest, Weighed
 from scenefold.wire import AddNode, LogEntry, Packet, RemoveNode, Status
 from scenefold.world import World
-from unit.peer.logs_made import add, folded, found, key_of, member, node, record
+from unit.peer.logs_made import add, folded, found, member, node, record, secrets_of
 
 KIB = 1024
 SETTLING_S = 10.0
@@ -71,7 +71,7 @@ class House:
     def __post_init__(self) -> None:
         street = self.street
         self.me = node(self.number)
-        self.own = OwnStatus(self.me, address_of(self.me), member(self.number).incarnation, 1, key_of(self.number))
+        self.own = OwnStatus(self.me, address_of(self.me), member(self.number).incarnation, 1, secrets_of(self.number))
         self.world = cast(World, SimpleNamespace(clock=TrioClock(), entropy=Dice(self.number)))
         self.handlers = Handlers(lambda: street.registry, self.own.mini, lambda mini: None)
         store, line, roster, log = cast(Any, self), self, cast(Any, self), street

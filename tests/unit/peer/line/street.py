@@ -17,6 +17,7 @@ from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.crypto import Record
+from scenefold.peer.enrolment import registration
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Line
 from scenefold.peer.line.holding_note import decode_holding
@@ -27,10 +28,10 @@ from scenefold.store import Outcome, Put, open_store
 from scenefold.store.holding import NOTE_KEY
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of
 from scenefold.store.sealing import opened
-from scenefold.wire import AddNode, LogEntry, Member, Packet, RemoveNode
+from scenefold.wire import LogEntry, Member, Packet, RemoveNode
 from scenefold.world import Clock, Connection, DiskFailed, Priority, open_links, serve_connection
 from scenefold.world.sim import Point, SimNet
-from unit.peer.logs_made import found, key_of, node, record
+from unit.peer.logs_made import found, node, record, secrets_of
 from unit.peer.scenes_made import first_header, sealed
 
 HEADER = first_header()
@@ -196,10 +197,10 @@ class House:
             open_links(world) as links,
             trio.open_nursery() as nursery,
         ):
-            own = OwnStatus(self.node, self.address, store.identity.incarnation, store.identity.boot, key_of(self.number))
+            own = OwnStatus(self.node, self.address, store.identity.incarnation, store.identity.boot, secrets_of(self.number))
             if log.registry.current(self.node) is None and not self.lives:
                 left_of = NodeId(0) if log.registry.vacant_seat(self.node) else log.registry.order[self.street.join_before]
-                log.say(AddNode(own.member, key_of(self.number).public.raw, self.address, left_of))
+                log.say(registration(own, left_of))
             self.lives += 1
             asker: Any = Asker(links, own)
             any_log: Any = KnownLog(log, world.clock)
