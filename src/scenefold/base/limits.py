@@ -52,6 +52,12 @@ SPACES_PER_SCENE_MAX = 256
 WRITERS_PER_SCENE_MAX = 128
 """Writer keys that a public scene header lists, retired ones included. With the two bounds beside it, a hostile
 list of scenes decodes in a second at most."""
+LOCKBOX_BYTES_MAX = 1024
+"""A scene's keys, sealed to one member: 207 bytes under X25519, 384 under RSA-3072."""
+HEADER_KEYS_MAX = 64
+"""How often a scene's header key may change: once for each owner that is revoked."""
+MEMBER_NAME_BYTES_MAX = 64
+"""A member's name, as in "user:ada": at most 55 bytes of a certificate's common name."""
 PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
 SCENES_LISTED_MAX = 512

@@ -1,7 +1,7 @@
 """Keys, records, certificates, signed datagrams. The only door to `cryptography`; specs/04-records.md has the bytes."""
 
-from scenefold.crypto.authority import Authority, Identity, read_authority_certificate
-from scenefold.crypto.cards import Card, MemberKeys, NotOfThisCluster, OutOfDate
+from scenefold.crypto.authority import Authority, Identity, check_signed, read_authority_certificate
+from scenefold.crypto.cards import CARD_BYTES_MAX, Card, MemberKeys, NotOfThisCluster, OutOfDate
 from scenefold.crypto.datagrams import (
     DATAGRAM_OVERHEAD_BYTES,
     EVERYBODY,
@@ -13,6 +13,7 @@ from scenefold.crypto.datagrams import (
     sign_datagram,
     verify_datagram,
 )
+from scenefold.crypto.invitations import ENROL_DOMAIN, ORDER_DOMAIN, InvitedKind, Token, authority_der, authority_pem, mark_of
 from scenefold.crypto.keys import (
     DATAGRAM_DOMAIN,
     HEADER_DOMAIN,
@@ -29,6 +30,7 @@ from scenefold.crypto.keys import (
 )
 from scenefold.crypto.logs import open_log, seal_log
 from scenefold.crypto.member_secrets import MemberSecrets
+from scenefold.crypto.names import NAME_PATTERN
 from scenefold.crypto.objects import OBJECT_BYTES, object_of, signed_place, wanted_place
 from scenefold.crypto.record_header import (
     HEADER_BYTES,
@@ -60,18 +62,22 @@ __all__ = [
     "DATAGRAM_DOMAIN",
     "DATAGRAM_OVERHEAD_BYTES",
     "DEFAULT_SUITE",
+    "CARD_BYTES_MAX",
     "ED25519",
     "EVERYBODY",
     "HEADER_BYTES",
     "HEADER_DOMAIN",
+    "ENROL_DOMAIN",
     "LEASE_DOMAIN",
     "LOCKBOX_PURPOSE",
     "LOG_DOMAIN",
     "NONCE_BYTES",
     "OBJECT_BYTES",
     "PLACED_BY_CLIENT",
+    "NAME_PATTERN",
     "PLACED_BY_NODE",
     "PROPOSAL_DOMAIN",
+    "ORDER_DOMAIN",
     "RECORD_DOMAIN",
     "RSA3072",
     "SIGNATURE_BYTES",
@@ -87,6 +93,7 @@ __all__ = [
     "MemberKeys",
     "MemberSecrets",
     "NotOfThisCluster",
+    "InvitedKind",
     "OutOfDate",
     "PublicKey",
     "Record",
@@ -103,12 +110,19 @@ __all__ = [
     "claimed_epoch",
     "client_context",
     "datagram_counter",
+    "Token",
     "key_id_of",
+    "authority_der",
+    "authority_pem",
+    "check_claim",
+    "check_signature",
+    "check_signed",
     "make_private_folder",
     "new_symmetric_key",
     "object_of",
     "open_log",
     "open_record",
+    "mark_of",
     "parse_datagram",
     "peer_name",
     "read_authority_certificate",

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Self
 
 from cryptography import x509
+from cryptography.exceptions import InvalidSignature as _InvalidSignature
 from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -22,6 +23,7 @@ from cryptography.hazmat.primitives.serialization import (
     NoEncryption,
     PrivateFormat,
     PublicFormat,
+    load_der_private_key,
     load_der_public_key,
     load_pem_private_key,
 )
@@ -29,6 +31,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.crypto.cards import MEMBER_KEYS, MemberKeys
+from scenefold.crypto.keys import InvalidSignature
 from scenefold.crypto.names import NAME_PATTERN, common_name
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_certificate, read_secret, write_secret
 
@@ -121,6 +124,26 @@ class Authority:
         return builder.sign(self._key, hashes.SHA256()).public_bytes(Encoding.PEM)
 
     def to_files(self, folder: Path) -> None:
+    def sign(self, domain: bytes, message: bytes) -> bytes:
+        """ECDSA with SHA-256, for what every member must believe and no certificate says; see `check_signed`."""
+        return self._key.sign(_domained(domain, message), ec.ECDSA(hashes.SHA256()))
+
+    def key_der(self) -> bytes:
+        """The private key (PKCS8, DER): only to be sealed to those that may hold it."""
+        return self._key.private_bytes(Encoding.DER, PrivateFormat.PKCS8, NoEncryption())
+
+    @classmethod
+    def from_key(cls, certificate: bytes, key_der: bytes) -> Self:
+        """The authority of a certificate (PEM) and what `key_der` gave; DamagedData if they are not of one."""
+        try:
+            key = load_der_private_key(key_der, password=None)
+            public = x509.load_pem_x509_certificate(certificate).public_key()
+        except (ValueError, TypeError, UnsupportedAlgorithm):
+            raise DamagedData("the sealed key of the authority is none") from None
+        if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != public:
+            raise DamagedData("the sealed key is that of another authority")
+        return cls(certificate, key)
+
         """Writes certificate and key, 0600 in a folder of 0700; LocalFault if they exist."""
         make_private_folder(folder)
         write_secret(folder / KEY_FILE, _key_pem(self._key))
@@ -134,6 +157,21 @@ class Authority:
 
 
 def read_authority_certificate(folder: Path) -> bytes:
+def check_signed(certificate: bytes, signature: bytes, domain: bytes, message: bytes) -> None:
+    """Returns if the authority of this certificate (PEM) signed the message; InvalidSignature otherwise."""
+    try:
+        key = x509.load_pem_x509_certificate(certificate).public_key()
+        assert isinstance(key, ec.EllipticCurvePublicKey)
+        key.verify(signature, _domained(domain, message), ec.ECDSA(hashes.SHA256()))
+    except (ValueError, AssertionError, _InvalidSignature):
+        raise InvalidSignature("the signature is not that of the cluster's authority") from None
+
+
+def _domained(domain: bytes, message: bytes) -> bytes:
+    assert 0 < len(domain) < 256
+    return b"".join((bytes((len(domain),)), domain, message))
+
+
     """The authority's certificate alone, for members that do not hold its key; LocalFault if it is none."""
     certificate = read_certificate(folder / CERTIFICATE_FILE)
     _load_certificate(certificate, folder / CERTIFICATE_FILE)

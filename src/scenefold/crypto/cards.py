@@ -19,7 +19,7 @@ from typing import Self
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature as _InvalidSignature
 from cryptography.exceptions import UnsupportedAlgorithm
-from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId
@@ -101,6 +101,11 @@ class Card:
     def signing_id(self) -> KeyId:
         return self.keys.signing.key_id
 
+    @property
+    def tls_key(self) -> bytes:
+        """The public key that the certificate is for (DER)."""
+        return _parsed(self.der).public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+
     @classmethod
     def verified(cls, certificate: bytes, authority: bytes, now: datetime.datetime | None = None) -> Self:
         """The card in a certificate (PEM or DER), if the authority (PEM) issued it.
@@ -118,6 +123,19 @@ class Card:
             raise DamagedData("the certificate names no member of a cluster")
         if now is not None:
             _check_time(parsed, name, now)
+        return cls._of(parsed, name)
+
+    @classmethod
+    def read(cls, certificate: bytes) -> Self:
+        """The card in a certificate that was verified before, by whoever put it where it comes from; DamagedData if it is none."""
+        parsed = _parsed(certificate)
+        name = common_name(parsed)
+        if not NAME_PATTERN.fullmatch(name):
+            raise DamagedData("the certificate names no member of a cluster")
+        return cls._of(parsed, name)
+
+    @classmethod
+    def _of(cls, parsed: x509.Certificate, name: str) -> Self:
         try:
             extension = parsed.extensions.get_extension_for_oid(MEMBER_KEYS).value
         except x509.ExtensionNotFound:

@@ -1,7 +1,8 @@
 """Who may propose what to the cluster's log, and what a lease request signs (specs/15-cluster-log.md). Pure.
 
 That an entry fits behind the log says the registry; here it is judged whether this asker may propose it at all. A
-node registers itself and nobody else, with the key that the cluster knows of it; a removal may be proposed by every member.
+node registers itself and nobody else, with the keys that it was certified with; a removal may be proposed by every member; what an
+administrator orders comes through the voter, which has judged the order (enrol_rules.py).
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ import struct
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Card
+from scenefold.peer.enrol_rules import check_issued, credential_of
 from scenefold.peer.lives import Lives
 from scenefold.peer.registry import Registry
-from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode, Trust
+from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode
+from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.facts import ClusterFacts
 
 
@@ -23,15 +27,22 @@ def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts:
         case AddNode(member, key, sealing_key):
             if member.node != proposer:
                 raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
-            credential = facts.credential(member.node)
+            credential = credential_of(member.node, registry, facts)
             if credential is not None and (credential.public_key.raw, credential.sealing_key.raw) != (key, sealing_key):
                 raise _not_authorised(f"{address_of(member.node)} was certified with other keys")
+            if credential is None and facts.authority:
+                raise _not_authorised(f"{address_of(member.node)} was never enrolled, or its key was revoked")
         case RemoveNode():
             if registry.current(proposer) is None:
                 raise _not_authorised(f"{address_of(proposer)} is no member, and removes nobody")
-        case Trust() | RevokeNode():
+        case Enrol() | RenewCard():
+            check_issued(entry, registry, facts)
+        case Trust(node, True, sealed) if sealed and registry.is_trusted(node):
+            if not registry.is_trusted(proposer):
+                raise _not_authorised("only a trusted node seals the authority's key to another one")
+        case Trust() | RevokeNode() | Invite() | Withdraw() | RevokeUser():
             if proposer not in registry.voters:
-                raise _not_authorised("only a voter proposes whom to trust and whose key to revoke")
+                raise _not_authorised("only a voter takes an administrator's orders into the log")
         case _:
             raise Refused(RejectReason.ILL_FORMED, f"nobody proposes a {type(entry).__name__} to the cluster's log")
 
@@ -58,8 +69,19 @@ def in_words(entry: LogEntry) -> str:
             return f"{address_of(member.node)} is a member ({member.incarnation.hex()[:8]})"
         case RemoveNode(member, reason):
             return f"{address_of(member.node)} is removed: {reason}"
-        case Trust(node, trusted):
-            return f"{address_of(node)} is {'trusted' if trusted else 'no longer trusted'}"
+        case Trust(node, trusted, sealed):
+            key = ", and has the key of the authority" if sealed else ""
+            return f"{address_of(node)} is {'trusted' if trusted else 'no longer trusted'}{key}"
+        case Invite(_, name, _, _, by):
+            return f"{by} invites {'any node' if name == ANY_NODE else name}"
+        case Withdraw():
+            return "an invitation is withdrawn"
+        case Enrol(_, card):
+            return f"{Card.read(card).name} is enrolled"
+        case RenewCard(card):
+            return f"{Card.read(card).name} has a newer certificate"
+        case RevokeUser(name, key):
+            return f"the key {key:08x} of {name} is revoked"
         case RevokeNode(node, key):
             return f"the key {key:08x} of {address_of(node)} is revoked"
         case _:

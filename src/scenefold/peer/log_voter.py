@@ -109,8 +109,9 @@ class Voter:
             check_proposer(entry, proposer, self._registry(), self._facts)
 
     async def _hear_veto(self, member: Member, proposer: NodeId) -> None:
-        """Who leaves by itself is not held back; anybody else may turn out to be alive."""
-        if member.node == proposer or self.veto is None or not self._registry().stands(member.node):
+        """Who leaves by itself is not held back, nor is one whose key was revoked; anybody else may turn out to be alive."""
+        registry = self._registry()
+        if member.node == proposer or self.veto is None or not registry.stands(member.node) or registry.is_barred(member.node):
             return
         objection = await self.veto(member)
         if objection is not None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import NODES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey, SealingPublicKey
@@ -54,18 +54,26 @@ class Seat:
 
 @lru_cache(maxsize=2 * NODES_MAX)
 def signing_key_from(raw: bytes) -> PublicKey:
-    """The key of an entry; Refused (5) if it is none."""
     # Remembered, since every fold of the same log, and every node of a simulation, meets the same keys.
     try:
         return PublicKey(raw)
     except DamagedData as problem:
-        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+        raise _ill_formed(str(problem)) from problem
 
 
 @lru_cache(maxsize=2 * NODES_MAX)
 def sealing_key_from(raw: bytes) -> SealingPublicKey:
-    """The key of an entry; Refused (5) if it is none."""
     try:
         return SealingPublicKey(raw)
     except DamagedData as problem:
-        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+        raise _ill_formed(str(problem)) from problem
+
+
+def check_address(node: NodeId, address: str) -> None:
+    # Ids are addresses for now, and links are opened by id: another address would be announced and never be dialled.
+    if address != address_of(node):
+        raise _ill_formed(f"node {node} is at {address_of(node)}, not at {address}")
+
+
+def _ill_formed(what: str) -> Refused:
+    return Refused(RejectReason.ILL_FORMED, what)

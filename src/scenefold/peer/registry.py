@@ -19,8 +19,10 @@ from scenefold.base.limits import NODES_MAX
 from scenefold.base.location import Arc, arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey, SealingPublicKey
-from scenefold.peer.registered import NO_INCARNATION, Registered, Removal, Seat, sealing_key_from, signing_key_from
-from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode, Trust
+from scenefold.peer.registered import NO_INCARNATION, Registered, Removal, Seat, check_address, sealing_key_from, signing_key_from
+from scenefold.peer.roll import Roll
+from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode
+from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 
 
 class Registry:
@@ -34,11 +36,11 @@ class Registry:
         "_removals",
         "_requests",
         "_revoked",
-        "_trusted",
         "head",
         "left_at",
         "order",
         "position",
+        "roll",
         "voters",
     )
 
@@ -49,6 +51,8 @@ class Registry:
     order: tuple[NodeId, ...]
     """All nodes on the line from left to right, founders that have not registered yet included."""
     voters: tuple[NodeId, ...]
+    roll: Roll
+    """Who was invited, enrolled, trusted, revoked."""
     left_at: int
     """Position of the newest record that took somebody off the line, a founder that never registered included; 0 if none did."""
 
@@ -63,7 +67,7 @@ class Registry:
         self._removals: dict[bytes, Removal] = {}
         self._requests: dict[bytes, int] = {}
         self._revoked: frozenset[tuple[NodeId, KeyId]] = frozenset()
-        self._trusted: frozenset[NodeId] = frozenset()
+        self.roll = Roll()
         self._ranks: dict[NodeId, int] = {}
         self._founding_arcs: dict[NodeId, Arc] = {}
 
@@ -143,7 +147,7 @@ class Registry:
         return any(revoked == node for revoked, _ in self._revoked)
 
     def is_trusted(self, node: NodeId) -> bool:
-        return node in self._trusted
+        return node in self.roll.trusted
 
     def position_of(self, request_id: bytes) -> int | None:
         """Where a request was committed; None if it was not."""
@@ -168,7 +172,7 @@ class Registry:
         copy.position, copy.head, copy.order, copy.voters = self.position, self.head, self.order, self.voters
         copy.left_at = self.left_at
         copy._founders, copy._founding_arcs = self._founders, self._founding_arcs
-        copy._revoked, copy._trusted = self._revoked, self._trusted
+        copy._revoked, copy.roll = self._revoked, self.roll
         copy._registered = dict(self._registered)
         copy._removals = dict(self._removals)
         copy._requests = dict(self._requests)
@@ -189,10 +193,11 @@ class Registry:
                 self._add(record.entry, record.position)
             case RemoveNode():
                 self._remove(record.entry, record.position)
-            case Trust(node, trusted):
-                self._trusted = self._trusted | {node} if trusted else self._trusted - {node}
             case RevokeNode(node, key):
                 self._revoked = self._revoked | {(node, key)}
+                self.roll = self.roll.without(f"node:{node}", key)
+            case Trust() | Invite() | Enrol() | RenewCard() | RevokeUser() | Withdraw():
+                self.roll = self.roll.after(record.entry)
             case _:
                 raise _ill_formed(f"a {type(record.entry).__name__} has no place in the cluster's log")
         if not self.order:
@@ -210,7 +215,7 @@ class Registry:
         if not entry.voters or not set(entry.voters) <= set(nodes) or len(set(entry.voters)) != len(entry.voters):
             raise _ill_formed("voters are founders, each once")
         for founder in entry.founders:
-            _check_address(founder.node, founder.address)
+            check_address(founder.node, founder.address)
         self._founders = {
             founder.node: Seat(founder.node, signing_key_from(founder.key), sealing_key_from(founder.sealing_key), founder.address)
             for founder in entry.founders
@@ -218,11 +223,13 @@ class Registry:
         self._founding_arcs = dict(zip(nodes, arcs_between(even_right_bounds(len(nodes))), strict=True))
         self.order = tuple(nodes)
         self.voters = entry.voters
+        # It was given the authority's key when the cluster was made.
+        self.roll = self.roll.after(Trust(entry.voters[0], True))
 
     def _add(self, entry: AddNode, position: int) -> None:
         member = entry.member
         node, incarnation = member.node, member.incarnation
-        _check_address(node, entry.address)
+        check_address(node, entry.address)
         if incarnation == NO_INCARNATION:
             raise _ill_formed("a member has an incarnation")
         if incarnation in self._removals:
@@ -272,12 +279,6 @@ class Registry:
 @lru_cache(maxsize=2 * NODES_MAX)
 def _hash_of(record: LogRecord) -> bytes:
     return record.hash()
-
-
-def _check_address(node: NodeId, address: str) -> None:
-    # Ids are addresses for now, and links are opened by id: another address would be announced and never be dialled.
-    if address != address_of(node):
-        raise _ill_formed(f"node {node} is at {address_of(node)}, not at {address}")
 
 
 def _ill_formed(what: str) -> Refused:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         ReturnRange,
     )
     from scenefold.wire.documents import Value, pack_value, unpack_value
+    from scenefold.wire.enrol_entries import Trust
     from scenefold.wire.errors import MalformedPacket, UnsupportedPacket
     from scenefold.wire.frames import FrameReader, frame
     from scenefold.wire.handover_packets import (
@@ -69,7 +70,6 @@ if TYPE_CHECKING:
         SetMode,
         SingleEntry,
         TranslateSpace,
-        Trust,
     )
     from scenefold.wire.log_records import (
         NO_RECORD,
@@ -159,6 +159,7 @@ _HOMES = {
     "scene_log_packets": "AcceptSceneProposal Ballot Highest Member Phase ProposalId ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
     "table": "RESERVED ROWS",
+    "enrol_entries": "Trust",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

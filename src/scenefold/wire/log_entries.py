@@ -20,6 +20,7 @@ from scenefold.wire.status_packets import ADDRESS_BYTES_MAX
 
 
 class CurveKind(IntEnum):
+from scenefold.wire.enrol_entries import ENROL_ENTRIES, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
     HILBERT = 0
     Z_ORDER = 1
 
@@ -96,12 +97,6 @@ class RemoveNode:
 
     member: Member
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Trust:
-    node: NodeId
-    trusted: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,10 +187,14 @@ _SINGLE: dict[int, Struct[Any]] = {
     5: Struct(AddParticipant, ("member", MEMBER)),
     6: Struct(RemoveParticipant, ("member", MEMBER)),
     7: Struct(AddObserver, ("member", MEMBER)),
+    | Invite
+    | Enrol
+    | RenewCard
+    | RevokeUser
+    | Withdraw
     8: Struct(RemoveObserver, ("member", MEMBER)),
     32: Struct(AddNode, ("member", MEMBER), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS), ("left_of", U32)),
     33: Struct(RemoveNode, ("member", MEMBER), ("reason", MESSAGE)),
-    34: Struct(Trust, ("node", U32), ("trusted", BOOL)),
     35: Struct(RevokeNode, ("node", U32), ("key", U32)),
     36: Struct(Found, ("founders", Many(FOUNDER, NODES_MAX)), ("voters", Many(U32, PARTICIPANTS_MAX))),
 }
@@ -203,3 +202,4 @@ SINGLE_ENTRY: Tagged[SingleEntry] = Tagged("SingleEntry", _SINGLE)
 LOG_ENTRY: Tagged[LogEntry] = Tagged(
     "LogEntry", dict(sorted({**_SINGLE, 13: Struct(Batch, ("entries", Many(SINGLE_ENTRY, SPACES_PER_SCENE_MAX)))}.items()))
 )
+    **ENROL_ENTRIES,

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from scenefold.wire import (
     data_packets,
+    enrol_packets,
     handover_packets,
     log_records,
     member_packets,
+    orders,
     own_packets,
     pool_packets,
     render_packets,
@@ -31,6 +33,7 @@ ROWS: dict[int, Row] = {
         render_packets,
         handover_packets,
         member_packets,
+        enrol_packets,
     )
     for row in family.ROWS
 }
@@ -62,8 +65,10 @@ STRUCTS = (
     *data_packets.STRUCTS,
     *handover_packets.STRUCTS,
     *log_records.STRUCTS,
+    *enrol_packets.STRUCTS,
+    *orders.STRUCTS,
 )
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 77))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 85))

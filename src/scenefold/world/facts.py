@@ -32,7 +32,9 @@ class ClusterFacts:
     """`credentials`, `founders` and `voters` in id order; the voters are founders, the founders have credentials.
 
     Founders stand on the line from the start; the other credentials are of spares, which may join.
-    `log_key` is the public half of the key that signs the cluster's log.
+    `log_key` is the public half of the key that signs the cluster's log. `authority`: its certificate (PEM), by which cards are
+    believed; `charter`: these facts as it signed them (charter.py), to be handed to newcomers; `owners`: cards (DER) of the users that
+    the cluster began with. A cluster in memory may do without these three: then nobody can be enrolled.
     """
 
     name: str
@@ -43,6 +45,9 @@ class ClusterFacts:
     founders: tuple[NodeId, ...]
     voters: tuple[NodeId, ...]
     log_key: PublicKey
+    authority: bytes = b""
+    charter: bytes = b""
+    owners: tuple[bytes, ...] = ()
 
     def __post_init__(self) -> None:
         known = [credential.node_id for credential in self.credentials]

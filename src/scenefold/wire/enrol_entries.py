@@ -1,0 +1,82 @@
+"""Entries 34 and 37 to 41 of the cluster's log: who was invited, enrolled, renewed, trusted, revoked (specs/15-cluster-log.md, Enrolling).
+
+No secret stands in them: of an invitation its public key, of a member its certificate, and the authority's key only as sealed to a node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.limits import MEMBER_NAME_BYTES_MAX
+from scenefold.wire.common import BOOL, U32, KeyId, NodeId
+from scenefold.wire.containers import Struct
+from scenefold.wire.kinds import Bin, Text
+
+CARD_BYTES_MAX = 4096
+ANY_NODE = "node"
+"""The name in an invitation that any node may use, whatever its address."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """Whether a node is trusted with the authority's key; `sealed`: that key, sealed to it, once somebody who has it has done so."""
+
+    node: NodeId
+    trusted: bool
+    sealed: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Invite:
+    """Whoever holds the private half of `key` may enrol once, under this name, until `expires` (seconds since 1970)."""
+
+    key: bytes
+    name: str
+    is_administrator: bool
+    expires: int
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Enrol:
+    """The invitation is used up: this certificate (DER) was issued for it."""
+
+    invitation: bytes
+    card: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RenewCard:
+    """A member's newer certificate (DER), for the same keys."""
+
+    card: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RevokeUser:
+    """The user's key counts no longer."""
+
+    name: str
+    key: KeyId
+
+
+@dataclass(frozen=True, slots=True)
+class Withdraw:
+    """The invitation may not be used any more."""
+
+    invitation: bytes
+
+
+EnrolEntry = Trust | Invite | Enrol | RenewCard | RevokeUser | Withdraw
+INVITATION_KEY = Bin(lengths=(32,))
+CARD = Bin(CARD_BYTES_MAX)
+MEMBER_NAME = Text(MEMBER_NAME_BYTES_MAX)
+ENROL_ENTRIES: dict[int, Struct[Any]] = {
+    34: Struct(Trust, ("node", U32), ("trusted", BOOL), ("sealed", Bin(512))),
+    37: Struct(Invite, ("key", INVITATION_KEY), ("name", MEMBER_NAME), ("is_administrator", BOOL), ("expires", U32), ("by", MEMBER_NAME)),
+    38: Struct(Enrol, ("invitation", INVITATION_KEY), ("card", CARD)),
+    39: Struct(RenewCard, ("card", CARD)),
+    40: Struct(RevokeUser, ("name", MEMBER_NAME), ("key", U32)),
+    41: Struct(Withdraw, ("invitation", INVITATION_KEY)),
+}
