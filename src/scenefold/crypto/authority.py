@@ -33,6 +33,7 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.crypto.cards import MEMBER_KEYS, MemberKeys
 from scenefold.crypto.keys import InvalidSignature
 from scenefold.crypto.names import NAME_PATTERN, common_name
+from scenefold.crypto.secret_folder import SecretFolder
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_certificate, read_secret, write_secret
 
 AUTHORITY_YEARS = 10
@@ -58,9 +59,9 @@ class Identity:
         write_secret(folder / CERTIFICATE_FILE, self.certificate)
 
     @classmethod
-    def from_files(cls, folder: Path) -> Self:
-        """The identity in a folder; LocalFault if it is missing, exposed or damaged."""
-        certificate, key = read_certificate(folder / CERTIFICATE_FILE), read_secret(folder / KEY_FILE)
+    def from_files(cls, folder: Path, secrets: SecretFolder | None = None) -> Self:
+        """The identity in a folder, its key through `secrets` if they are locked; LocalFault if it is missing, exposed or damaged."""
+        certificate, key = read_certificate(folder / CERTIFICATE_FILE), (secrets or SecretFolder(folder)).read(KEY_FILE)
         name = common_name(_load_certificate(certificate, folder / CERTIFICATE_FILE))
         _matching_key(certificate, key, folder)
         return cls(name, certificate, key)
@@ -123,7 +124,6 @@ class Authority:
             builder = builder.add_extension(x509.UnrecognizedExtension(MEMBER_KEYS, keys.encode()), critical=False)
         return builder.sign(self._key, hashes.SHA256()).public_bytes(Encoding.PEM)
 
-    def to_files(self, folder: Path) -> None:
     def sign(self, domain: bytes, message: bytes) -> bytes:
         """ECDSA with SHA-256, for what every member must believe and no certificate says; see `check_signed`."""
         return self._key.sign(_domained(domain, message), ec.ECDSA(hashes.SHA256()))
@@ -144,6 +144,7 @@ class Authority:
             raise DamagedData("the sealed key is that of another authority")
         return cls(certificate, key)
 
+    def to_files(self, folder: Path) -> None:
         """Writes certificate and key, 0600 in a folder of 0700; LocalFault if they exist."""
         make_private_folder(folder)
         write_secret(folder / KEY_FILE, _key_pem(self._key))
@@ -156,7 +157,6 @@ class Authority:
         return cls(certificate, _matching_key(certificate, key, folder))
 
 
-def read_authority_certificate(folder: Path) -> bytes:
 def check_signed(certificate: bytes, signature: bytes, domain: bytes, message: bytes) -> None:
     """Returns if the authority of this certificate (PEM) signed the message; InvalidSignature otherwise."""
     try:
@@ -172,6 +172,7 @@ def _domained(domain: bytes, message: bytes) -> bytes:
     return b"".join((bytes((len(domain),)), domain, message))
 
 
+def read_authority_certificate(folder: Path) -> bytes:
     """The authority's certificate alone, for members that do not hold its key; LocalFault if it is none."""
     certificate = read_certificate(folder / CERTIFICATE_FILE)
     _load_certificate(certificate, folder / CERTIFICATE_FILE)

@@ -10,6 +10,7 @@ from scenefold.base.errors import LocalFault
 from scenefold.crypto.cards import MemberKeys
 from scenefold.crypto.keys import SigningKey
 from scenefold.crypto.sealing_keys import SealingKey
+from scenefold.crypto.secret_folder import SecretFolder
 from scenefold.crypto.suites import DEFAULT_SUITE, RSA3072
 
 _SIGNING, _SEALING = "signing", "sealing"
@@ -29,9 +30,14 @@ class MemberSecrets:
         return cls(SigningKey.generate(suite), SealingKey.generate(suite))
 
     @classmethod
-    def from_files(cls, folder: Path) -> Self:
-        """Those in a folder; LocalFault if one is missing, exposed or none."""
-        return cls(SigningKey.from_file(_existing(folder, _SIGNING)), SealingKey.from_file(_existing(folder, _SEALING)))
+    def from_files(cls, folder: Path, secrets: SecretFolder | None = None) -> Self:
+        """Those in a folder, through `secrets` if they are locked; LocalFault if one is missing, exposed or none."""
+        opened = secrets or SecretFolder(folder)
+        signing, sealing = (_existing(opened, name) for name in (_SIGNING, _SEALING))
+        return cls(
+            SigningKey.from_text(opened.read(signing), str(folder / signing)),
+            SealingKey.from_text(opened.read(sealing), str(folder / sealing)),
+        )
 
     def to_files(self, folder: Path) -> None:
         """Writes both into a private folder that exists; LocalFault if one is there already."""
@@ -43,13 +49,12 @@ class MemberSecrets:
         return MemberKeys(self.signing.public, self.sealing.public, is_administrator)
 
 
-def _existing(folder: Path, name: str) -> Path:
+def _existing(folder: SecretFolder, name: str) -> str:
     """The file of a key, whichever suite it is of; that of suite 1 if there is none."""
-    seed, pem = folder / (name + _SEED), folder / (name + _PEM)
-    if not pem.exists():
+    seed, pem = name + _SEED, name + _PEM
+    if not folder.has(pem):
         return seed
-    if seed.exists():
-        raise LocalFault(
-            f"there are two {name} keys", where=str(folder), remedy=f"move away the one that is not in use, {seed.name} or {pem.name}"
-        )
+    if folder.has(seed):
+        remedy = f"move away the one that is not in use, {seed} or {pem}"
+        raise LocalFault(f"there are two {name} keys", where=str(folder.path), remedy=remedy)
     return pem

@@ -50,6 +50,10 @@ class SecretFolder:
             raise LocalFault(f"{name} is missing among the locked keys", where=str(self.path), remedy="restore them from a backup")
         return self._opened[name]
 
+    def has(self, name: str) -> bool:
+        """Whether there is a secret of this name; asks for the passphrase of a locked folder."""
+        return name in self.names() if self.is_locked else (self.path / name).exists()
+
     def names(self) -> tuple[str, ...]:
         """What is locked here; asks for the passphrase. Of an unlocked folder: nothing, whoever wants its files knows their names."""
         if not self.is_locked:

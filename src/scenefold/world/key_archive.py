@@ -50,11 +50,10 @@ class Taken:
         return cls(kind, cluster, tuple(users), scenes, _AUTHORITY_KEY in files)
 
 
-def lock_user(folder: Path, passphrase: str, token: Token, ask: Callable[[str], str]) -> None:
-    """Lock a user's keys, or give them another passphrase: `ask` tells the present one. UsageFault if the new one is too short."""
-    present = SecretFolder(folder, ask)
-    names = present.names() if present.is_locked else tuple(name for name in _files_in(folder) if name not in (*_PUBLIC, LOCKED_FILE))
-    present.lock(names, passphrase, token)
+def lock_user(folder: SecretFolder, passphrase: str, token: Token) -> None:
+    """Lock a user's keys, or give them another passphrase. UsageFault if it is too short."""
+    plain = (name for name in _files_in(folder.path) if name not in (*_PUBLIC, LOCKED_FILE))
+    folder.lock(folder.names() if folder.is_locked else tuple(plain), passphrase, token)
 
 
 def export_keys(profile: Path, target: Path, passphrase: str, token: Token, ask: Callable[[str], str], *, user: str | None) -> Taken:
@@ -92,7 +91,7 @@ def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> T
             write_secret(draft / name, content)
         taken = Taken.of(kind, files, _cluster_of(draft))
         for user in taken.users:
-            lock_user(draft / _USERS / user, passphrase, token, _never)
+            lock_user(SecretFolder(draft / _USERS / user), passphrase, token)
         make_private_folder(draft / _SCENES)
         _merge(draft, profile)
     finally:
@@ -171,7 +170,3 @@ def _files_in(folder: Path) -> tuple[str, ...]:
 
 def _folders_in(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(path.name for path in folder.iterdir() if path.is_dir())) if folder.is_dir() else ()
-
-
-def _never(where: str) -> str:
-    raise AssertionError(f"{where} has just been written unlocked")

@@ -53,7 +53,7 @@ def _known(_where: str) -> str:
 
 def test_a_locked_user_has_nothing_in_the_clear_and_unlocks_to_the_same(profile: Path) -> None:
     before = _files(profile / "users" / "owner")
-    lock_user(profile / "users" / "owner", PASSPHRASE, os.urandom, refuse_to_ask)
+    lock_user(SecretFolder(profile / "users" / "owner"), PASSPHRASE, os.urandom)
     assert _secrets_of(profile) == [LOCKED_FILE]
     folder = SecretFolder(profile / "users" / "owner", _known)
     assert {name: folder.read(name) for name in folder.names()} == {
@@ -65,8 +65,8 @@ def test_a_locked_user_has_nothing_in_the_clear_and_unlocks_to_the_same(profile:
 
 def test_the_passphrase_is_changed_in_one_step(profile: Path) -> None:
     owner = profile / "users" / "owner"
-    lock_user(owner, PASSPHRASE, os.urandom, refuse_to_ask)
-    lock_user(owner, OTHER, os.urandom, _known)
+    lock_user(SecretFolder(owner), PASSPHRASE, os.urandom)
+    lock_user(SecretFolder(owner, _known), OTHER, os.urandom)
     assert SecretFolder(owner, lambda _where: OTHER).names()
     with pytest.raises(WrongPassphrase):
         SecretFolder(owner, _known).names()
@@ -76,14 +76,14 @@ def test_what_a_crash_left_beside_a_locked_file_does_not_count_and_goes(profile:
     owner = profile / "users" / "owner"
     name = _secrets_of(profile)[0]
     content = (owner / name).read_bytes()
-    lock_user(owner, PASSPHRASE, os.urandom, refuse_to_ask)
+    lock_user(SecretFolder(owner), PASSPHRASE, os.urandom)
     (owner / name).write_bytes(b"older")
     assert SecretFolder(owner, _known).read(name) == content
     assert not (owner / name).exists()
 
 
 def test_a_locked_folder_without_a_passphrase_says_what_to_do(profile: Path) -> None:
-    lock_user(profile / "users" / "owner", PASSPHRASE, os.urandom, refuse_to_ask)
+    lock_user(SecretFolder(profile / "users" / "owner"), PASSPHRASE, os.urandom)
     with pytest.raises(UsageFault, match=r"locked.*SCENEFOLD_PASSPHRASE"):
         SecretFolder(profile / "users" / "owner").read("signing.seed")
 
@@ -92,7 +92,7 @@ def test_a_locked_folder_without_a_passphrase_says_what_to_do(profile: Path) -> 
 def test_a_backup_brings_everything_back_on_another_machine(profile: Path, tmp_path: Path, is_locked: bool) -> None:
     before = _files(profile)
     if is_locked:
-        lock_user(profile / "users" / "owner", PASSPHRASE, os.urandom, refuse_to_ask)
+        lock_user(SecretFolder(profile / "users" / "owner"), PASSPHRASE, os.urandom)
     backup = tmp_path / "keys.backup"
     taken = export_keys(profile, backup, OTHER, os.urandom, _known, user=None)
     assert (taken.kind, taken.cluster, taken.users, taken.scenes, taken.has_authority_key) == (BACKUP, "studio", ("owner",), 1, True)
