@@ -1,0 +1,113 @@
+"""If this fails, who has a node's disk, or listens on the network, reads what they have no key for."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from integration.loopback_capture import Capture, captured
+from integration.scenectl_process import running, scenectl
+from loopback import ports_option
+
+ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
+CHUNK_BYTES = 16 * 1024 * 1024
+
+SCENE, SPACE = "zebra-scene-7f31", "giraffe-space-9c02"
+MATERIAL, OBJECT = "walrus-material-51aa", "ostrich-object-e8d4"
+PAYLOAD, SECOND, DELETED = (f"{animal} payload ".encode() * 40 for animal in ("pelican", "gazelle", "mongoose"))
+PIXELS = bytes((211, 7, 83, 5, 199, 31, 97, 13, 241)) * 8
+MARKERS = {
+    "the scene's name": SCENE.encode(),
+    "a space's name": SPACE.encode(),
+    "a material's name": MATERIAL.encode(),
+    "an object's name": OBJECT.encode(),
+    "a payload": PAYLOAD[:24],
+    "a payload that was overwritten": SECOND[:24],
+    "a payload that was deleted": DELETED[:24],
+    "pixels of a texture": PIXELS[:27],
+}
+CONTROL = b"a stranger's words, which anybody may read"
+
+
+@dataclass(frozen=True)
+class Traces:
+    """What a cluster that held the markers left."""
+
+    capture: Capture
+    data_folders: tuple[Path, ...]
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory: pytest.TempPathFactory) -> Traces:
+    folder = tmp_path_factory.mktemp("trial")
+    ports = ports_option(*ADDRESSES)
+    low, high = map(int, ports.split(","))
+    with captured(low, high) as capture:
+        with running("node", "local", "3", "--folder", folder, "--ports", ports, "--json") as (_, ready):
+            profile = ready["profile"]
+            _use(profile, folder)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                stranger.sendto(CONTROL, (ADDRESSES[0], high))
+    # All nodes have ended, so what they had in memory is on their disks.
+    return Traces(capture, tuple(sorted(path.parent for path in folder.rglob("data.mdb"))))
+
+
+def _use(profile: str, folder: Path) -> None:
+    def call(*arguments: str | Path, stdin: bytes = b"") -> bytes:
+        done = scenectl(*arguments, profile=profile, stdin=stdin)
+        assert done.code == 0, done.err
+        return done.out
+
+    model = _model(folder)
+    call("scene", "import", model, "--scene", SCENE)
+    call("space", "create", SPACE, "--scene", SCENE, "--box", "0,0,0:1,1,1")
+    for place, payloads in {"0a": [PAYLOAD], "5f": [SECOND, PAYLOAD], "ff": [DELETED]}.items():
+        for payload in payloads:
+            call("data", "put", "files", place, "-", "--scene", SCENE, stdin=payload)
+    call("data", "delete", "files", "ff", "--scene", SCENE)
+    assert call("data", "get", "files", "5f", "--scene", SCENE) == PAYLOAD
+    assert SCENE.encode() in call("scene", "list")
+    assert SPACE.encode() in call("space", "list", "--scene", SCENE)
+
+
+def _model(folder: Path) -> Path:
+    Image.frombytes("RGB", (8, 3), PIXELS).save(folder / "texture.bmp")
+    (folder / "model.mtl").write_text(f"newmtl {MATERIAL}\nKd 0.5 0.5 0.5\nmap_Kd texture.bmp\n")
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    (folder / "model.obj").write_text(f"mtllib model.mtl\no {OBJECT}\n{square}usemtl {MATERIAL}\nf 1/1 2/2 3/3 4/4\n")
+    return folder / "model.obj"
+
+
+def test_what_is_in_the_clear_is_found(traces: Traces) -> None:
+    """A stranger's datagram on the wire, and members' addresses on the disks: else the other tests could not fail."""
+    assert traces.capture.found(CONTROL), "the capture sees nothing"
+    assert traces.capture.bytes_of("tcp") > 20_000 and traces.capture.bytes_of("udp") > 2_000
+    assert len(traces.data_folders) == len(ADDRESSES)
+    assert all(_holds(folder / "data.mdb", ADDRESSES[0].encode()) for folder in traces.data_folders)
+
+
+@pytest.mark.parametrize("what", MARKERS)
+def test_no_disk_of_a_node_holds(what: str, traces: Traces) -> None:
+    holders = [
+        path for folder in traces.data_folders for path in sorted(folder.rglob("*")) if path.is_file() and _holds(path, MARKERS[what])
+    ]
+    assert not holders
+
+
+@pytest.mark.parametrize("what", MARKERS)
+def test_no_packet_carries(what: str, traces: Traces) -> None:
+    assert not traces.capture.found(MARKERS[what])
+
+
+def _holds(path: Path, marker: bytes) -> bool:
+    rest = b""
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK_BYTES):
+            if marker in rest + chunk:
+                return True
+            rest = chunk[-len(marker) :]
+    return False
