@@ -2,7 +2,7 @@
 
     .venv/bin/python tools/make_scene_log_vectors.py
 
-A log of four records, its hashes, the sealed bytes, what its spaces are then, and where places lie. The inputs are
+A log of six records, its hashes, the sealed bytes, what its spaces are then, where places lie, and lockboxes. The inputs are
 fixed, signatures and cipher deterministic, so the file changes only when the format does. Floats are in hexadecimal.
 """
 
@@ -14,17 +14,37 @@ from typing import Any
 
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import FIRST
-from scenefold.crypto import SigningKey
-from scenefold.scene.log import LoggedSpace, SceneLog, first_record, seal_private, sign_record
-from scenefold.wire import Batch, CreateSpace, CurveKind, LogEntry, LogRecord, ScaleSpace, TranslateSpace
+from scenefold.crypto import SealingKey, SigningKey
+from scenefold.scene.log import Contents, LoggedSpace, SceneLog, first_record, locked, seal_private, sign_record
+from scenefold.wire import (
+    Batch,
+    CreateSpace,
+    CurveKind,
+    Grant,
+    KeyEntry,
+    KeyEpoch,
+    LogEntry,
+    LogRecord,
+    Revoke,
+    Role,
+    ScaleSpace,
+    TranslateSpace,
+)
 
 TARGET = Path(__file__).parents[1] / "specs" / "vectors" / "scene_log.json"
 GENESIS = bytes(range(32))
 ORIGIN = NodeId(0x7F000002)
 HEADER_SEED = bytes(range(32, 64))
 SYMMETRIC_KEY = bytes(range(24))
+NEW_SYMMETRIC_KEY = bytes(range(100, 124))
 NONCE = bytes(range(12))
 HALL, WIDE = SpaceId(11), SpaceId(12)
+
+
+def member(number: int, role: Role) -> Grant:
+    """A member whose keys follow from a number."""
+    signing, sealing = SigningKey(bytes([number]) * 32), SealingKey(bytes([number + 100]) * 32)
+    return Grant(f"user:m{number}", role, KeyEntry(1, signing.public.raw), KeyEntry(1, sealing.public.raw))
 
 
 def entries() -> list[LogEntry]:
@@ -35,12 +55,14 @@ def entries() -> list[LogEntry]:
         Batch((hall, wide)),
         TranslateSpace(HALL, (1.0, 0.25, -2.0)),
         Batch((ScaleSpace(HALL, 0.1), TranslateSpace(WIDE, (0.1,) * 5), ScaleSpace(WIDE, 3.0))),
+        member(2, Role.WRITER),
+        Batch((Revoke(SigningKey(bytes([2]) * 32).key_id), KeyEpoch(1, SYMMETRIC_KEY))),
     ]
 
 
 def records() -> list[LogRecord]:
     """The whole log."""
-    made = [first_record(GENESIS, ORIGIN)]
+    made = [first_record(GENESIS, ORIGIN, member(1, Role.OWNER))]
     for index, entry in enumerate(entries()):
         made.append(SceneLog.of(made).next_record(entry, bytes([index + 1]) * 16, ORIGIN))
     return made
@@ -51,18 +73,33 @@ def document() -> dict[str, Any]:
     log = records()
     key = SigningKey.from_seed(HEADER_SEED)
     signed = [sign_record(record, key) for record in log]
-    sealed = seal_private(signed, genesis=GENESIS, symmetric_key=SYMMETRIC_KEY, key_epoch=0, nonce=NONCE)
+    sealed = seal_private(signed, genesis=GENESIS, symmetric_key=NEW_SYMMETRIC_KEY, key_epoch=1, nonce=NONCE)
     state = SceneLog.of(log)
     return {
         "genesis": GENESIS.hex(),
         "header_seed": HEADER_SEED.hex(),
-        "symmetric_key": SYMMETRIC_KEY.hex(),
+        "symmetric_key": NEW_SYMMETRIC_KEY.hex(),
         "nonce": NONCE.hex(),
         "records": [
             {"record": one.record.hex(), "signature": one.signature.hex(), "hash": log[i].hash().hex()} for i, one in enumerate(signed)
         ],
         "sealed": sealed.hex(),
+        "lockbox": lockbox(key),
         "places": [_places(state.space(space)) for space in (HALL, WIDE)],
+    }
+
+
+def lockbox(header_key: SigningKey) -> dict[str, Any]:
+    """What the owner is given of the newest epoch, sealed with an ephemeral key of fixed bytes."""
+    contents = Contents(Role.OWNER, 1, NEW_SYMMETRIC_KEY, header_key.public, "kitchen", header_key.seed)
+    sealing = SealingKey(bytes([101]) * 32)
+    sealed = locked(contents, KeyEntry(1, sealing.public.raw), GENESIS, lambda count: bytes(range(count)))
+    return {
+        "sealing_seed": sealing.seed.hex(),
+        "recipient": sealed.recipient,
+        "key_epoch": 1,
+        "contents": contents.encode().hex(),
+        "sealed": sealed.sealed.hex(),
     }
 
 

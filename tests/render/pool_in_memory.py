@@ -23,6 +23,7 @@ from scenefold.render.pool.organiser import RenderRequest, organiser_of
 from scenefold.render.pool.service import RenderService
 from scenefold.scene.importers import read_scene
 from scenefold.scene.importers.plan import ImportPlan
+from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
     CancelJob,
     FetchImage,
@@ -86,7 +87,7 @@ class MemoryHost:
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._pool.deliver(f"node:{self.node_id}", node, packet)
 
-    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> MemoryReader:
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys) -> MemoryReader:
         return MemoryReader(self._pool.records)
 
     def record_count(self) -> int:
@@ -118,7 +119,7 @@ class MemoryPool:
     async def start(self, job: int, options: RenderOptions) -> NodeId:
         """Ask the organiser for a render; its id."""
         owner = organiser_of(job, self.nodes)
-        request = RenderRequest(job, SceneId(1), bytes(32), bytes(24), 0, options)
+        request = RenderRequest(job, SceneId(1), bytes(32), EpochKeys.only(bytes(24)), options)
         answer = await self.ask(owner, StartJob(job=job, document=request.to_bytes()))
         assert isinstance(answer, JobAnswer)
         if answer.reason:

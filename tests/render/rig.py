@@ -29,6 +29,7 @@ from scenefold.scene.importers import atoms, prototypes
 from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.layout import GEOMETRY, TEXTURES
+from scenefold.scene.log import EpochKeys
 from scenefold.scene.payloads.tiles import decode_tile
 from scenefold.scene.tables import SceneTables
 
@@ -92,8 +93,7 @@ class Rig:
             id=7,
             scene=SceneId(1),
             genesis=bytes(32),
-            symmetric_key=bytes(24),
-            key_epoch=0,
+            keys=EpochKeys.only(bytes(24)),
             content=self.tables.document.content,
             numeric_class=EmbreeRenderer().numeric_class(),
             width=asked.width,

@@ -20,9 +20,10 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.calls import Calls
 from scenefold.client.managed import ManagedPlace
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import SceneIdentity
+from scenefold.client.sealing import SceneIdentity, WriterKey
 from scenefold.client.space import ABSENT
 from scenefold.crypto import wanted_place
+from scenefold.scene.log import EpochKeys
 from scenefold.store import Put
 from scenefold.wire import Fault, Packet, PutMany, PutManyReply, RequestTable, RespondTable, Status
 from scenefold.world import Priority
@@ -89,7 +90,7 @@ def client(neighbours: Neighbours, links: Any = None, session: int = 1) -> Scene
     nodes = list(neighbours.nodes)
     world = neighbours.net.world(f"user:ada{session}")
     calls = Calls(world, links or DirectLinks(neighbours), [address_of(node) for node in nodes], nodes)  # type: ignore[arg-type]
-    identity = SceneIdentity(SCENE.scene, SCENE.genesis, 1, {WRITER.key_id: WRITER.public}, SYMMETRIC_KEY, 0)
+    identity = SceneIdentity(SCENE.scene, SCENE.genesis, 1, {WRITER.key_id: WriterKey.always(WRITER.public)}, EpochKeys.only(SYMMETRIC_KEY))
     return Scene(SceneAccess(calls, "kitchen", identity, WRITER, session))
 
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
     from scenefold.client.watching import Watch
-    from scenefold.world.keyring import Keyring, SceneKeys
+    from scenefold.scene.log import EpochKeys, SceneKeys
+    from scenefold.world.keyring import KeptScene, Keyring
 
 _HOMES = {
     "scenefold.client.cluster": "Cluster",
@@ -40,7 +41,8 @@ _HOMES = {
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
     "scenefold.client.watching": "Watch",
-    "scenefold.world.keyring": "Keyring SceneKeys",
+    "scenefold.scene.log": "EpochKeys SceneKeys",
+    "scenefold.world.keyring": "KeptScene Keyring",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -59,10 +61,12 @@ __all__ = [
     "ClusterStatus",
     "Concern",
     "DrainReport",
+    "EpochKeys",
     "Found",
     "FreshItem",
     "HandoverReport",
     "ImportReport",
+    "KeptScene",
     "Keyring",
     "Movement",
     "NodeReport",

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from scenefold.base.errors import LocalFault, Refused
-from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
@@ -21,12 +21,13 @@ from scenefold.client.delivery import deliver, fetch
 from scenefold.client.doubt import Doubt
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
-from scenefold.client.sealing import Draft, Key, Opened, SceneIdentity, deleted_all, open_all, seal_all
+from scenefold.client.sealing import Draft, Key, NewerThanKnown, Opened, SceneIdentity, deleted_all, key_withheld, open_all, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.tombstones import tombstone
 from scenefold.client.versions import Sequencer
-from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey, wanted_place
+from scenefold.client.wishes import Placed, Wish
+from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
 from scenefold.scene.log import SceneLog
 from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem
 
@@ -41,41 +42,9 @@ _REMEDIES = {
 }
 
 
-class Wish(NamedTuple):
-    """A payload and where it shall lie. `expect`: None, ABSENT, or the digest of what it replaces."""
-
-    space: SpaceId
-    location: Location
-    payload: bytes
-    expect: bytes | None = None
-    content_position: int | None = None
-    """The log position that coordinates in the payload belong to; None: that of the log as the scene knows it."""
-    object: bytes = b""
-    """Of a node-managed record: its id. `location` is then `signed_place` of it: the node chooses where it lies."""
-
-    @property
-    def key(self) -> Key:
-        return (self.space, self.location, self.object) if self.object else (self.space, self.location)
-
-    @property
-    def route(self) -> Location:
-        """The place whose owner is asked."""
-        return wanted_place(self.object) if self.object else self.location
-
-
-class Placed(NamedTuple):
-    """What became of a wish: `reason` 0 is durable; `digest` is that of our record, `node` the one that answered."""
-
-    reason: int
-    digest: bytes
-    node: NodeId
-    location: Location
-    """Where it lies: in a node-managed space the node's choice, else as wished."""
-
-
 @dataclass(eq=False)
 class SceneAccess:
-    """One scene as one client sees it. `writer` None: it can only be read."""
+    """One scene as one client sees it. `writer`: the key that we sign with, if the scene's header lists it; None: nothing is written."""
 
     calls: Calls
     name: str
@@ -106,8 +75,7 @@ class SceneAccess:
         pending = list(range(len(wishes)))
         current = list(wishes)
         routes = [wish.route for wish in wishes]
-        refreshed = False
-        for _ in range(CLIENT_TRIES_MAX):
+        for attempt in range(CLIENT_TRIES_MAX):
             items = dict(zip(pending, await self._seal([current[index] for index in pending]), strict=True))
             outcomes = await deliver(self.calls, items, routes, doubt)
             behind: list[int] = []
@@ -118,7 +86,7 @@ class SceneAccess:
                 is_settled = outcome.reason == 0 or (is_stale and fresh)
                 if is_stale and fresh:
                     doubt.settle(index)
-                if outcome.reason in _BEHIND and not refreshed and self.log is not None:
+                if outcome.reason in _BEHIND and attempt + 1 < CLIENT_TRIES_MAX and self.log is not None:
                     behind.append(index)
                 elif not is_settled and (not is_stale or index in doubt):
                     await self._explain(outcome.reason, wishes[index])
@@ -127,7 +95,6 @@ class SceneAccess:
                 # The log went on without us. What was not stored is signed anew, under the position that is known now.
                 await self.refresh()
                 await self._check([wishes[index] for index in behind])
-                refreshed = True
             stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
             there = await self.get([wishes[index].key for index in stale])
             pending = behind
@@ -156,12 +123,43 @@ class SceneAccess:
         """A new payload that says that a record is deleted."""
         return tombstone(self.calls.world.entropy.token)
 
-    async def refresh(self) -> None:
-        """Take the newest public header: what is written from now on is written under its position."""
+    async def refresh(self, position: int = 0) -> None:
+        """Take the newest public header, with the keys that it holds for us: what is written from now on is written under its position.
+
+        `position`: one that it is known to have reached, by the word of a record.
+        """
         if self.log is not None:
-            header = await self.log.header(self.identity.position + 1)
+            header = await self.log.header(max(position, self.identity.position + 1))
             if header is not None and header.position > self.identity.position:
-                self.identity = self.identity.with_header(header)
+                self.identity = self.identity.with_header(header, self.log.keys.epochs)
+
+    async def know_all_keys(self) -> None:
+        """Learn the scene's keys of all epochs: records may still lie under any of them."""
+        newest = self.identity.keys.newest_epoch
+        if self.identity.key_epoch != newest or len(self.identity.keys) <= newest:
+            await self.read_log()
+
+    async def _caught_up(self, unknown: NewerThanKnown) -> bool:
+        """Whether more of the scene is known now than when a record was not understood. Keys of former epochs stand in the log."""
+        before = self.identity
+        newest = before.keys.newest_epoch if before.key_epoch is None else before.key_epoch
+        if self.log is not None and unknown.key_epoch is not None and unknown.key_epoch < newest:
+            await self.read_log()
+        else:
+            await self.refresh(unknown.epoch)
+        return self.identity != before
+
+    async def _understood(self, function: Callable[..., Result], *arguments: object) -> Result:
+        """What a function makes of records by all that can be known of the scene. Refused (17) if their key is not given to us."""
+        while True:
+            known = self.identity
+            try:
+                return await self.in_crypto_lane(function, known, *arguments)
+            except NewerThanKnown as unknown:
+                if known == self.identity and not await self._caught_up(unknown):
+                    if unknown.key_epoch is not None:
+                        raise key_withheld(unknown.where) from unknown
+                    raise
 
     async def read_log(self) -> ReadLog:
         """The newest log. Payloads that are written from now on hold coordinates as it says."""
@@ -172,8 +170,9 @@ class SceneAccess:
         return self._known(await self._log_or_fault().propose(entry_of))
 
     def _known(self, log: ReadLog) -> ReadLog:
+        keys = self._log_or_fault().keys.epochs
         if log.header.position >= self.identity.position:
-            self.identity = replace(self.identity.with_header(log.header), content_position=log.header.position)
+            self.identity = replace(self.identity.with_header(log.header, keys), content_position=log.header.position)
         return log
 
     def _log_or_fault(self) -> LogAccess:
@@ -191,11 +190,25 @@ class SceneAccess:
         """An author writes nothing that is no output while the scene is being rendered (consensus.md §7), nor of the wrong kind."""
         for wish in wishes:
             self.identity.check_kind(wish.space, wish.object)
-        if self._is_frozen(wishes):
+        if self._is_frozen(wishes) or not self._may_write():
             await self.refresh()
+        self._check_writer()
         if self._is_frozen(wishes):
             remedy = "switch it back to edit mode first"
             raise Refused(RejectReason.MODE_FORBIDS, "the scene is in render mode", where=f"scene {self.name}", remedy=remedy)
+
+    def _may_write(self) -> bool:
+        return self.writer is not None and self.identity.may_write(self.writer.key_id)
+
+    def _check_writer(self) -> None:
+        if self._may_write():
+            return
+        where = f"scene {self.name}"
+        if self.writer is not None and self.writer.key_id in self.identity.writers:
+            remedy = "ask an owner of the scene for access: `scenectl scene grant`"
+            raise Refused(RejectReason.KEY_REVOKED, "your access to this scene was revoked", where=where, remedy=remedy)
+        remedy = "ask an owner of the scene for the role of a writer: `scenectl scene grant`"
+        raise LocalFault("this scene is open for reading only", where=where, remedy=remedy)
 
     def _is_frozen(self, wishes: Sequence[Wish]) -> bool:
         outputs = self.identity.outputs
@@ -218,14 +231,14 @@ class SceneAccess:
         opened: list[Opened | None] = []
         for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):
             part = [keys[index] for index in batch], [records[index] for index in batch]
-            opened += await self.in_crypto_lane(open_all, self.identity, *part)
+            opened += await self._understood(open_all, *part)
         self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
         return opened
 
     async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
         """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""
         records = await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
-        return await self.in_crypto_lane(deleted_all, self.identity, keys, records)
+        return await self._understood(deleted_all, keys, records)
 
     async def locations(self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False) -> AsyncIterator[Location]:
         """Locations of a space that hold records, deleted ones too, from `first` to `last`, in order; asked for as
@@ -244,9 +257,6 @@ class SceneAccess:
         return await self.calls.world.workers.run("crypto", function, *arguments)
 
     async def _seal(self, wishes: Sequence[Wish]) -> list[PutItem]:
-        if self.writer is None:
-            remedy = "open it with a profile that holds a writer's key"
-            raise LocalFault("this scene is open for reading only", where=f"scene {self.name}", remedy=remedy)
         wall, token = self.calls.world.clock.wall(), self.calls.world.entropy.token
         drafts = [
             Draft(

@@ -1,64 +1,100 @@
 """How a scene begins: its keys, and the public header that the cluster's nodes will know it by (consensus.md, §3).
 
-Deterministic but for the keys, so that a creation that was interrupted after the keys were saved can announce
-the very same scene again.
+Deterministic but for the keys and the maker's lockbox. Both are kept before the scene is announced, so that a creation that was
+interrupted can announce the very same scene again.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
-from scenefold.base.errors import DamagedData
+from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId, NodeId, SceneId
-from scenefold.crypto import HEADER_DOMAIN, SUITES, PublicKey, SigningKey, key_id_of
-from scenefold.scene.log import first_log, first_record, sign_record
-from scenefold.wire import NO_GENESIS, KeyEntry, SceneLogPublic, SceneMode, SignedRecord, WriterEntry
-from scenefold.world.keyring import SceneKeys
+from scenefold.crypto import (
+    HEADER_DOMAIN,
+    MemberSecrets,
+    PublicKey,
+    SealingKey,
+    SealingPublicKey,
+    SigningKey,
+    key_id_of,
+    new_symmetric_key,
+)
+from scenefold.scene.log import (
+    EpochKeys,
+    SceneKeys,
+    first_log,
+    first_record,
+    header_keys,
+    keys_in,
+    lockbox_for,
+    sign_record,
+    unlocked,
+)
+from scenefold.wire import NO_GENESIS, Grant, KeyEntry, Role, SceneLogPublic, SceneMode, SignedRecord
+from scenefold.world.keyring import KeptScene
 
 FIRST_POSITION = 1
-_POSITION_MAX = 2**64 - 1
+FIRST_EPOCH = 0
+_SEED_BYTES = 32
 
 
-def born(name: str, symmetric_key: bytes, header_key: SigningKey, writer: PublicKey, origin: NodeId) -> SceneKeys:
-    """The keyring entry of a new scene."""
-    genesis = _first_header(header_key, writer, origin).genesis
-    return SceneKeys(name=name, genesis=genesis, symmetric_key=symmetric_key, header_seed=header_key.seed)
+def grant_of(name: str, role: Role, signing: PublicKey, sealing: SealingPublicKey) -> Grant:
+    """The log entry that lets a member use a scene."""
+    return Grant(name, role, KeyEntry(signing.suite, signing.raw), KeyEntry(sealing.suite, sealing.raw))
 
 
-def first_header(keys: SceneKeys, writer: PublicKey, origin: NodeId) -> SceneLogPublic | None:
-    """The signed first header of a scene; None if these are not the writer and origin that it was born with."""
-    header_key = SigningKey.from_seed(keys.header_seed)
-    header = _first_header(header_key, writer, origin)
+def maker_of(member: str, secrets: MemberSecrets) -> Grant:
+    """The entry by which the maker of a scene is its first owner."""
+    return grant_of(member, Role.OWNER, secrets.signing.public, secrets.sealing.public)
+
+
+def born(name: str, maker: Grant, origin: NodeId, token: Callable[[int], bytes]) -> KeptScene:
+    """A new scene: what its maker keeps of it. `token` draws random bytes (world.entropy.token)."""
+    header_key = SigningKey.from_seed(token(_SEED_BYTES))
+    genesis = _first_header(header_key.public, maker, origin).genesis
+    epochs = EpochKeys.only(new_symmetric_key(token), FIRST_EPOCH)
+    keys = SceneKeys(name, genesis, epochs, header_key.public, Role.OWNER, header_key.seed)
+    owner = first_log(genesis, origin, maker).grants.named(maker.name)
+    return KeptScene(name, genesis, header_key.key_id, FIRST_EPOCH, lockbox_for(owner, keys, FIRST_EPOCH, token))
+
+
+def kept_keys(kept: KeptScene, sealing: SealingKey) -> SceneKeys:
+    """The keys that a keyring's entry gives to the user with this key; LocalFault if it is another user's."""
+    try:
+        keys = keys_in(unlocked(kept.lockbox, sealing, kept.genesis, kept.key_epoch), kept.genesis)
+    except DamagedData as problem:
+        remedy = "use the profile that made it, or restore the entry from a backup"
+        raise LocalFault("the scene's keys are sealed to another user, or damaged", where=f"scene {kept.name}", remedy=remedy) from problem
+    return replace(keys, name=kept.name)
+
+
+def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: NodeId) -> SceneLogPublic | None:
+    """The signed first header of a scene; None if these are not the maker and origin that it was born with."""
+    if keys.header_seed is None:
+        return None
+    header = _first_header(keys.header_key, maker, origin)
     if header.genesis != keys.genesis:
         return None
-    return replace(header, signature=header_key.sign(HEADER_DOMAIN, header.signable()))
+    header = replace(header, lockboxes=(kept.lockbox,))
+    return replace(header, signature=SigningKey.from_seed(keys.header_seed).sign(HEADER_DOMAIN, header.signable()))
 
 
-def first_records(keys: SceneKeys, origin: NodeId) -> tuple[SignedRecord, ...]:
-    """The scene's log at its first position: the spaces that every scene has."""
-    return (sign_record(first_record(keys.genesis, origin), SigningKey.from_seed(keys.header_seed)),)
+def first_records(keys: SceneKeys, maker: Grant, origin: NodeId) -> tuple[SignedRecord, ...]:
+    """The scene's log at its first position: the spaces that every scene has, and its maker."""
+    assert keys.header_seed is not None
+    return (sign_record(first_record(keys.genesis, origin, maker), SigningKey.from_seed(keys.header_seed)),)
 
 
-def writers_of(header: SceneLogPublic) -> dict[KeyId, PublicKey]:
-    """The keys of all writers that a header names in full."""
-    named = {entry.key for entry in header.writers}
-    keys = [PublicKey(entry.raw, entry.suite) for entry in header.keys if entry.suite in SUITES]
-    return {key.key_id: key for key in keys if key.key_id in named}
-
-
-def verify_header(header: SceneLogPublic, scene: SceneId, genesis: bytes, header_key: PublicKey | None = None) -> None:
-    """DamagedData unless the header is of this scene and signed by its header key.
-
-    A first header proves itself: its hash is the genesis. For a later one the key must be known.
-    """
+def verify_header(header: SceneLogPublic, scene: SceneId, genesis: bytes) -> None:
+    """DamagedData unless this is the first header of this scene, which proves itself: its hash is the genesis."""
     where = f"scene {scene:08x}"
     if (header.scene, header.genesis) != (scene, genesis):
         raise DamagedData("a node answered with the header of another scene", where=where)
-    if header_key is None:
-        if header.with_genesis().genesis != genesis:
-            raise DamagedData("the scene's header does not prove itself", where=where)
-        header_key = header_key_of(header)
-    header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
+    if header.with_genesis().genesis != genesis:
+        raise DamagedData("the scene's header does not prove itself", where=where)
+    header_key_of(header).verify(header.signature, HEADER_DOMAIN, header.signable())
 
 
 def header_key_of(header: SceneLogPublic) -> PublicKey:
@@ -69,8 +105,9 @@ def header_key_of(header: SceneLogPublic) -> PublicKey:
     raise DamagedData("the scene's header does not hold its key", where=f"scene {header.scene:08x}")
 
 
-def _first_header(header_key: SigningKey, writer: PublicKey, origin: NodeId) -> SceneLogPublic:
-    keys = {key.key_id: key for key in (header_key.public, writer)}
+def _first_header(header_key: PublicKey, maker: Grant, origin: NodeId) -> SceneLogPublic:
+    # The genesis, which is not known yet, changes nothing about what the first record says.
+    state = first_log(NO_GENESIS, origin, maker)
     return SceneLogPublic(
         scene=SceneId(1),
         genesis=NO_GENESIS,
@@ -78,10 +115,9 @@ def _first_header(header_key: SigningKey, writer: PublicKey, origin: NodeId) -> 
         position=FIRST_POSITION,
         write_floor=0,
         mode=SceneMode.EDIT,
-        # The genesis, which is not known yet, changes nothing about the spaces of the first record.
-        spaces=first_log(NO_GENESIS, origin).public_spaces(),
-        writers=(WriterEntry(writer.key_id, 0, _POSITION_MAX),),
+        spaces=state.public_spaces(),
+        writers=state.grants.writers,
         public_key=header_key.key_id,
         private_key=KeyId(0),
-        keys=tuple(KeyEntry(key.suite, key.raw) for key in keys.values()),
+        keys=header_keys(header_key, state),
     ).with_genesis()

@@ -19,7 +19,7 @@ from scenefold.client.reports import DrainReport, NodeReport, read_drain_report,
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
-from scenefold.crypto import SigningKey
+from scenefold.crypto import MemberSecrets
 from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
@@ -38,14 +38,14 @@ ASKED_MAX = 64
 class Cluster:
     """Made by `connect`. `calls` and `links` are there for rooms above, such as the renderer's client."""
 
-    def __init__(self, profile: ClusterProfile, world: World, links: Links, writer: SigningKey) -> None:
+    def __init__(self, profile: ClusterProfile, world: World, links: Links, secrets: MemberSecrets) -> None:
         founders = [member for member in profile.members if member.node_id in profile.founders]
         spares = [(member.node_id, member.address) for member in profile.members if member.node_id not in profile.founders]
         self.profile = profile
         self.name = profile.name
         self.links = links
         self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
-        self.scenes = Scenes(self.calls, profile.keyring, writer, profile.voters[0])
+        self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0])
 
     async def nodes(self) -> list[Owner]:
         """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""

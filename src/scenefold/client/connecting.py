@@ -8,7 +8,8 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
-from scenefold.crypto import MemberSecrets
+from scenefold.crypto import MemberSecrets, SecretFolder, refuse_to_ask
+from scenefold.crypto.secret_folder import AskPassphrase
 from scenefold.world import Ports, World, offline_world, open_links, real_world
 from scenefold.world.profile import ClusterProfile
 
@@ -16,23 +17,26 @@ DEFAULT_PROFILE = "default"
 
 
 @asynccontextmanager
-async def connect(profile: str | Path | None = None) -> AsyncIterator[Cluster]:
+async def connect(profile: str | Path | None = None, ask: AskPassphrase = refuse_to_ask) -> AsyncIterator[Cluster]:
     """A cluster, by the folder or the name of its profile (see `profile_folder`).
+
+    `ask`: called in a worker thread, if a passphrase locks the user's keys, with the place where they lie; returns the passphrase.
 
     Nothing is sent before the first call; that one finds the nodes by those that the profile lists, and takes the
     table of who is there from the first that answers.
     LocalFault if there is no such profile.
     """
-    known, world, secrets = await offline_world().workers.run("import", _read, profile)
+    known, world, secrets = await offline_world().workers.run("import", _read, profile, ask)
     async with open_links(world) as links:
-        yield Cluster(known, world, links, secrets.signing)
+        yield Cluster(known, world, links, secrets)
 
 
-def _read(profile: str | Path | None) -> tuple[ClusterProfile, World, MemberSecrets]:
+def _read(profile: str | Path | None, ask: AskPassphrase) -> tuple[ClusterProfile, World, MemberSecrets]:
     """What of a profile lies on disk, and the world that its user's identity opens."""
     known = ClusterProfile.load(profile_folder(profile))
-    world = real_world(known.user_identity(), known.authority_certificate(), ports=known.ports)
-    return known, world, known.user_secrets()
+    opened = SecretFolder(known.user_folder(), ask)
+    world = real_world(known.user_identity(secrets=opened), known.authority_certificate(), ports=known.ports)
+    return known, world, known.user_secrets(secrets=opened)
 
 
 def profile_folder(profile: str | Path | None) -> Path:

@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import Location
-from scenefold.client.access import SceneAccess, Wish
+from scenefold.client.access import SceneAccess
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.runs import run_behind
+from scenefold.client.wishes import Wish
 from scenefold.wire import EXPECT_ABSENT
 
 _LOOK = 256

@@ -24,11 +24,12 @@ import trio
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS, CLIENT_IMPORT_BATCHES
-from scenefold.client.access import SceneAccess, Wish
+from scenefold.client.access import SceneAccess
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.progress import ProgressCallback, ProgressState
 from scenefold.client.together import together
+from scenefold.client.wishes import Wish
 from scenefold.world import World
 
 if TYPE_CHECKING:

@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, LAST, Location
-from scenefold.client.access import SceneAccess, Wish
+from scenefold.client.access import SceneAccess
 from scenefold.client.living import alive
 from scenefold.client.sealing import Key, payload_of
+from scenefold.client.wishes import Wish
 from scenefold.crypto import OBJECT_BYTES, signed_place
 from scenefold.wire import EXPECT_ABSENT
 

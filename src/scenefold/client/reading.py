@@ -9,12 +9,13 @@ from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import header_key_of, verify_header, writers_of
+from scenefold.client.births import header_key_of, verify_header
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
-from scenefold.client.scene_log import LogAccess, LogKeys
-from scenefold.client.sealing import SceneIdentity
-from scenefold.wire import SceneLogPublic
+from scenefold.client.scene_log import LogAccess
+from scenefold.client.sealing import SceneIdentity, writers_of
+from scenefold.scene.log import EpochKeys, SceneKeys
+from scenefold.wire import Role, SceneLogPublic
 from scenefold.world import Links, World
 
 
@@ -23,9 +24,8 @@ def open_scene_with_keys(
     links: Links,
     members: Sequence[tuple[NodeId, str]],
     header: SceneLogPublic,
-    symmetric_key: bytes,
+    epochs: EpochKeys,
     *,
-    key_epoch: int = 0,
     name: str = "",
 ) -> Scene:
     """A scene to read. `members`: ids and addresses of the nodes, in the order of the line.
@@ -39,10 +39,9 @@ def open_scene_with_keys(
         genesis=header.genesis,
         position=header.position,
         writers=writers_of(header),
-        symmetric_key=symmetric_key,
-        key_epoch=key_epoch,
+        keys=epochs,
     ).with_header(header)
     calls = Calls(world, links, [address for _, address in members], [node_id for node_id, _ in members])
     name = name or f"{header.scene:08x}"
-    keys = LogKeys(header.scene, header.genesis, symmetric_key, key_epoch, header_key_of(header))
-    return Scene(SceneAccess(calls, name, identity, writer=None, log=LogAccess(calls, name, keys)))
+    keys = SceneKeys(name, header.genesis, epochs, header_key_of(header), Role.READER)
+    return Scene(SceneAccess(calls, name, identity, writer=None, log=LogAccess(calls, keys)))

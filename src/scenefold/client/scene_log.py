@@ -10,19 +10,30 @@ way, until its position is taken: till then nobody is told that it was refused (
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
-from scenefold.base.ids import SceneId, address_of
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable
+from scenefold.base.ids import address_of
 from scenefold.base.limits import CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.client.births import verify_header
 from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, is_passing
-from scenefold.crypto import HEADER_DOMAIN, NONCE_BYTES, PublicKey, SigningKey
-from scenefold.scene.log import OpenedLog, SceneLog, open_private, seal_private, sign_record
+from scenefold.client.sealing import key_withheld
+from scenefold.crypto import NONCE_BYTES, PublicKey, SealingKey
+from scenefold.scene.log import (
+    EpochKeys,
+    Followed,
+    OpenedLog,
+    SceneKeys,
+    SceneLog,
+    follow,
+    keys_after,
+    keys_with_log,
+    open_private,
+    seal_private,
+)
 from scenefold.wire import (
     AcceptSceneProposal,
     Ballot,
@@ -41,21 +52,10 @@ from scenefold.wire import (
 from scenefold.world import Priority
 
 _REQUEST_ID_BYTES = 16
+_OLD_LOGS_MAX = 3
 _TOO_LATE = frozenset({RejectReason.POSITION_TAKEN, RejectReason.POSITION_BEHIND})
 _NOT_LOOKED_AT = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.BUSY, RejectReason.KEY_REVOKED})
 """Faults that say that a proposal was not looked at. Others may be those of a relay behind which it was decided."""
-
-
-@dataclass(frozen=True, slots=True)
-class LogKeys:
-    """What a scene's log opens and verifies with; `header_seed` None: it can only be read."""
-
-    scene: SceneId
-    genesis: bytes
-    symmetric_key: bytes
-    key_epoch: int
-    header_key: PublicKey
-    header_seed: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +71,16 @@ class ReadLog:
 
 
 class LogAccess:
-    """The log of one scene."""
+    """The log of one scene. `keys`: what we have of the scene's, by all headers and logs that were met."""
 
-    def __init__(self, calls: Calls, name: str, keys: LogKeys) -> None:
+    def __init__(self, calls: Calls, keys: SceneKeys, sealing: SealingKey | None = None) -> None:
+        """`sealing`: opens what newer headers hold for us; None: nothing does."""
         self._calls = calls
-        self._name = name
-        self._keys = keys
+        self._name = keys.name
+        self.keys = keys
+        self._sealing = sealing
+        self._followed: SceneLogPublic | None = None
+        """The header that `keys` were taken from last."""
         self._read: ReadLog | None = None
         """The log as it was read last; it is asked for again only when the keeper's header is another."""
 
@@ -88,7 +92,7 @@ class LogAccess:
     async def newest(self, header: SceneLogPublic | None = None) -> ReadLog:
         """The log as its keeper has it now. `header`: any header of the scene, for it names the keeper.
 
-        Unreachable if the keeper does not answer, or has lost the log.
+        Unreachable if the keeper does not answer, or has lost the log; Refused (17) if we have no key to it any more.
         """
         header = header or (await self.header() if self._read is None else self._read.header)
         if header is None:
@@ -98,12 +102,23 @@ class LogAccess:
             answer = await self._ask_keeper(keeper, Want.HEADER)
             if answer is not None and answer.public == self._read.header:
                 return self._read
-        answer = await self._ask_keeper(keeper, Want.LOG)
-        if answer is None or answer.private is None:
-            raise self._no_log(keeper, "has lost it")
+        for _ in range(_OLD_LOGS_MAX):
+            answer = await self._ask_keeper(keeper, Want.LOG)
+            if answer is None or answer.private is None:
+                raise self._no_log(keeper, "has lost it")
+            # What was decided while the answer was on its way makes it old; and the next one is not.
+            if not self._is_older(answer.public):
+                break
+        else:
+            raise self._no_log(keeper, "has an older one than was read before")
         public = self._verified(answer.public)
-        self._read = await self._calls.world.workers.run("crypto", self._opened, public, answer.private, self._read)
-        return self._read
+        key = self.keys.epochs.get(public.key_epoch)
+        if key is None:
+            raise key_withheld(f"scene {self._name}")
+        opening = partial(_opened, public, answer.private, key, self.keys.header_key, self._read)
+        self._read = read = await self._calls.world.workers.run("crypto", opening)
+        self.keys = keys_with_log(self.keys, read.state)
+        return read
 
     async def _ask_keeper(self, keeper: str, want: Want) -> SceneLogAnswer | None:
         async def ask() -> RespondSceneLog:
@@ -120,13 +135,15 @@ class LogAccess:
         LocalFault if the entry does not fit, or this profile may not sign; Refused if it did not go in; Unreachable, with words
         if it is not known whether it did.
         """
-        if self._keys.header_seed is None:
-            raise LocalFault("these keys can only read the scene", where=f"scene {self._name}", remedy="use the profile that made it")
+        if self.keys.header_seed is None:
+            await self.header()  # it may have been given since
+        if self.keys.header_seed is None:
+            raise LocalFault("only an owner of the scene may change this", where=f"scene {self._name}", remedy="ask one of them")
         doubt = self._doubt("a change", "see with `scenectl space list` whether it was made, before you repeat it")
         with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, SigningKey.from_seed(self._keys.header_seed), doubt)
+            return await self._proposed(entry_of, doubt)
 
-    async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], key: SigningKey, doubt: Doubt) -> ReadLog:
+    async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], doubt: Doubt) -> ReadLog:
         request_id = self._calls.world.entropy.token(_REQUEST_ID_BYTES)
         patience = Patience()
         offered = 0
@@ -144,12 +161,13 @@ class LogAccess:
                 problem = None
             if attempt == CLIENT_LOG_TRIES_MAX:
                 break
-            after = self._followed(before, entry_of(before.state), request_id, key)
+            after = self._following(before, entry_of(before.state), request_id)
             offered = after.header.position
             try:
-                reason = await self._offer(await self._proposal(after.header, after.log.records), doubt)
+                reason = await self._offer(await self._proposal(after.header, after.log.records, after.keys.epochs), doubt)
                 if reason is None:
-                    return after
+                    self._take(after.header, keys_with_log(after.keys, after.log.state))
+                    return ReadLog(after.header, after.log)
                 problem = None if reason in _TOO_LATE else _refusal(reason, self._name)
             except (Unreachable, PeerFault, Refused) as error:
                 problem = error
@@ -166,7 +184,7 @@ class LogAccess:
         """
         remedy = "create it again: its keys are kept, and if it is there you are told so"
         doubt = self._doubt("the creation of the scene", remedy)
-        packet = await self._proposal(header, records)
+        packet = await self._proposal(header, records, self.keys.epochs)
 
         async def offer() -> None:
             reason = await self._offer(packet, doubt)
@@ -191,12 +209,12 @@ class LogAccess:
             doubt.note(offered)
         return reply.reason
 
-    async def _proposal(self, header: SceneLogPublic, records: tuple[SignedRecord, ...]) -> ProposeSceneLog:
-        keys, nonce = self._keys, self._calls.world.entropy.token(NONCE_BYTES)
-        sealing = partial(seal_private, genesis=keys.genesis, symmetric_key=keys.symmetric_key, key_epoch=keys.key_epoch, nonce=nonce)
+    async def _proposal(self, header: SceneLogPublic, records: tuple[SignedRecord, ...], epochs: EpochKeys) -> ProposeSceneLog:
+        nonce, epoch = self._calls.world.entropy.token(NONCE_BYTES), header.key_epoch
+        sealing = partial(seal_private, genesis=header.genesis, symmetric_key=epochs[epoch], key_epoch=epoch, nonce=nonce)
         private = await self._calls.world.workers.run("crypto", sealing, records)
         return ProposeSceneLog(
-            genesis=self._keys.genesis,
+            genesis=header.genesis,
             proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),
             route=(header.origin,),
             nodes=(),
@@ -208,49 +226,56 @@ class LogAccess:
             mac=b"",
         )
 
-    def _followed(self, before: ReadLog, entry: LogEntry, request_id: bytes, key: SigningKey) -> ReadLog:
+    def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes) -> Followed:
         """The log with one more entry, its header signed."""
         record = before.state.next_record(entry, request_id, before.header.origin)
         try:
             # Encoding first: its complaints about single numbers are plainer than what follows from them.
-            signed = sign_record(record, key)
-            state = before.state.apply(record)
+            record.encode()
+            return follow(before.header, before.log, record, self.keys, self._calls.world.entropy.token)
         except Refused as refusal:
             remedy = refusal.remedy or "`scenectl space list` shows what there is"
             raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal
-        header = replace(
-            before.header,
-            position=state.position,
-            write_floor=max(state.write_floor, before.header.write_floor),
-            mode=state.mode,
-            spaces=state.public_spaces(),
-        )
-        header = replace(header, signature=key.sign(HEADER_DOMAIN, header.signable()))
-        return ReadLog(header, OpenedLog(state, (*before.log.records, signed)))
-
-    def _opened(self, header: SceneLogPublic, private: bytes, before: ReadLog | None) -> ReadLog:
-        keys = self._keys
-        log = open_private(
-            private,
-            genesis=keys.genesis,
-            position=header.position,
-            symmetric_key=keys.symmetric_key,
-            header_key=keys.header_key,
-            known=None if before is None else before.log,
-        )
-        return ReadLog(header, log)
 
     def _verified(self, header: SceneLogPublic) -> SceneLogPublic:
-        verify_header(header, self._keys.scene, self._keys.genesis, self._keys.header_key)
+        """The header, if it is the scene's; what it holds for us is taken. Of one that is older than what we met, that one."""
+        known = self._followed
+        if known is not None and self._is_older(header):
+            return known
+        if header != known:
+            self._take(header, keys_after(header, self.keys, self._sealing))
         return header
+
+    def _is_older(self, header: SceneLogPublic) -> bool:
+        return self._followed is not None and header.position < self._followed.position
+
+    def _take(self, header: SceneLogPublic, keys: SceneKeys) -> None:
+        if not self._is_older(header):
+            self._followed, self.keys = header, keys
 
     def _request(self, want: Want, have: int) -> RequestSceneLog:
         nonce = int.from_bytes(self._calls.world.entropy.token(8), "big")
-        return RequestSceneLog(self._keys.scene, self._keys.genesis, have, nonce, want)
+        return RequestSceneLog(self.keys.scene_id, self.keys.genesis, have, nonce, want)
 
     def _no_log(self, keeper: str, why: str) -> Unreachable:
         remedy = "start that node: its spaces and transforms are read from there"
         return Unreachable(f"the node that keeps the scene's log {why}", where=f"scene {self._name}, {keeper}", remedy=remedy)
+
+
+def _opened(header: SceneLogPublic, private: bytes, key: bytes, header_key: PublicKey, before: ReadLog | None) -> ReadLog:
+    keyed_at = header.succession[-1].position if header.succession else 1
+    log = open_private(
+        private,
+        genesis=header.genesis,
+        position=header.position,
+        symmetric_key=key,
+        header_key=header_key,
+        header_keyed_at=keyed_at,
+        known=None if before is None else before.log,
+    )
+    if log.state.grants.key_epoch != header.key_epoch:
+        raise DamagedData("the scene's log and its header name other key epochs", where=f"scene {header.scene:08x}")
+    return ReadLog(header, log)
 
 
 def _refusal(reason: RejectReason, name: str) -> Refused:

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import born, first_header, first_records, writers_of
+from scenefold.client.births import born, first_header, first_records, kept_keys, maker_of
 from scenefold.client.calls import Calls
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
-from scenefold.client.scene_log import LogAccess, LogKeys
-from scenefold.client.sealing import SceneIdentity
-from scenefold.crypto import SYMMETRIC_KEY_BYTES, SigningKey
+from scenefold.client.scene_log import LogAccess
+from scenefold.client.sealing import SceneIdentity, writers_of
+from scenefold.crypto import MemberSecrets, SealingKey
+from scenefold.scene.log import SceneKeys, keys_after, keys_in, own_lockbox
 from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed
-from scenefold.world.keyring import Keyring, SceneKeys, checked_name
+from scenefold.world.keyring import KeptScene, Keyring, checked_name
 
 Result = TypeVar("Result")
 
 _SESSION_BYTES = 8
+_log = logging.getLogger("scenefold.client")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +50,16 @@ class SceneListing:
 class Scenes:
     """`cluster.scenes`."""
 
-    def __init__(self, calls: Calls, keyring: Keyring, writer: SigningKey, origin: NodeId) -> None:
-        """`origin`: the node that new scenes name as theirs; always the same, so that a header can be made again."""
+    def __init__(self, calls: Calls, keyring: Keyring, secrets: MemberSecrets, origin: NodeId, member: str = "user:owner") -> None:
+        """`origin`: the node that new scenes name as theirs; always the same, so that a header can be made again.
+
+        `secrets` and `member`: who we are, by our keys and by the name in our certificate.
+        """
         self._calls = calls
         self._origin = origin
         self._keyring = keyring
-        self._writer = writer
+        self._secrets = secrets
+        self._maker = maker_of(member, secrets)
 
     async def create(self, name: str) -> Scene:
         """Make an empty scene. Its keys are on disk, durably, before any node hears of it.
@@ -60,35 +67,39 @@ class Scenes:
         If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already.
         """
         checked_name(name, "scene")
-        keys = await self._kept(name)
-        if keys is not None:
-            header = await self._header(keys)
-            if header is not None:
-                what, where = f"a scene {name!r} exists already", f"id {keys.scene_id:08x}"
+        kept = await self._kept(name)
+        if kept is not None:
+            log = await self._log(kept)
+            if await log.header() is not None:
+                what, where = f"a scene {name!r} exists already", f"id {kept.scene_id:08x}"
                 raise LocalFault(what, where=where, remedy="choose another name, or open it")
-            return await self._announce(keys)
-        token = self._calls.world.entropy.token
-        header_key = SigningKey.from_seed(token(32))
-        keys = born(name, token(SYMMETRIC_KEY_BYTES), header_key, self._writer.public, self._origin)
-        await self._on_disk(self._keyring.save, keys)
-        return await self._announce(keys, is_new=True)
+            return await self._announce(kept, log)
+        kept = born(name, self._maker, self._origin, self._calls.world.entropy.token)
+        await self._on_disk(self._keyring.save, kept)
+        return await self._announce(kept, await self._log(kept), is_new=True)
 
     async def open(self, name: str) -> Scene:
-        """The scene of this name in the profile's keyring; LocalFault if the profile or the cluster has none."""
-        keys = await self._on_disk(self._keyring.load, name)
-        header = await self._header(keys)
+        """The scene of this name in the profile's keyring, or one that somebody has granted; LocalFault if there is none.
+
+        One that was granted may be named by its id as well. It is kept in the keyring from then on: the name will mean this one.
+        """
+        checked_name(name, "scene")
+        kept = await self._kept(name) or await self._granted(name)
+        log = await self._log(kept)
+        header = await log.header()
         if header is None:
             remedy = f"`scenectl scene create {name}` announces it again"
             raise LocalFault("the cluster does not know this scene", where=f"scene {name}", remedy=remedy)
-        return self._scene(keys, header)
+        return self._scene(log, header)
 
     async def open_or_create(self, name: str) -> Scene:
         """Open the scene, or make it if there is none."""
         checked_name(name, "scene")
-        keys = await self._kept(name)
-        if keys is not None:
-            header = await self._header(keys)
-            return await self._announce(keys) if header is None else self._scene(keys, header)
+        kept = await self._kept(name)
+        if kept is not None:
+            log = await self._log(kept)
+            header = await log.header()
+            return await self._announce(kept, log) if header is None else self._scene(log, header)
         return await self.create(name)
 
     async def import_file(self, name: str, path: Path | str, progress: ProgressCallback | bool = False) -> tuple[Scene, ImportReport]:
@@ -109,57 +120,83 @@ class Scenes:
         return scene, await store_import(scene.access, prepared, progress)
 
     async def list(self) -> list[SceneListing]:
-        """All scenes of the cluster, those with keys here first, by name."""
+        """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
         reply = await self._calls.ask_any(ListScenes(), ScenesListed)
         names = await self._on_disk(_names_by_genesis, self._keyring)
-        found = [SceneListing(header.scene, header.genesis, names.get(header.genesis)) for header in reply.scenes]
+        given = await self._given(reply.scenes)
+        found = [
+            SceneListing(header.scene, header.genesis, names.get(header.genesis) or (None if keys is None else keys.name))
+            for header, keys in zip(reply.scenes, given, strict=True)
+        ]
         return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
 
     async def _on_disk(self, function: Callable[..., Result], *arguments: object) -> Result:
         return await self._calls.world.workers.run("import", function, *arguments)
 
-    async def _kept(self, name: str) -> SceneKeys | None:
-        """The keys of a scene if this profile has any."""
+    async def _kept(self, name: str) -> KeptScene | None:
+        """The entry of a scene if this profile has any."""
         names = await self._on_disk(self._keyring.names)
         return await self._on_disk(self._keyring.load, name) if name in names else None
 
-    async def _header(self, keys: SceneKeys) -> SceneLogPublic | None:
-        """The newest header that a node knows, verified; None if the cluster does not know the scene."""
-        return await self._log(keys).header()
+    async def _granted(self, name: str) -> KeptScene:
+        """The entry of a scene that was granted to us under this name or id, kept from now on; LocalFault if there is not one."""
+        reply = await self._calls.ask_any(ListScenes(), ScenesListed)
+        given = zip(reply.scenes, await self._given(reply.scenes), strict=True)
+        fitting = [(header, keys) for header, keys in given if keys is not None and name in (keys.name, f"{header.scene:08x}")]
+        if not fitting:
+            await self._on_disk(self._keyring.load, name)  # says what there is
+        if len(fitting) > 1:
+            ids = ", ".join(f"{header.scene:08x}" for header, _ in fitting)
+            raise LocalFault(f"several scenes {name!r} were granted to you", where=f"ids {ids}", remedy="give the id in place of the name")
+        header, keys = fitting[0]
+        own = next(box for box in header.lockboxes if box.recipient == self._secrets.sealing.public.key_id)
+        kept = KeptScene(name, header.genesis, keys.header_key.key_id, header.key_epoch, own)
+        await self._on_disk(self._keyring.save, kept)
+        return kept
 
-    async def _announce(self, keys: SceneKeys, *, is_new: bool = False) -> Scene:
+    async def _given(self, headers: Sequence[SceneLogPublic]) -> Sequence[SceneKeys | None]:
+        """What each header holds for us."""
+        return await self._calls.world.workers.run("crypto", _opened_for, headers, self._secrets.sealing)
+
+    async def _announce(self, kept: KeptScene, log: LogAccess, *, is_new: bool = False) -> Scene:
         """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""
-        header = first_header(keys, self._writer.public, self._origin)
+        header = first_header(kept, log.keys, self._maker, self._origin)
         if header is None:
             what = "the scene was made by another user or for other nodes"
-            raise LocalFault(what, where=f"scene {keys.name}", remedy="use the profile that made it")
+            raise LocalFault(what, where=f"scene {kept.name}", remedy="use the profile that made it")
         try:
-            await self._log(keys).announce(header, first_records(keys, self._origin))
+            await log.announce(header, first_records(log.keys, self._maker, self._origin))
         except Refused as refusal:
             if is_new and not is_passing(refusal.reason):
                 # The cluster has no such scene and will not have it, so its keys open nothing. Of doubt we hear as Unreachable.
-                await self._on_disk(self._keyring.remove, keys.name)
+                await self._on_disk(self._keyring.remove, kept.name)
             raise
-        return self._scene(keys, header)
+        return self._scene(log, header)
 
-    def _scene(self, keys: SceneKeys, header: SceneLogPublic) -> Scene:
-        identity = SceneIdentity(
-            scene=keys.scene_id,
-            genesis=keys.genesis,
-            position=header.position,
-            writers=writers_of(header),
-            symmetric_key=keys.symmetric_key,
-            key_epoch=keys.key_epoch,
-        ).with_header(header)
-        writer = self._writer if self._writer.key_id in identity.writers else None
+    def _scene(self, log: LogAccess, header: SceneLogPublic) -> Scene:
+        keys = log.keys
+        identity = SceneIdentity(keys.scene_id, keys.genesis, header.position, writers_of(header), keys.epochs).with_header(header)
         session = int.from_bytes(self._calls.world.entropy.token(_SESSION_BYTES), "big")
-        return Scene(SceneAccess(self._calls, keys.name, identity, writer, session, log=self._log(keys)))
+        return Scene(SceneAccess(self._calls, keys.name, identity, self._secrets.signing, session, log=log))
 
-    def _log(self, keys: SceneKeys) -> LogAccess:
-        header_key = SigningKey.from_seed(keys.header_seed).public
-        opening = LogKeys(keys.scene_id, keys.genesis, keys.symmetric_key, keys.key_epoch, header_key, keys.header_seed)
-        return LogAccess(self._calls, keys.name, opening)
+    async def _log(self, kept: KeptScene) -> LogAccess:
+        keys = await self._calls.world.workers.run("crypto", kept_keys, kept, self._secrets.sealing)
+        return LogAccess(self._calls, keys, self._secrets.sealing)
+
+
+def _opened_for(headers: Sequence[SceneLogPublic], sealing: SealingKey) -> list[SceneKeys | None]:
+    return [_keys_in(header, sealing) for header in headers]
+
+
+def _keys_in(header: SceneLogPublic, sealing: SealingKey) -> SceneKeys | None:
+    """None, too, for what is damaged, or not signed by the key that its lockbox speaks of: a list shows the others."""
+    try:
+        contents = own_lockbox(header, sealing)
+        return None if contents is None else keys_after(header, keys_in(contents, header.genesis), None)
+    except DamagedData as problem:
+        _log.warning("scene %08x: what it holds for us is not believed: %s", header.scene, problem)
+        return None
 
 
 def _names_by_genesis(keyring: Keyring) -> dict[bytes, str]:
-    return {keys.genesis: keys.name for keys in map(keyring.load, keyring.names())}
+    return {kept.genesis: kept.name for kept in map(keyring.load, keyring.names())}

@@ -2,22 +2,24 @@
 
 What a reader checks before it believes a record: that it is the record of this very scene, space and location,
 that a writer whom the scene's header names signed it, that the ciphertext is the signed one, and that it opens
-under the scene's key. Any of these failing is DamagedData naming the place.
+under the scene's key. Any of these failing is DamagedData naming the place. NewerThanKnown where a newer header may tell more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
-from scenefold.base.errors import DamagedData, LocalFault, UsageFault
+from scenefold.base.errors import DamagedData, LocalFault, Refused, UsageFault
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.client.births import writers_of
+from scenefold.base.reasons import RejectReason
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, is_tombstone
 from scenefold.crypto import (
     PLACED_BY_CLIENT,
     PLACED_BY_NODE,
+    SUITES,
     PublicKey,
     Record,
     RecordPlace,
@@ -28,10 +30,46 @@ from scenefold.crypto import (
     verify_record,
 )
 from scenefold.crypto.record_header import TAG_BYTES
-from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode
+from scenefold.scene.log import FOR_EVER, EpochKeys
+from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode, WriterEntry
 
 Key = tuple[SpaceId, Location] | tuple[SpaceId, Location, bytes]
 """Where a record lies; in a node-managed space with its object id."""
+
+
+class NewerThanKnown(DamagedData):
+    """A record that says that it is by a writer, or under a key, that is not known here: both may be younger than what is known.
+
+    `epoch`: the log position that it names; `key_epoch`: that of its key, if that is what is missing.
+    """
+
+    epoch = 0
+    key_epoch: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WriterKey:
+    """A writer's key, and the log positions that it may sign under."""
+
+    key: PublicKey
+    terms: tuple[WriterEntry, ...]
+
+    @classmethod
+    def always(cls, key: PublicKey) -> Self:
+        """A writer from the beginning on and for ever."""
+        return cls(key, (WriterEntry(key.key_id, 0, FOR_EVER),))
+
+    def may_write_at(self, epoch: int) -> bool:
+        return any(term.from_position <= epoch <= term.until_position for term in self.terms)
+
+
+def writers_of(header: SceneLogPublic) -> dict[KeyId, WriterKey]:
+    """All writers that a header names in full, those of former times too."""
+    terms: dict[KeyId, list[WriterEntry]] = {}
+    for term in header.writers:
+        terms.setdefault(term.key, []).append(term)
+    keys = [PublicKey(entry.raw, entry.suite) for entry in header.keys if entry.suite in SUITES]
+    return {key.key_id: WriterKey(key, tuple(terms[key.key_id])) for key in keys if key.key_id in terms}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +80,10 @@ class SceneIdentity:
     genesis: bytes
     position: int
     """The committed log position that the header was read at: the Epoch of what is written."""
-    writers: Mapping[KeyId, PublicKey]
-    symmetric_key: bytes
-    key_epoch: int
+    writers: Mapping[KeyId, WriterKey]
+    keys: EpochKeys
+    key_epoch: int | None = None
+    """Of the key that new records are sealed under, as the header says; None: the newest of `keys`."""
     content_position: int | None = None
     """The log position that the coordinates in new payloads belong to; None: `position`."""
     outputs: frozenset[SpaceId] | None = None
@@ -54,18 +93,34 @@ class SceneIdentity:
     shadows: Mapping[SpaceId, SpaceId] = field(default_factory=dict)
     """Of the known spaces those that hold copies, which are the nodes' to make, each with the space whose copies they are."""
 
-    def with_header(self, header: SceneLogPublic) -> SceneIdentity:
-        """The same scene as a newer header tells of it. What payloads are written for stays as it was."""
+    def with_header(self, header: SceneLogPublic, keys: EpochKeys | None = None) -> SceneIdentity:
+        """The same scene as a newer header tells of it, with the keys that go with it. What payloads are written for stays as it was."""
         outputs = frozenset(entry.space for entry in header.spaces if entry.render_output)
         return replace(
             self,
             position=header.position,
             writers=writers_of(header),
+            keys=self.keys if keys is None else keys,
+            key_epoch=header.key_epoch,
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
             shadows={entry.space: entry.parent for entry in header.spaces if entry.parent},
         )
+
+    def may_write(self, key: KeyId) -> bool:
+        """Whether a record by this key would be taken now."""
+        writer = self.writers.get(key)
+        return writer is not None and writer.may_write_at(self.position)
+
+    @property
+    def sealing_key(self) -> tuple[int, bytes]:
+        """Epoch and key of what is sealed now; Refused (17) if it is not given to us."""
+        epoch = self.keys.newest_epoch if self.key_epoch is None else self.key_epoch
+        key = self.keys.get(epoch)
+        if key is None:
+            raise key_withheld(f"scene {self.scene:08x}")
+        return epoch, key
 
     def check_kind(self, space: SpaceId, object_id: bytes) -> None:
         """LocalFault for a record in a shadow, or with a place where nodes choose it, or the other way about."""
@@ -105,6 +160,7 @@ class Opened:
     digest: bytes
     content_position: int = 0
     """The log position that the coordinates in the payload belong to."""
+    key_epoch: int = 0
 
     @property
     def deleted(self) -> bool:
@@ -115,6 +171,18 @@ class Opened:
 def payload_of(found: Opened | None) -> bytes | None:
     """What a reader is given: None for what is not there, or not any more."""
     return None if found is None or found.deleted else found.payload
+
+
+def key_withheld(where: str) -> Refused:
+    """The error for whoever does not hold the scene's key as it is now."""
+    remedy = "ask an owner of the scene for access: `scenectl scene grant`"
+    return Refused(RejectReason.KEY_REVOKED, "the scene's key was changed, and is not sealed to you", where=where, remedy=remedy)
+
+
+def _newer(what: str, epoch: int, key_epoch: int | None = None) -> NewerThanKnown:
+    error = NewerThanKnown(what)
+    error.epoch, error.key_epoch = epoch, key_epoch
+    return error
 
 
 def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: Sequence[Draft]) -> list[PutItem]:
@@ -131,7 +199,7 @@ def open_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[Rec
 
 
 def deleted_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[bool]:
-    """Whether each record is not there, or says that it is deleted. One that does not verify does not say so."""
+    """Whether each record is not there, or says that it is deleted. One that does not verify does not say so; NewerThanKnown is raised."""
     return [record is None or _is_deleted(identity, key, record) for key, record in zip(keys, records, strict=True)]
 
 
@@ -140,11 +208,14 @@ def _is_deleted(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:
         return False
     try:
         return _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record).deleted
+    except NewerThanKnown:
+        raise
     except DamagedData:
         return False
 
 
 def _seal(identity: SceneIdentity, writer: SigningKey, session: int, draft: Draft) -> PutItem:
+    key_epoch, symmetric_key = identity.sealing_key
     record = seal_record(
         scene=identity.scene,
         genesis=identity.genesis,
@@ -154,9 +225,9 @@ def _seal(identity: SceneIdentity, writer: SigningKey, session: int, draft: Draf
         seq=draft.seq,
         session=session,
         content_position=_content_position(identity, draft),
-        key_epoch=identity.key_epoch,
+        key_epoch=key_epoch,
         payload=draft.payload,
-        symmetric_key=identity.symmetric_key,
+        symmetric_key=symmetric_key,
         signing_key=writer,
         nonce=draft.nonce,
         placement=PLACED_BY_NODE if draft.object else PLACED_BY_CLIENT,
@@ -186,13 +257,20 @@ def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id
         if claimed.genesis != identity.genesis:
             raise DamagedData("a node answered with the record of another scene")
         writer = identity.writers.get(claimed.writer)
-        if writer is None:
-            raise DamagedData(f"a record by key {claimed.writer:08x}, which is no writer of the scene")
+        if writer is None or not writer.may_write_at(claimed.epoch):
+            when = "" if writer is None else f" at position {claimed.epoch}"
+            raise _newer(f"a record by key {claimed.writer:08x}, which is no writer of the scene{when}", claimed.epoch)
         # A node-managed record may lie anywhere; that it is this object is what its writer signed.
         place = signed_place(object_id) if object_id else location
-        header = verify_record(record, writer, RecordPlace(identity.scene, space, place))
+        header = verify_record(record, writer.key, RecordPlace(identity.scene, space, place))
         if header.placement != (PLACED_BY_NODE if object_id else PLACED_BY_CLIENT):
             raise DamagedData("a node answered with a record of another kind of space")
-        return Opened(open_record(record, identity.symmetric_key), header.seq, header.digest, header.content_position)
+        key = identity.keys.get(header.key_epoch)
+        if key is None:
+            raise _newer(f"the record is sealed under key epoch {header.key_epoch} of the scene", header.epoch, header.key_epoch)
+        return Opened(open_record(record, key), header.seq, header.digest, header.content_position, header.key_epoch)
+    except NewerThanKnown as error:
+        error.where = where
+        raise
     except DamagedData as error:
         raise DamagedData(error.what, where=where, remedy=error.remedy) from error

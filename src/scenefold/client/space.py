@@ -11,13 +11,14 @@ from collections.abc import AsyncIterator, Iterable, Sequence
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAMES_IN_FLIGHT
 from scenefold.base.location import FIRST, LAST, Location
-from scenefold.client.access import SceneAccess, Wish
+from scenefold.client.access import SceneAccess
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space
 from scenefold.client.sealing import Key, Opened, payload_of
 from scenefold.client.steps import checked_factor, checked_offset, movable
+from scenefold.client.wishes import Wish
 from scenefold.scene.log import LoggedSpace
 from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
 

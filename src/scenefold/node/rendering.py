@@ -1,7 +1,7 @@
 """The renderer as an extension of a node: what render/ needs of its host, made from what the node has.
 
 A node reads the scene that it renders through its own data service: what lies here comes from the store without
-leaving the process, the rest from its owners. It opens records with the key that came with the job, which is kept in
+leaving the process, the rest from its owners. It opens records with the keys that came with the job, which are kept in
 memory only.
 """
 
@@ -16,9 +16,10 @@ import trio
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.client.sealing import Opened, SceneIdentity, open_all, payload_of
+from scenefold.client.sealing import Opened, SceneIdentity, open_all, payload_of, writers_of
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
+from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet, RecordBytes, RecordKey
 from scenefold.world import World
 
@@ -74,8 +75,8 @@ class RenderHost:
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._context.peers.tell(node, priority_of(packet), packet, SEND_S_MAX)
 
-    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> NodeReader:
-        return NodeReader(self._context, scene, genesis, symmetric_key, key_epoch)
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys) -> NodeReader:
+        return NodeReader(self._context, scene, genesis, keys)
 
     def record_count(self) -> int:
         return self._context.store.record_count
@@ -88,8 +89,7 @@ class NodeReader:
     context: NodeContext
     scene: SceneId
     genesis: bytes
-    symmetric_key: bytes
-    key_epoch: int
+    keys: EpochKeys
 
     async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
         """The payloads at these locations, in order; None where nothing lies. DamagedData if one does not verify."""
@@ -117,9 +117,8 @@ class NodeReader:
             scene=self.scene,
             genesis=self.genesis,
             position=known.public.position,
-            writers={key: known.keys[key] for key in known.writers if key in known.keys},
-            symmetric_key=self.symmetric_key,
-            key_epoch=self.key_epoch,
+            writers=writers_of(known.public),
+            keys=self.keys,
         )
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import HEADER_DOMAIN
+from scenefold.crypto import HEADER_DOMAIN, PublicKey, key_id_of
 from scenefold.peer.verification import KnownScene
+from scenefold.scene.log.succession import header_key_now
 from scenefold.wire import SceneLogPublic
 
 FIRST_POSITION = 1
@@ -25,12 +26,14 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
     if public.position <= FIRST_POSITION and public.with_genesis().genesis != public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
     if known is not None:
-        _check_succession(public, known.public)
+        _check_follows(public, known)
     try:
         scene = KnownScene.of(public)
     except DamagedData as problem:
         raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
     key = scene.keys.get(public.public_key)
+    if public.succession and key_id_of(public.succession[-1].key) != public.public_key:
+        raise Refused(RejectReason.ILL_FORMED, "the header is not signed by the newest of its header keys")
     if key is None:
         raise Refused(RejectReason.ILL_FORMED, "the header lacks the key that it is signed with")
     try:
@@ -40,14 +43,28 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
     return scene
 
 
-def _check_succession(public: SceneLogPublic, known: SceneLogPublic) -> None:
+def _check_follows(public: SceneLogPublic, scene: KnownScene) -> None:
+    known = scene.public
     if public.genesis != known.genesis:
         raise Refused(RejectReason.POSITION_TAKEN, "another scene has this id here")
     if public.origin != known.origin:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header names another origin than the one before")
-    if public.public_key != known.public_key:
-        raise Refused(RejectReason.NOT_AUTHORISED, "the header is signed with another key than the one before")
-    if public.position < known.position or public.write_floor < known.write_floor:
+    _check_header_key(public, known, scene.keys[known.public_key])
+    if public.position < known.position or public.write_floor < known.write_floor or public.key_epoch < known.key_epoch:
         raise Refused(RejectReason.POSITION_BEHIND, f"the scene's log is at position {known.position} already")
     if public.position == known.position and public.signable() != known.signable():
         raise Refused(RejectReason.POSITION_TAKEN, f"position {known.position} is decided otherwise")
+
+
+def _check_header_key(public: SceneLogPublic, known: SceneLogPublic, key: PublicKey) -> None:
+    """An older header is behind, and an owner who was revoked may have signed it: both are refused, the first without a word of blame."""
+    if public.position < known.position and known.succession[: len(public.succession)] == public.succession:
+        return
+    if public.succession[: len(known.succession)] != known.succession:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the header forgets a change of the key that signs it")
+    if any(step.position <= known.position for step in public.succession[len(known.succession) :]):
+        raise Refused(RejectReason.NOT_AUTHORISED, "the header's key changed at a position that was decided otherwise")
+    try:
+        header_key_now(public, key)
+    except DamagedData as problem:
+        raise Refused(RejectReason.NOT_AUTHORISED, str(problem)) from problem

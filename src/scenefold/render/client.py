@@ -76,8 +76,9 @@ async def render_still(cluster: Cluster, scene: Scene, options: StillOptions, pr
     job = int.from_bytes(cluster.calls.world.entropy.token(8), "big") or 1
     owner = organiser_of(job, [node.node_id for node in await cluster.nodes()])
     watch = _Watch(cluster, address_of(owner), job)
+    await scene.access.know_all_keys()
     identity = scene.access.identity
-    request = RenderRequest(job, identity.scene, identity.genesis, identity.symmetric_key, identity.key_epoch, wanted)
+    request = RenderRequest(job, identity.scene, identity.genesis, identity.keys, wanted)
     await watch.start(request)
     try:
         state = await watch.until_done(progress)

@@ -17,6 +17,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition
 from scenefold.render.passes import PassPlan
+from scenefold.scene.log import EpochKeys
 from scenefold.wire import pack_value, unpack_value
 
 ALGORITHMS = ("bounded-radial", "voronoi")
@@ -25,7 +26,6 @@ SAMPLES_MAX = 1 << 20
 DEPTH_MAX = 32
 SEED_MAX = 2**63 - 1
 SKY_MAX = 1e9
-SYMMETRIC_KEY_BYTES = 24
 HASH_BYTES = 32
 _CAMERA_NUMBERS = 16
 
@@ -74,9 +74,8 @@ class Job:
     id: int
     scene: SceneId
     genesis: bytes
-    symmetric_key: bytes
+    keys: EpochKeys
     """Of the scene: taking part in a job is what lets a node read the scene, for as long as the job lasts."""
-    key_epoch: int
     content: bytes
     """SHA-256 of the scene's tables, so that all nodes render the same content or none."""
     numeric_class: str
@@ -105,8 +104,7 @@ class Job:
                 "id": self.id,
                 "scene": int(self.scene),
                 "genesis": self.genesis,
-                "symmetric_key": self.symmetric_key,
-                "key_epoch": self.key_epoch,
+                "keys": self.keys.rows(),
                 "content": self.content,
                 "numeric_class": self.numeric_class,
                 "size": [self.width, self.height],
@@ -137,8 +135,7 @@ class Job:
             id=_whole(document["id"], 0, 2**64 - 1),
             scene=SceneId(_whole(document["scene"], 0, 2**32 - 1)),
             genesis=_exactly(document["genesis"], HASH_BYTES),
-            symmetric_key=_exactly(document["symmetric_key"], SYMMETRIC_KEY_BYTES),
-            key_epoch=_whole(document["key_epoch"], 0, 2**32 - 1),
+            keys=EpochKeys.of_rows(document["keys"]),
             content=_exactly(document["content"], HASH_BYTES),
             numeric_class=_text(document["numeric_class"]),
             width=width,

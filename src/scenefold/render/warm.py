@@ -86,6 +86,7 @@ def _render(algorithm: Algorithm) -> None:
     from scenefold.render.pass_sums import PassSums
     from scenefold.scene.importers.plan import ImportPlan
     from scenefold.scene.layout import GEOMETRY, TEXTURES
+    from scenefold.scene.log import EpochKeys
     from scenefold.scene.payloads.tiles import decode_tile
     from scenefold.scene.tables import SceneTables
 
@@ -104,7 +105,7 @@ def _render(algorithm: Algorithm) -> None:
     partition.owner(np.zeros((1, 3)), np.ones((1, 3)))
     renderer = load_renderer("embree")
     job = Job(
-        id=1, scene=SceneId(1), genesis=bytes(32), symmetric_key=bytes(24), key_epoch=0, content=document.content,
+        id=1, scene=SceneId(1), genesis=bytes(32), keys=EpochKeys.only(bytes(24)), content=document.content,
         numeric_class=renderer.numeric_class(), width=16, height=16, samples=2, seed=1, frame=0, depth=4, sky=(0.5, 0.5, 0.5),
         camera=camera_numbers(camera, 16, 16), nodes=(NodeId(2), NodeId(3)), partition=partition,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -10,31 +11,36 @@ from scenefold.base.ids import NodeId
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
-from scenefold.crypto import SigningKey
+from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.simulation.recording import Recorder, WatchedLinks
 from scenefold.world import World, open_links
-from scenefold.world.keyring import SceneKeys
+from scenefold.world.keyring import KeptScene
 
 
 class MemoryKeyring:
     """What `Scenes` asks of a keyring, without files. All clients of a run share one, as people share a profile."""
 
     def __init__(self) -> None:
-        self._keys: dict[str, SceneKeys] = {}
+        self._kept: dict[str, KeptScene] = {}
 
     def names(self) -> list[str]:
-        return sorted(self._keys)
+        return sorted(self._kept)
 
-    def load(self, name: str) -> SceneKeys:
-        if name not in self._keys:
+    def load(self, name: str) -> KeptScene:
+        if name not in self._kept:
             raise LocalFault(f"there is no scene {name!r}")
-        return self._keys[name]
+        return self._kept[name]
 
-    def save(self, keys: SceneKeys) -> None:
-        self._keys[keys.name] = keys
+    def save(self, kept: KeptScene) -> None:
+        self._kept[kept.name] = kept
 
     def remove(self, name: str) -> None:
-        self._keys.pop(name, None)
+        self._kept.pop(name, None)
+
+
+def secrets_of(writer: SigningKey) -> MemberSecrets:
+    """A member that signs with this key; what is sealed to it follows from it, as all does from the seed of a run."""
+    return MemberSecrets(writer, SealingKey(hashlib.sha256(b"sealing key" + writer.seed).digest()))
 
 
 class Client:
@@ -49,10 +55,16 @@ class Client:
 
 @asynccontextmanager
 async def open_client(
-    name: str, world: World, founders: list[tuple[NodeId, str]], keyring: MemoryKeyring, writer: SigningKey, recorder: Recorder
+    name: str,
+    world: World,
+    founders: list[tuple[NodeId, str]],
+    keyring: MemoryKeyring,
+    writer: SigningKey,
+    recorder: Recorder,
+    member: str = "user:owner",
 ) -> AsyncIterator[Client]:
-    """A client that knows the founders, as its profile would tell it."""
+    """A client that knows the founders, as its profile would tell it. `member`: whose keys it works with."""
     async with open_links(world) as links:
         watched = WatchedLinks(links, recorder, name)
         calls = Calls(world, watched, [address for _, address in founders], [node for node, _ in founders])  # type: ignore[arg-type]
-        yield Client(name, calls, Scenes(calls, keyring, writer, founders[0][0]))  # type: ignore[arg-type]
+        yield Client(name, calls, Scenes(calls, keyring, secrets_of(writer), founders[0][0], member))  # type: ignore[arg-type]

@@ -14,10 +14,10 @@ import trio
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
-from scenefold.client.access import Wish
 from scenefold.client.managed import ManagedPlace
 from scenefold.client.scene import Scene
 from scenefold.client.space import ABSENT
+from scenefold.client.wishes import Wish
 from scenefold.scene.layout import META, RENDERS
 from scenefold.simulation.outcome import Workload
 

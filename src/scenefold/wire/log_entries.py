@@ -10,19 +10,34 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, TypeAlias
 
-from scenefold.base.limits import NODES_MAX, PARTICIPANTS_MAX, SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX, SPACES_PER_SCENE_MAX
+from scenefold.base.limits import (
+    MEMBER_NAME_BYTES_MAX,
+    NODES_MAX,
+    PARTICIPANTS_MAX,
+    SPACE_DIMENSIONS_MAX,
+    SPACE_NAME_BYTES_MAX,
+    SPACES_PER_SCENE_MAX,
+)
 from scenefold.wire.common import BOOL, F64, LOCATION, MESSAGE, SPACE, SPACE_OR_NONE, U8, U32, KeyId, Location, NodeId, SpaceId
 from scenefold.wire.containers import Many, Struct, Tagged
+from scenefold.wire.enrol_entries import ENROL_ENTRIES, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.kinds import Bin, Choice, Float, Text, Uint
-from scenefold.wire.scene_headers import SceneMode
+from scenefold.wire.scene_headers import KEY_ENTRY, KeyEntry, SceneMode
 from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import ADDRESS_BYTES_MAX
 
 
 class CurveKind(IntEnum):
-from scenefold.wire.enrol_entries import ENROL_ENTRIES, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
     HILBERT = 0
     Z_ORDER = 1
+
+
+class Role(IntEnum):
+    """What a member may do with a scene; each may do what those before it may."""
+
+    READER = 1
+    WRITER = 2
+    OWNER = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +93,31 @@ class AddObserver:
 @dataclass(frozen=True, slots=True)
 class RemoveObserver:
     member: Member
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """A member may use the scene. `name` is that of its certificate, and says nothing: the keys do."""
+
+    name: str
+    role: Role
+    signing: KeyEntry
+    sealing: KeyEntry
+
+
+@dataclass(frozen=True, slots=True)
+class Revoke:
+    """The member with this signing key may not any more."""
+
+    key: KeyId
+
+
+@dataclass(frozen=True, slots=True)
+class KeyEpoch:
+    """From here on a new symmetric key is used, which stands in the lockboxes; `previous`: the one until now."""
+
+    epoch: int
+    previous: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +179,19 @@ SingleEntry: TypeAlias = (
     | RemoveParticipant
     | AddObserver
     | RemoveObserver
+    | Grant
+    | Revoke
+    | KeyEpoch
     | AddNode
     | RemoveNode
     | Trust
     | RevokeNode
     | Found
+    | Invite
+    | Enrol
+    | RenewCard
+    | RevokeUser
+    | Withdraw
 )
 LogEntry: TypeAlias = SingleEntry | Batch
 
@@ -187,19 +235,17 @@ _SINGLE: dict[int, Struct[Any]] = {
     5: Struct(AddParticipant, ("member", MEMBER)),
     6: Struct(RemoveParticipant, ("member", MEMBER)),
     7: Struct(AddObserver, ("member", MEMBER)),
-    | Invite
-    | Enrol
-    | RenewCard
-    | RevokeUser
-    | Withdraw
     8: Struct(RemoveObserver, ("member", MEMBER)),
+    9: Struct(Grant, ("name", Text(MEMBER_NAME_BYTES_MAX)), ("role", Choice(Role)), ("signing", KEY_ENTRY), ("sealing", KEY_ENTRY)),
+    10: Struct(Revoke, ("key", U32)),
+    11: Struct(KeyEpoch, ("epoch", U32), ("previous", Bin(lengths=(24,)))),
     32: Struct(AddNode, ("member", MEMBER), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS), ("left_of", U32)),
     33: Struct(RemoveNode, ("member", MEMBER), ("reason", MESSAGE)),
     35: Struct(RevokeNode, ("node", U32), ("key", U32)),
     36: Struct(Found, ("founders", Many(FOUNDER, NODES_MAX)), ("voters", Many(U32, PARTICIPANTS_MAX))),
+    **ENROL_ENTRIES,
 }
 SINGLE_ENTRY: Tagged[SingleEntry] = Tagged("SingleEntry", _SINGLE)
 LOG_ENTRY: Tagged[LogEntry] = Tagged(
     "LogEntry", dict(sorted({**_SINGLE, 13: Struct(Batch, ("entries", Many(SINGLE_ENTRY, SPACES_PER_SCENE_MAX)))}.items()))
 )
-    **ENROL_ENTRIES,

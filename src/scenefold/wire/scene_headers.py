@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from scenefold.base.limits import SPACES_PER_SCENE_MAX, WRITERS_PER_SCENE_MAX
+from scenefold.base.limits import HEADER_KEYS_MAX, LOCKBOX_BYTES_MAX, SPACES_PER_SCENE_MAX, WRITERS_PER_SCENE_MAX
 from scenefold.wire.common import (
     BOOL,
     DIGEST,
@@ -66,6 +66,23 @@ class KeyEntry:
     raw: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class Lockbox:
+    """The scene's keys, sealed to the member whose sealing key has this id (specs/04-records.md, Lockboxes)."""
+
+    recipient: KeyId
+    sealed: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Succession:
+    """From this position on the scene's header key is another; the one before it signed so (specs/16-scene-log.md)."""
+
+    position: int
+    key: bytes
+    signature: bytes
+
+
 SPACE_ENTRY = Struct(
     SpaceEntry,
     ("space", SPACE),
@@ -78,6 +95,8 @@ SPACE_ENTRY = Struct(
 )
 WRITER_ENTRY = Struct(WriterEntry, ("key", U32), ("from_position", U64), ("until_position", U64))
 KEY_ENTRY = Struct(KeyEntry, ("suite", U8), ("raw", Bin(lengths=(32, 384))))
+LOCKBOX = Struct(Lockbox, ("recipient", U32), ("sealed", Bin(LOCKBOX_BYTES_MAX)))
+SUCCESSION = Struct(Succession, ("position", U64), ("key", Bin(lengths=(32,))), ("signature", Bin(lengths=(64,))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +104,7 @@ class SceneLogPublic:
     """The public header of a scene: all that nodes without its key need, signed by its participants.
 
     `keys` holds in full every key that is named by an id, so that whoever has the header can verify the
-    header and every record without asking further.
+    header and every record without asking further. `key_epoch`: of the symmetric key that new records are sealed under.
     """
 
     scene: SceneId
@@ -99,6 +118,9 @@ class SceneLogPublic:
     public_key: KeyId
     private_key: KeyId
     keys: tuple[KeyEntry, ...]
+    key_epoch: int = 0
+    lockboxes: tuple[Lockbox, ...] = ()
+    succession: tuple[Succession, ...] = ()
     signature: bytes = UNSIGNED
 
     def signable(self) -> bytes:
@@ -106,10 +128,10 @@ class SceneLogPublic:
         return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED))
 
     def with_genesis(self) -> SceneLogPublic:
-        """This header as the first of its scene: genesis and scene id are its own hash."""
+        """This header as the first of its scene: genesis and scene id are its own hash, but for lockboxes, which name the genesis."""
         import hashlib
 
-        unborn = replace(self, scene=SceneId(1), genesis=NO_GENESIS, signature=UNSIGNED)
+        unborn = replace(self, scene=SceneId(1), genesis=NO_GENESIS, lockboxes=(), signature=UNSIGNED)
         genesis = hashlib.sha256(pack_piece(SCENE_LOG_PUBLIC, unborn)).digest()
         return replace(self, scene=SceneId(int.from_bytes(genesis[:4], "big")), genesis=genesis)
 
@@ -136,7 +158,10 @@ SCENE_LOG_PUBLIC = Struct(
     ("public_key", U32),
     ("private_key", U32),
     ("keys", Many(KEY_ENTRY, WRITERS_PER_SCENE_MAX)),
+    ("key_epoch", U32),
+    ("lockboxes", Many(LOCKBOX, WRITERS_PER_SCENE_MAX)),
+    ("succession", Many(SUCCESSION, HEADER_KEYS_MAX)),
     ("signature", SIGNATURE),
 )
 
-STRUCTS = (SPACE_ENTRY, WRITER_ENTRY, KEY_ENTRY, SCENE_LOG_PUBLIC)
+STRUCTS = (SPACE_ENTRY, WRITER_ENTRY, KEY_ENTRY, LOCKBOX, SUCCESSION, SCENE_LOG_PUBLIC)

@@ -1,27 +1,28 @@
-"""The scenes that the owner of a profile holds keys of: one TOML file a scene, 0600 (design page ux, Set-up).
+"""The scenes that the owner of a profile made or was given: one TOML file a scene, 0600 (design page ux, Set-up).
 
     name, id, genesis        which scene (id = the first 32 bits of genesis, consensus.md section 3)
-    symmetric_key, key_epoch what its records are encrypted with (AES-192)
-    header_seed              the seed of the key that signs the scene's public header; the first participant holds it
+    header_key, key_epoch    the id of the key that signed its header when this was written, the epoch of its symmetric key
+    recipient, lockbox       its keys, sealed to the user's own key (specs/04-records.md, Lockboxes)
 
-Whoever loses this file loses the scene, since no node can read it. So an existing entry is never overwritten by
-another scene of the same name.
+No key stands here in the clear: whoever has the file and not the user's sealing key has nothing. The file says which scene is
+meant by a name, so an existing entry is never overwritten by another scene of the same name.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from scenefold.base.errors import LocalFault
-from scenefold.base.ids import SceneId
-from scenefold.crypto import SYMMETRIC_KEY_BYTES, make_private_folder
+from scenefold.base.ids import KeyId, SceneId
+from scenefold.base.limits import LOCKBOX_BYTES_MAX
+from scenefold.crypto import make_private_folder
+from scenefold.wire import Lockbox
 from scenefold.world.toml_files import damaged, read_secret_toml, write_toml
 
 GENESIS_BYTES = 32
-SEED_BYTES = 32
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
@@ -38,21 +39,22 @@ def checked_name(name: str, what: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class SceneKeys:
-    """What a key holder needs to read, write and vouch for one scene."""
+class KeptScene:
+    """What is kept of a scene that a user may use. `name`: what it is called here."""
 
     name: str
     genesis: bytes
-    symmetric_key: bytes = field(repr=False)
-    header_seed: bytes = field(repr=False)
-    key_epoch: int = 0
+    header_key: KeyId
+    key_epoch: int
+    lockbox: Lockbox
 
     def __post_init__(self) -> None:
-        lengths = len(self.genesis), len(self.symmetric_key), len(self.header_seed)
-        if lengths != (GENESIS_BYTES, SYMMETRIC_KEY_BYTES, SEED_BYTES):
-            raise ValueError(f"genesis, symmetric key and header seed have the lengths {lengths}")
-        if not 0 <= self.key_epoch < 1 << 32:
-            raise ValueError("key_epoch is a 32-bit number")
+        if len(self.genesis) != GENESIS_BYTES:
+            raise ValueError(f"a genesis has {GENESIS_BYTES} bytes, not {len(self.genesis)}")
+        if not all(0 <= number < 1 << 32 for number in (self.key_epoch, self.header_key, self.lockbox.recipient)):
+            raise ValueError("key_epoch, header_key and recipient are 32-bit numbers")
+        if not 0 < len(self.lockbox.sealed) <= LOCKBOX_BYTES_MAX:
+            raise ValueError(f"a lockbox has at most {LOCKBOX_BYTES_MAX} bytes")
 
     @property
     def scene_id(self) -> SceneId:
@@ -71,29 +73,30 @@ class Keyring:
             return []
         return sorted(path.stem for path in self._folder.glob("*.toml") if not path.name.startswith("."))
 
-    def load(self, name: str) -> SceneKeys:
-        """The keys of the scene; LocalFault if there is no entry or it is damaged."""
+    def load(self, name: str) -> KeptScene:
+        """The scene's entry; LocalFault if there is none or it is damaged."""
         path = self._path(name)
         if not path.exists():
             known = ", ".join(self.names()) or "none"
             raise LocalFault(f"there is no scene {name!r} in this profile", where=f"known: {known}", remedy="`scenectl scene list`")
         return _decoded(path, read_secret_toml(path))
 
-    def save(self, keys: SceneKeys) -> None:
+    def save(self, kept: KeptScene) -> None:
         """Write the entry; saving the same scene again replaces it, another scene of that name is refused."""
-        path = self._path(keys.name)
-        if path.exists() and self.load(keys.name).genesis != keys.genesis:
-            raise LocalFault(f"a scene {keys.name!r} exists already", where=str(path), remedy="choose another name")
+        path = self._path(kept.name)
+        if path.exists() and self.load(kept.name).genesis != kept.genesis:
+            raise LocalFault(f"a scene {kept.name!r} exists already", where=str(path), remedy="choose another name")
         make_private_folder(self._folder)
         write_toml(
             path,
             {
-                "name": keys.name,
-                "id": keys.scene_id,
-                "genesis": keys.genesis.hex(),
-                "key_epoch": keys.key_epoch,
-                "symmetric_key": keys.symmetric_key.hex(),
-                "header_seed": keys.header_seed.hex(),
+                "name": kept.name,
+                "id": kept.scene_id,
+                "genesis": kept.genesis.hex(),
+                "header_key": kept.header_key,
+                "key_epoch": kept.key_epoch,
+                "recipient": kept.lockbox.recipient,
+                "lockbox": kept.lockbox.sealed.hex(),
             },
         )
 
@@ -105,17 +108,17 @@ class Keyring:
         return self._folder / f"{checked_name(name, 'scene')}.toml"
 
 
-def _decoded(path: Path, document: dict[str, Any]) -> SceneKeys:
+def _decoded(path: Path, document: dict[str, Any]) -> KeptScene:
     try:
-        keys = SceneKeys(
+        kept = KeptScene(
             name=str(document["name"]),
             genesis=bytes.fromhex(document["genesis"]),
-            symmetric_key=bytes.fromhex(document["symmetric_key"]),
-            header_seed=bytes.fromhex(document["header_seed"]),
+            header_key=KeyId(int(document["header_key"])),
             key_epoch=int(document["key_epoch"]),
+            lockbox=Lockbox(KeyId(int(document["recipient"])), bytes.fromhex(document["lockbox"])),
         )
     except (KeyError, TypeError, ValueError) as problem:
         raise damaged(path, f"{problem}") from problem
-    if keys.scene_id != document.get("id") or keys.name != path.stem:
+    if kept.scene_id != document.get("id") or kept.name != path.stem:
         raise damaged(path, "its id or name does not belong to its keys")
-    return keys
+    return kept

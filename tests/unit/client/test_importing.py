@@ -14,9 +14,10 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.importing import scene_name_of
 from scenefold.client.progress import ProgressState
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import SceneIdentity
+from scenefold.client.sealing import SceneIdentity, WriterKey
 from scenefold.crypto import SigningKey
 from scenefold.scene.layout import GEOMETRY, META
+from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import PutItem, PutOutcome
 from unit.client.fake_nodes import FakeNodes
@@ -26,7 +27,7 @@ TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 
 
 
 def _scene(nodes: FakeNodes) -> Scene:
-    identity = SceneIdentity(SceneId(9), bytes(32), 1, {WRITER.key_id: WRITER.public}, bytes(24), 0)
+    identity = SceneIdentity(SceneId(9), bytes(32), 1, {WRITER.key_id: WriterKey.always(WRITER.public)}, EpochKeys.only(bytes(24)))
     return Scene(SceneAccess(nodes.calls(), "kitchen", identity, WRITER, session=1))
 
 

@@ -13,13 +13,15 @@ from scenefold.base.ids import KeyId, SceneId, SpaceId, node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import born, first_header
+from scenefold.client.births import born, first_header, kept_keys, maker_of
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.reading import open_scene_with_keys
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import SceneIdentity
+from scenefold.client.sealing import SceneIdentity, WriterKey
 from scenefold.client.space import ABSENT
 from scenefold.crypto import SigningKey
+from scenefold.scene.log import EpochKeys
+from scenefold.simulation.clients import secrets_of
 from scenefold.wire import GetMany, PutMany
 from unit.client.fake_nodes import FakeNodes
 
@@ -30,7 +32,7 @@ ITEMS = [(place, b"payload %d" % index) for index, place in enumerate(PLACES)]
 
 
 def _scene(nodes: FakeNodes, writer: SigningKey = WRITER) -> Scene:
-    identity = SceneIdentity(SceneId(9), bytes(32), 1, {WRITER.key_id: WRITER.public}, bytes(24), 0)
+    identity = SceneIdentity(SceneId(9), bytes(32), 1, {writer.key_id: WriterKey.always(writer.public)}, EpochKeys.only(bytes(24)))
     return Scene(SceneAccess(nodes.calls(), "kitchen", identity, writer, session=1))
 
 
@@ -195,16 +197,19 @@ async def test_a_payload_that_fits_no_record_is_refused_before_anything_is_sent(
 
 async def test_with_keys_alone_a_scene_can_be_read_and_not_written(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
-    keys = born("kitchen", bytes(24), SigningKey(bytes(31) + b"\3"), WRITER.public, node_id_of("127.0.0.2"))
-    header = first_header(keys, WRITER.public, node_id_of("127.0.0.2"))
+    secrets = secrets_of(WRITER)
+    maker, origin = maker_of("user:owner", secrets), node_id_of("127.0.0.2")
+    kept = born("kitchen", maker, origin, nodes.calls().world.entropy.token)
+    keys = kept_keys(kept, secrets.sealing)
+    header = first_header(kept, keys, maker, origin)
     assert header is not None
-    identity = SceneIdentity(keys.scene_id, keys.genesis, 1, {WRITER.key_id: WRITER.public}, keys.symmetric_key, 0)
+    identity = SceneIdentity(keys.scene_id, keys.genesis, 1, {WRITER.key_id: WriterKey.always(WRITER.public)}, keys.epochs)
     await Scene(SceneAccess(nodes.calls(), "kitchen", identity, WRITER)).space(FILES).put(FIRST, b"hello")
     calls = nodes.calls()
     members = [(owner.node_id, owner.address) for owner in calls.table.owners]
-    reader = open_scene_with_keys(calls.world, calls._links, members, header, keys.symmetric_key)
+    reader = open_scene_with_keys(calls.world, calls._links, members, header, keys.epochs)
     assert await reader.space(FILES).get(FIRST) == b"hello"
     with pytest.raises(LocalFault, match="reading only"):
         await reader.space(FILES).put(FIRST, b"bye")
     with pytest.raises(DamagedData):
-        open_scene_with_keys(calls.world, calls._links, members, replace(header, private_key=KeyId(5)), bytes(24))
+        open_scene_with_keys(calls.world, calls._links, members, replace(header, private_key=KeyId(5)), keys.epochs)

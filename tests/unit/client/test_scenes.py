@@ -13,16 +13,18 @@ from scenefold.base.errors import DamagedData, LocalFault, Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
+from scenefold.simulation.clients import secrets_of
 from scenefold.wire import ProposeSceneLog
 from scenefold.world import offline_world
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import FakeNodes
 
 WRITER = SigningKey(bytes(31) + b"\1")
+OTHER = SigningKey(bytes(31) + b"\7")
 
 
 def _scenes(nodes: FakeNodes, folder: Path, writer: SigningKey = WRITER) -> Scenes:
-    return Scenes(nodes.calls(), Keyring(folder), writer, node_id_of("127.0.0.2"))
+    return Scenes(nodes.calls(), Keyring(folder), secrets_of(writer), node_id_of("127.0.0.2"))
 
 
 async def test_a_scene_is_made_opened_and_listed(autojump_clock: MockClock, tmp_path: Path) -> None:
@@ -30,7 +32,7 @@ async def test_a_scene_is_made_opened_and_listed(autojump_clock: MockClock, tmp_
     made = await _scenes(nodes, tmp_path).create("kitchen")
     opened = await _scenes(nodes, tmp_path).open("kitchen")
     assert (opened.id, opened.genesis) == (made.id, made.genesis)
-    await _scenes(nodes, tmp_path / "other").create("hall")
+    await _scenes(nodes, tmp_path / "other", OTHER).create("hall")
     listed = await _scenes(nodes, tmp_path).list()
     assert [(scene.name, scene.has_key) for scene in listed] == [("kitchen", True), (None, False)]
     assert not (await opened.info()).document()["has_content"]
@@ -75,7 +77,7 @@ async def test_the_keyring_is_never_read_on_trios_thread(tmp_path: Path) -> None
     nodes = FakeNodes()
     calls = nodes.calls()
     calls.world = replace(calls.world, workers=offline_world().workers)
-    scenes = Scenes(calls, BlockedKeyring(tmp_path), WRITER, node_id_of("127.0.0.2"))
+    scenes = Scenes(calls, BlockedKeyring(tmp_path), secrets_of(WRITER), node_id_of("127.0.0.2"))
     await scenes.create("kitchen")
     await scenes.open("kitchen")
     await scenes.open_or_create("kitchen")
@@ -96,7 +98,7 @@ async def test_another_user_of_the_profile_cannot_announce_it_anew(autojump_cloc
     await _scenes(nodes, tmp_path).create("kitchen")
     nodes.headers.clear()
     with pytest.raises(LocalFault, match="another user"):
-        await _scenes(nodes, tmp_path, SigningKey(bytes(31) + b"\7")).create("kitchen")
+        await _scenes(nodes, tmp_path, OTHER).create("kitchen")
     assert sum(isinstance(packet, ProposeSceneLog) for _, packet in nodes.asked) == 1
 
 

@@ -18,6 +18,7 @@ from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import HEADER_DOMAIN, RecordHeader, SigningKey
 from scenefold.scene.layout import GEOMETRY, SPACES
+from scenefold.simulation.clients import secrets_of
 from scenefold.wire import ProposeSceneLog, RequestSceneLog, ScaleSpace, SceneMode, SetMode, Want
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import FakeNodes
@@ -27,7 +28,7 @@ BOX = ((0.0, 0.0, 0.0), (8.0, 8.0, 8.0))
 
 
 def scenes_of(nodes: FakeNodes, folder: Path) -> Scenes:
-    return Scenes(nodes.calls(), Keyring(folder), WRITER, node_id_of("127.0.0.2"))
+    return Scenes(nodes.calls(), Keyring(folder), secrets_of(WRITER), node_id_of("127.0.0.2"))
 
 
 async def scene_of(nodes: FakeNodes, folder: Path) -> Scene:

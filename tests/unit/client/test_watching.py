@@ -16,6 +16,8 @@ from scenefold.base.location import LAST
 from scenefold.client.cluster import Cluster
 from scenefold.client.moving import rates
 from scenefold.client.watching import Watch
+from scenefold.crypto import SigningKey
+from scenefold.simulation.clients import secrets_of
 from scenefold.wire import NodeReport, Packet, RequestReport, RequestTable, RespondTable, Status, pack_value
 from scenefold.world import Priority
 from unit.client.fake_nodes import make_world
@@ -36,8 +38,7 @@ class Street:
         ids = [member.node_id for member in members]
         profile: Any = SimpleNamespace(members=members, founders=ids, voters=ids[:1], name="studio", keyring=None)
         links: Any = self
-        writer: Any = None
-        return Watch(Cluster(profile, make_world(), links, writer))
+        return Watch(Cluster(profile, make_world(), links, secrets_of(SigningKey(bytes(32)))))
 
     async def request(self, address: str, _priority: Priority, packet: Packet, timeout: float) -> Packet:
         if address in self.hung:

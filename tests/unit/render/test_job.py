@@ -13,14 +13,14 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
+from scenefold.scene.log import EpochKeys
 from scenefold.wire import pack_value, unpack_value
 
 JOB = Job(
     id=2**63 + 5,
     scene=SceneId(3),
     genesis=bytes(range(32)),
-    symmetric_key=bytes(range(24)),
-    key_epoch=2,
+    keys=EpochKeys({1: bytes(range(24)), 2: bytes(24)}),
     content=bytes(32),
     numeric_class="embree-4.3.3-avx2-embreex-4.3.3",
     width=640,
@@ -71,7 +71,12 @@ def test_every_entry_is_needed(key: str) -> None:
         ("nodes", [5, 5]),
         ("nodes", [2**32, 1]),
         ("nodes", None),
-        ("symmetric_key", bytes(16)),
+        ("keys", []),
+        ("keys", None),
+        ("keys", [[0, bytes(16)]]),
+        ("keys", [[-1, bytes(24)]]),
+        ("keys", [[2**32, bytes(24)]]),
+        ("keys", [[0, bytes(24)], [0, bytes(24)]]),
         ("genesis", bytes(31)),
         ("content", bytes(31)),
         ("sky", bytes(8)),

@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
-from scenefold.base.ids import address_of
+from scenefold.base.ids import KeyId, address_of
 from scenefold.crypto import Card
+from scenefold.wire import Lockbox
 from scenefold.world import Ports
-from scenefold.world.keyring import SceneKeys
+from scenefold.world.keyring import KeptScene
 from scenefold.world.profile import ClusterProfile
 
 ADDRESSES = ["127.0.0.4", "127.0.0.2", "127.0.0.3"]
@@ -27,8 +28,8 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> ClusterProfile:
     return ClusterProfile.create(folder, "studio", ADDRESSES, spares=SPARES, ports=Ports(20001, 20002))
 
 
-def keys_of(name: str, first: int = 1) -> SceneKeys:
-    return SceneKeys(name=name, genesis=bytes([first] * 32), symmetric_key=b"s" * 24, header_seed=b"h" * 32)
+def keys_of(name: str, first: int = 1) -> KeptScene:
+    return KeptScene(name, bytes([first] * 32), KeyId(7), 3, Lockbox(KeyId(9), b"sealed" * 30))
 
 
 def test_what_is_created_is_what_is_loaded(profile: ClusterProfile) -> None:

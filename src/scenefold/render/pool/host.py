@@ -7,6 +7,7 @@ from typing import Protocol, TypeVar
 
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.pool.share import SceneReader
+from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet
 from scenefold.world import World
 
@@ -48,8 +49,8 @@ class Host(Protocol):
         """Send a packet that has no answer. Unreachable."""
         ...
 
-    def reader(self, scene: SceneId, genesis: bytes, symmetric_key: bytes, key_epoch: int) -> SceneReader:
-        """A reader of a scene's records with the key that came with a job."""
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys) -> SceneReader:
+        """A reader of a scene's records with the keys that came with a job."""
         ...
 
     def record_count(self) -> int:

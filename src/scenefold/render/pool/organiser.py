@@ -27,6 +27,7 @@ from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.render.pool.telling import error_of, failure_fields
+from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
 
@@ -46,8 +47,7 @@ class RenderRequest:
     job: int
     scene: SceneId
     genesis: bytes
-    symmetric_key: bytes
-    key_epoch: int
+    keys: EpochKeys
     options: RenderOptions
 
     def to_bytes(self) -> bytes:
@@ -58,8 +58,7 @@ class RenderRequest:
                 "request": True,
                 "scene": int(self.scene),
                 "genesis": self.genesis,
-                "symmetric_key": self.symmetric_key,
-                "key_epoch": self.key_epoch,
+                "keys": self.keys.rows(),
                 "width": options.width,
                 "height": options.height,
                 "samples": options.samples,
@@ -91,8 +90,7 @@ class RenderRequest:
                 job,
                 SceneId(int(document["scene"])),
                 bytes(document["genesis"]),
-                bytes(document["symmetric_key"]),
-                int(document["key_epoch"]),
+                EpochKeys.of_rows(document["keys"]),
                 options,
             )
         except (KeyError, TypeError, ValueError) as error:
@@ -172,7 +170,7 @@ class Organiser:
 
     async def _plan(self) -> tuple[Job, SceneTables]:
         host, request = self._host, self._request
-        reader = host.reader(request.scene, request.genesis, request.symmetric_key, request.key_epoch)
+        reader = host.reader(request.scene, request.genesis, request.keys)
         tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, tables)
         return job, tables
@@ -200,8 +198,7 @@ class Organiser:
             id=request.job,
             scene=request.scene,
             genesis=request.genesis,
-            symmetric_key=request.symmetric_key,
-            key_epoch=request.key_epoch,
+            keys=request.keys,
             content=tables.document.content,
             numeric_class=self._renderer.numeric_class(),
             width=options.width,

@@ -1,25 +1,48 @@
-"""A scene's log: which spaces a scene has and what their addresses mean, as a pure fold of its records (specs/16-scene-log.md).
+"""A scene's log: which spaces a scene has, what their addresses mean and who may use it, as a pure fold of its records.
 
-Light to import: numpy and the curves come with the first position that is asked for.
+Light to import: numpy and the curves come with the first position that is asked for. specs/16-scene-log.md.
 """
 
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.bytes import OpenedLog, open_private, seal_private, sign_record
 from scenefold.scene.log.first import first_entry, first_log, first_record
+from scenefold.scene.log.following import Followed, follow, header_keys, keys_after, keys_with_log, lockbox_for
+from scenefold.scene.log.grants import FOR_EVER, Granted, Grants
+from scenefold.scene.log.keys import EpochKeys, SceneKeys
+from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox, unlocked
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
+from scenefold.scene.log.succession import header_key_now, succeeded
 
 __all__ = [
+    "FOR_EVER",
     "Affine",
     "CellBox",
+    "Contents",
+    "EpochKeys",
+    "Followed",
+    "Granted",
+    "Grants",
     "LoggedSpace",
     "OpenedLog",
+    "SceneKeys",
     "SceneLog",
     "SpaceFault",
     "first_entry",
     "first_log",
     "first_record",
+    "follow",
+    "header_key_now",
+    "header_keys",
+    "keys_after",
+    "keys_in",
+    "keys_with_log",
+    "lockbox_for",
+    "locked",
     "open_private",
+    "own_lockbox",
     "seal_private",
     "sign_record",
+    "succeeded",
+    "unlocked",
 ]

@@ -17,6 +17,7 @@ from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.limits import SPACES_PER_SCENE_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.affine import Affine
+from scenefold.scene.log.grants import Grants
 from scenefold.scene.log.resolution import lost_by
 from scenefold.scene.log.space import LoggedSpace, Step
 from scenefold.wire import (
@@ -26,11 +27,14 @@ from scenefold.wire import (
     Batch,
     CreateSpace,
     CurveKind,
+    Grant,
+    KeyEpoch,
     LogEntry,
     LogRecord,
     Member,
     RemoveObserver,
     RemoveParticipant,
+    Revoke,
     ScaleSpace,
     SceneMode,
     SetMode,
@@ -50,11 +54,12 @@ class SceneLog:
     head: bytes = NO_RECORD
     mode: SceneMode = SceneMode.EDIT
     write_floor: int = 0
-    """Position of the newest change of mode: records of an earlier epoch are refused from then on."""
+    """Position of the newest change of mode, revocation or key epoch: records of an earlier epoch are refused from then on."""
     spaces: Mapping[SpaceId, LoggedSpace] = field(default_factory=lambda: MappingProxyType({}))
     """In the order of their creation."""
     participants: tuple[Member, ...] = ()
     observers: tuple[Member, ...] = ()
+    grants: Grants = field(default_factory=Grants)
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     """The position of every request id that is in the log."""
 
@@ -81,7 +86,9 @@ class SceneLog:
             raise _ill_formed(f"a record for position {record.position} does not follow position {self.position}")
         if record.request_id in requests:
             raise _ill_formed(f"this request is in the log already, at position {requests[record.request_id]}")
-        return replace(self._entered(record.entry, record.position), position=record.position, head=record.hash())
+        log = self._entered(record.entry, record.position)
+        log.grants.check_whole(record.position)
+        return replace(log, position=record.position, head=record.hash())
 
     def next_record(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> LogRecord:
         """The record that would bring `entry` into this log."""
@@ -136,6 +143,24 @@ class SceneLog:
                 return self._stepped(space, Step(position, entry.factor, (0.0,) * space.dimensions))
             case SetMode():
                 return replace(self, mode=entry.mode, write_floor=position)
+            case Grant() | Revoke() | KeyEpoch():
+                return self._regranted(entry, position)
+            case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
+                return self._joined_or_left(entry)
+            case _:
+                raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
+
+    def _regranted(self, entry: Grant | Revoke | KeyEpoch, position: int) -> SceneLog:
+        match entry:
+            case Grant():
+                return replace(self, grants=self.grants.granted(entry, position))
+            case Revoke():
+                return replace(self, grants=self.grants.revoked(entry, position), write_floor=position)
+            case KeyEpoch():
+                return replace(self, grants=self.grants.rekeyed(entry, position), write_floor=position)
+
+    def _joined_or_left(self, entry: AddParticipant | RemoveParticipant | AddObserver | RemoveObserver) -> SceneLog:
+        match entry:
             case AddParticipant():
                 return replace(self, participants=_joined(self.participants, entry.member))
             case RemoveParticipant():
@@ -144,8 +169,6 @@ class SceneLog:
                 return replace(self, observers=_joined(self.observers, entry.member))
             case RemoveObserver():
                 return replace(self, observers=_left(self.observers, entry.member))
-            case _:
-                raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
 
     def _created(self, entry: CreateSpace, position: int) -> SceneLog:
         if entry.space in self.spaces:

@@ -46,10 +46,12 @@ def open_private(
     position: int,
     symmetric_key: bytes,
     header_key: PublicKey,
+    header_keyed_at: int = 1,
     known: OpenedLog | None = None,
 ) -> OpenedLog:
     """The log at `position`. DamagedData if anything in it does not verify.
 
+    `header_key` signs from `header_keyed_at` on; what is older the hashes of the chain hold, and its keys signed while they counted.
     `known`: an earlier part of it; what it begins with is neither verified nor folded again.
     """
     where = f"scene {genesis[:4].hex()}, log position {position}"
@@ -59,11 +61,13 @@ def open_private(
         if known is None or records[: len(known.records)] != known.records:
             known = OpenedLog()
         new = records[len(known.records) :]
-        for record in new:
+        for record in records[max(len(known.records), header_keyed_at - 1) :]:
             header_key.verify(record.signature, LOG_DOMAIN, record.record)
         state = known.state.extended(record.decoded() for record in new)
     except (MalformedPacket, DamagedData, Refused) as problem:
         raise DamagedData(f"the scene's log does not hold together: {problem.what}", where=where) from problem
     if state.position != position:
         raise DamagedData(f"the scene's log ends at position {state.position}", where=where)
+    if not header_keyed_at <= position or state.grants.header_keyed_at != header_keyed_at:
+        raise DamagedData("the scene's log and its header tell otherwise of the header key", where=where)
     return OpenedLog(state, records)

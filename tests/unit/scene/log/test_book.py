@@ -34,6 +34,7 @@ from scenefold.wire import (
     TranslateSpace,
     Trust,
 )
+from unit.scene.log.members import MAKER
 
 GENESIS = bytes(range(32))
 ORIGIN = NodeId(7)
@@ -48,21 +49,21 @@ def space(**changes: Any) -> CreateSpace:
 
 
 def with_entries(*entries: LogEntry) -> SceneLog:
-    log = first_log(GENESIS, ORIGIN)
+    log = first_log(GENESIS, ORIGIN, MAKER)
     for entry in entries:
         log = log.apply(log.next_record(entry, log.position.to_bytes(16, "big"), ORIGIN))
     return log
 
 
 def test_a_log_begins_with_the_spaces_of_the_layout() -> None:
-    log = first_log(GENESIS, ORIGIN)
+    log = first_log(GENESIS, ORIGIN, MAKER)
     assert log.position == 1
     assert [(space.id, space.name, space.dimensions, space.curve) for space in log.spaces.values()] == [
         (space.id, space.name, space.dimensions, space.curve) for space in SPACES
     ]
     assert log.free_id() == HALL
-    assert first_record(GENESIS, ORIGIN).encode() == first_record(GENESIS, ORIGIN).encode()
-    assert first_record(bytes(32), ORIGIN).request_id != first_record(GENESIS, ORIGIN).request_id
+    assert first_record(GENESIS, ORIGIN, MAKER).encode() == first_record(GENESIS, ORIGIN, MAKER).encode()
+    assert first_record(bytes(32), ORIGIN, MAKER).request_id != first_record(GENESIS, ORIGIN, MAKER).request_id
 
 
 def test_entries_add_up() -> None:
@@ -146,7 +147,7 @@ def test_what_is_not_there_is_named_with_what_is() -> None:
 
 
 def records_of(*entries: LogEntry) -> list[LogRecord]:
-    records = [first_record(GENESIS, ORIGIN)]
+    records = [first_record(GENESIS, ORIGIN, MAKER)]
     for index, entry in enumerate(entries):
         records.append(SceneLog.of(records).next_record(entry, bytes([index]) * 16, ORIGIN))
     return records

@@ -7,8 +7,9 @@ import json
 from make_scene_log_vectors import TARGET, document
 
 from house.sources import ROOT
-from scenefold.crypto import SigningKey
-from scenefold.scene.log import open_private
+from scenefold.crypto import SealingKey, SigningKey
+from scenefold.scene.log import open_private, unlocked
+from scenefold.wire import Lockbox, Role
 
 
 def test_the_golden_log_is_what_we_make() -> None:
@@ -27,9 +28,20 @@ def test_the_golden_log_is_read() -> None:
     )
     log = opened.state
     assert [record.record.hex() for record in opened.records] == [row["record"] for row in golden["records"]]
+    assert [(member.name, member.role) for member in log.grants.members] == [("user:m1", Role.OWNER)]
+    assert (log.grants.key_epoch, log.write_floor) == (1, 6)
     assert log.head.hex() == golden["records"][-1]["hash"]
     for row in golden["places"]:
         space = log.space(row["space"])
         assert [float(number).hex() for number in space.transform.offset] == row["offset"]
         positions = [[float.fromhex(number) for number in point] for point in row["positions"]]
         assert [location.hex() for location in space.locations_of(positions)] == row["locations"]
+
+
+def test_the_golden_lockbox_is_opened() -> None:
+    golden = json.loads(TARGET.read_text(encoding="utf-8"))
+    row = golden["lockbox"]
+    lockbox = Lockbox(row["recipient"], bytes.fromhex(row["sealed"]))
+    found = unlocked(lockbox, SealingKey(bytes.fromhex(row["sealing_seed"])), bytes.fromhex(golden["genesis"]), row["key_epoch"])
+    assert found.encode().hex() == row["contents"]
+    assert (found.symmetric_key.hex(), found.name) == (golden["symmetric_key"], "kitchen")

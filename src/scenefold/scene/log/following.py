@@ -1,0 +1,112 @@
+"""From one position of a scene to the next: the header that goes with a record, and the keys that go with a header. Pure but for dice.
+
+`follow` is the author's side, an owner's; `keys_after` everybody's who meets a newer header (specs/16-scene-log.md, Members).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.ids import KeyId
+from scenefold.crypto import HEADER_DOMAIN, PublicKey, SealingKey, SigningKey, new_symmetric_key
+from scenefold.scene.log.book import SceneLog
+from scenefold.scene.log.bytes import OpenedLog, sign_record
+from scenefold.scene.log.grants import Granted, newly_granted
+from scenefold.scene.log.keys import HEADER_SEED_BYTES, SceneKeys
+from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox
+from scenefold.scene.log.succession import header_key_now, succeeded
+from scenefold.wire import KeyEntry, Lockbox, LogRecord, Role, SceneLogPublic
+
+Token = Callable[[int], bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A position that may be proposed, and the keys that its author has then."""
+
+    header: SceneLogPublic
+    log: OpenedLog
+    keys: SceneKeys
+
+
+def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: SceneKeys, token: Token) -> Followed:
+    """The next position. Refused if the record does not fit; LocalFault if the author is no owner.
+
+    Where the record begins a key epoch, or takes an owner's role away, the new keys are drawn here.
+    """
+    seed = keys.header_seed
+    if seed is None:
+        raise LocalFault("these keys do not sign for the scene", where=f"scene {keys.name}", remedy="ask one of its owners")
+    before, state = log.state, log.state.apply(record)
+    if state.grants.key_epoch != before.grants.key_epoch:
+        keys = replace(keys, epochs=keys.epochs.merged({state.grants.key_epoch: new_symmetric_key(token)}))
+    signer, succession = SigningKey.from_seed(seed), header.succession
+    if state.grants.header_keyed_at != before.grants.header_keyed_at:
+        heir = SigningKey.from_seed(token(HEADER_SEED_BYTES))
+        succession = (*succession, succeeded(signer, heir.public, header.genesis, record.position))
+        signer, keys = heir, replace(keys, header_key=heir.public, header_seed=heir.seed)
+    public = replace(
+        header,
+        position=state.position,
+        write_floor=max(state.write_floor, header.write_floor),
+        mode=state.mode,
+        spaces=state.public_spaces(),
+        writers=state.grants.writers,
+        public_key=signer.key_id,
+        keys=header_keys(signer.public, state),
+        key_epoch=state.grants.key_epoch,
+        lockboxes=_lockboxes(header, before, state, keys, token),
+        succession=succession,
+    )
+    public = replace(public, signature=signer.sign(HEADER_DOMAIN, public.signable()))
+    return Followed(public, OpenedLog(state, (*log.records, sign_record(record, signer))), keys)
+
+
+def header_keys(header_key: PublicKey, state: SceneLog) -> tuple[KeyEntry, ...]:
+    """Every key that a header names: its own, and those of all who ever were writers."""
+    own = KeyEntry(header_key.suite, header_key.raw)
+    return (own, *(entry for entry in state.grants.writer_keys if entry != own))
+
+
+def lockbox_for(member: Granted, keys: SceneKeys, key_epoch: int, token: Token) -> Lockbox:
+    """What a member of this role is given of the scene's keys."""
+    seed = keys.header_seed if member.role is Role.OWNER else None
+    contents = Contents(member.role, key_epoch, keys.epochs[key_epoch], keys.header_key, keys.name, seed)
+    return locked(contents, member.sealing, keys.genesis, token)
+
+
+def _lockboxes(header: SceneLogPublic, before: SceneLog, state: SceneLog, keys: SceneKeys, token: Token) -> tuple[Lockbox, ...]:
+    """In the order of the members; those whose contents stay are left as they are."""
+    epoch = state.grants.key_epoch
+    stay: dict[KeyId, Lockbox] = {}
+    if epoch == before.grants.key_epoch:
+        changed = {member.recipient for member in newly_granted(before.grants, state.grants)}
+        stay = {lockbox.recipient: lockbox for lockbox in header.lockboxes if lockbox.recipient not in changed}
+    return tuple(stay.get(member.recipient) or lockbox_for(member, keys, epoch, token) for member in state.grants.members)
+
+
+def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | None) -> SceneKeys:
+    """The keys that whoever has `keys` has under a verified header; DamagedData if it is not signed by the scene's header key.
+
+    `sealing`: what its lockboxes are opened with. Whoever finds none there keeps what he has.
+    """
+    where = f"scene {header.scene:08x}"
+    if (header.genesis, header.scene) != (keys.genesis, keys.scene_id):
+        raise DamagedData("a node answered with the header of another scene", where=where)
+    header_key = header_key_now(header, keys.header_key)
+    header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
+    is_known = header_key == keys.header_key and header.key_epoch in keys.epochs
+    contents = None if sealing is None or (is_known and keys.role is Role.OWNER) else own_lockbox(header, sealing)
+    if contents is None:
+        return replace(keys, header_key=header_key, header_seed=keys.header_seed if header_key == keys.header_key else None)
+    if contents.header_key != header_key:
+        raise DamagedData("a lockbox speaks of another header key than its header", where=where)
+    given = keys_in(contents, keys.genesis)
+    return replace(given, name=keys.name, epochs=given.epochs.merged(keys.epochs))
+
+
+def keys_with_log(keys: SceneKeys, state: SceneLog) -> SceneKeys:
+    """With the keys of the epochs before, which stand in the log."""
+    return replace(keys, epochs=keys.epochs.merged(state.grants.former_keys))

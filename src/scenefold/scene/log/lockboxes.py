@@ -1,0 +1,94 @@
+"""Lockboxes: a scene's keys, sealed to one member, in the header that everybody keeps (specs/04-records.md, Lockboxes).
+
+All have the same length whatever is in them, so that nodes learn neither a member's role nor the scene's name.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Self
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import KeyId
+from scenefold.crypto import LOCKBOX_PURPOSE, SYMMETRIC_KEY_BYTES, PublicKey, SealingKey, SealingPublicKey, SigningKey
+from scenefold.scene.log.keys import HEADER_SEED_BYTES, EpochKeys, SceneKeys
+from scenefold.wire import KeyEntry, Lockbox, Role, SceneLogPublic
+
+NAME_BYTES_MAX = 64
+_VERSION = 1
+_FORM = struct.Struct(f">BBI{SYMMETRIC_KEY_BYTES}s32s{HEADER_SEED_BYTES}sB{NAME_BYTES_MAX}s")
+_NO_SEED = bytes(HEADER_SEED_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What lies in a lockbox."""
+
+    role: Role
+    key_epoch: int
+    symmetric_key: bytes = field(repr=False)
+    header_key: PublicKey
+    name: str
+    header_seed: bytes | None = field(default=None, repr=False)
+
+    def encode(self) -> bytes:
+        name = self.name.encode()
+        assert len(name) <= NAME_BYTES_MAX
+        seed = self.header_seed or _NO_SEED
+        return _FORM.pack(_VERSION, self.role, self.key_epoch, self.symmetric_key, self.header_key.raw, seed, len(name), name)
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """DamagedData for anything that `encode` does not make."""
+        if len(data) != _FORM.size or data[0] != _VERSION:
+            raise DamagedData("a scene's lockbox has another form", remedy="update this program")
+        _, role, key_epoch, symmetric_key, header_key, seed, length, name = _FORM.unpack(data)
+        try:
+            found = cls(Role(role), key_epoch, symmetric_key, PublicKey(header_key), name[:length].decode(), seed if any(seed) else None)
+        except ValueError:
+            raise DamagedData("a scene's lockbox holds no role, or no name") from None
+        if found.encode() != data or (found.role is Role.OWNER) != (found.header_seed is not None):
+            raise DamagedData("a scene's lockbox is ill-formed")
+        if found.header_seed is not None and SigningKey(found.header_seed).public != found.header_key:
+            raise DamagedData("a scene's lockbox holds the seed of another header key")
+        return found
+
+
+def locked(contents: Contents, recipient: KeyEntry, genesis: bytes, token: Callable[[int], bytes]) -> Lockbox:
+    """The lockbox for the member with this sealing key; `token` draws random bytes."""
+    key = SealingPublicKey(recipient.raw, recipient.suite)
+    return Lockbox(key.key_id, key.seal(contents.encode(), LOCKBOX_PURPOSE, _context(genesis, key.key_id, contents.key_epoch), token))
+
+
+def unlocked(lockbox: Lockbox, key: SealingKey, genesis: bytes, key_epoch: int) -> Contents:
+    """What is in it; DamagedData if it is not this key's, for this scene and epoch."""
+    contents = Contents.decode(key.open(lockbox.sealed, LOCKBOX_PURPOSE, _context(genesis, lockbox.recipient, key_epoch)))
+    if contents.key_epoch != key_epoch:
+        raise DamagedData("a scene's lockbox holds the key of another epoch")
+    return contents
+
+
+def own_lockbox(header: SceneLogPublic, key: SealingKey) -> Contents | None:
+    """What a header holds for this key, None if nothing. DamagedData if all that is addressed to it is damaged."""
+    problem: DamagedData | None = None
+    for lockbox in header.lockboxes:
+        if lockbox.recipient == key.public.key_id:
+            try:
+                return unlocked(lockbox, key, header.genesis, header.key_epoch)
+            except DamagedData as damage:
+                problem = damage
+    if problem is not None:
+        raise problem
+    return None
+
+
+def keys_in(contents: Contents, genesis: bytes) -> SceneKeys:
+    """The keys in memory that a lockbox gives."""
+    epochs = EpochKeys.only(contents.symmetric_key, contents.key_epoch)
+    return SceneKeys(contents.name, genesis, epochs, contents.header_key, contents.role, contents.header_seed)
+
+
+def _context(genesis: bytes, recipient: KeyId, key_epoch: int) -> bytes:
+    return b"".join((genesis, recipient.to_bytes(4, "big"), key_epoch.to_bytes(4, "big")))

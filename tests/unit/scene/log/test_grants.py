@@ -1,0 +1,294 @@
+"""If this fails, somebody keeps or gets a scene's keys who must not, or an owner's word does not count."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.base.ids import KeyId, NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.client.births import born, first_header, first_records, kept_keys
+from scenefold.crypto import HEADER_DOMAIN, SealingKey, SigningKey
+from scenefold.peer.headers import checked_header
+from scenefold.peer.verification import KnownScene
+from scenefold.scene.log import (
+    Contents,
+    EpochKeys,
+    OpenedLog,
+    SceneKeys,
+    SceneLog,
+    follow,
+    keys_after,
+    keys_in,
+    keys_with_log,
+    locked,
+    open_private,
+    own_lockbox,
+    seal_private,
+    unlocked,
+)
+from scenefold.wire import Batch, KeyEntry, KeyEpoch, Lockbox, LogEntry, Revoke, Role, SceneLogPublic
+from unit.scene.log.members import MAKER, grant, secrets_of
+
+ORIGIN = NodeId(7)
+MAKER_NUMBER = 200
+
+
+@dataclass
+class Story:
+    """A scene from its birth on; `keys`: of an owner."""
+
+    counter: Any = field(default_factory=lambda: itertools.count(1))
+
+    def __post_init__(self) -> None:
+        kept = born("kitchen", MAKER, ORIGIN, self.token)
+        self.keys = self.first_keys = kept_keys(kept, secrets_of(MAKER_NUMBER).sealing)
+        header = first_header(kept, self.keys, MAKER, ORIGIN)
+        assert header is not None
+        self.header = header
+        self.known: KnownScene = checked_header(header, None)
+        records = first_records(self.keys, MAKER, ORIGIN)
+        self.log = OpenedLog(SceneLog.of(one.decoded() for one in records), records)
+
+    def token(self, count: int) -> bytes:
+        return next(self.counter).to_bytes(8, "big").rjust(count, b"\x5a")[-count:]
+
+    @property
+    def state(self) -> SceneLog:
+        return self.log.state
+
+    def do(self, entry: LogEntry, keys: SceneKeys | None = None) -> None:
+        """By an owner; nodes are told, and believe it."""
+        record = self.state.next_record(entry, self.token(16), ORIGIN)
+        followed = follow(self.header, self.log, record, keys or self.keys, self.token)
+        self.header, self.log, self.keys = followed.header, followed.log, followed.keys
+        self.known = checked_header(self.header, self.known)
+
+    def key_epoch(self) -> KeyEpoch:
+        epoch = self.state.grants.key_epoch
+        return KeyEpoch(epoch + 1, self.keys.epochs[epoch])
+
+    def revoke(self, number: int) -> None:
+        self.do(Batch((Revoke(secrets_of(number).signing.key_id), self.key_epoch())))
+
+    def given(self, number: int) -> SceneKeys | None:
+        """What the newest header alone gives a member."""
+        contents = own_lockbox(self.header, secrets_of(number).sealing)
+        return None if contents is None else keys_in(contents, self.header.genesis)
+
+    def read(self, keys: SceneKeys) -> SceneKeys:
+        """Open the log with these keys; gives them with the former ones."""
+        private = seal_private(
+            self.log.records,
+            genesis=self.header.genesis,
+            symmetric_key=self.keys.epochs[self.header.key_epoch],
+            key_epoch=self.header.key_epoch,
+            nonce=bytes(12),
+        )
+        opened = open_private(
+            private,
+            genesis=self.header.genesis,
+            position=self.header.position,
+            symmetric_key=keys.epochs.newest,
+            header_key=keys.header_key,
+            header_keyed_at=self.header.succession[-1].position if self.header.succession else 1,
+        )
+        assert opened.state == self.state
+        return keys_with_log(keys, opened.state)
+
+
+ACTS = st.lists(st.tuples(st.sampled_from(["grant", "revoke", "rotate"]), st.integers(1, 5), st.sampled_from(list(Role))), max_size=10)
+
+
+@settings(max_examples=40, deadline=None)
+@given(ACTS)
+def test_who_may_use_a_scene_has_its_keys_and_nobody_else(acts: list[tuple[str, int, Role]]) -> None:
+    story, roles = Story(), {MAKER_NUMBER: Role.OWNER}
+    held: dict[int, set[bytes]] = {number: set() for number in (*range(1, 6), MAKER_NUMBER)}
+    for act, number, role in acts:
+        before = story.state
+        try:
+            if act == "grant":
+                story.do(grant(number, role))
+                assert number not in roles or roles[number] < role
+                roles[number] = role
+            elif act == "revoke":
+                story.revoke(number)
+                del roles[number]
+            else:
+                story.do(story.key_epoch())
+        except Refused:
+            assert story.state is before
+            assert (act == "revoke" and number not in roles) or (act == "grant" and role <= roles.get(number, 0))
+            continue
+        newest = story.keys.epochs.newest
+        for member, had in held.items():
+            given_keys = story.given(member)
+            assert (given_keys is not None) == (member in roles)
+            if given_keys is None:
+                assert newest not in had, "whoever was revoked has no key of what comes after"
+                continue
+            assert (given_keys.role, given_keys.epochs.newest, given_keys.name) == (roles[member], newest, "kitchen")
+            assert (given_keys.header_seed is not None) == (roles[member] is Role.OWNER)
+            everything = story.read(given_keys)
+            assert dict(everything.epochs) == dict(story.keys.epochs)
+            had |= set(everything.epochs.values())
+            # From the first header key on, or from any later one, the newest is found.
+            followed = keys_after(story.header, replace(story.first_keys, role=Role.READER), secrets_of(member).sealing)
+            assert followed.header_key == story.keys.header_key
+        grants = story.state.grants
+        assert {m.name: m.role for m in grants.members} == {f"user:m{n}" if n != MAKER_NUMBER else MAKER.name: r for n, r in roles.items()}
+        writing = {term.key for term in story.header.writers if term.from_position <= story.header.position <= term.until_position}
+        assert writing == {secrets_of(n).signing.key_id for n, r in roles.items() if r >= Role.WRITER}
+        assert sum(key is not None for key in map(story.known.keys.get, writing)) == len(writing)
+
+
+def test_a_revoked_owner_signs_nothing_that_counts() -> None:
+    story = Story()
+    story.do(grant(1, Role.OWNER))
+    former = story.given(1)
+    assert former is not None and former.header_seed is not None
+    before = story.header, story.log
+    story.revoke(1)
+    assert story.header.write_floor == story.header.position == 3
+    forged = follow(*before, before[1].state.next_record(grant(9, Role.OWNER), bytes(16), ORIGIN), former, story.token)
+    older = forged.header
+    for header in (older, _signed(replace(older, position=9), former), _signed(replace(story.header, position=4), former)):
+        with pytest.raises(Refused) as refused:
+            checked_header(header, story.known)
+        assert refused.value.reason in (RejectReason.NOT_AUTHORISED, RejectReason.POSITION_TAKEN, RejectReason.SIGNATURE_INVALID)
+        with pytest.raises(DamagedData):
+            keys_after(header, story.keys, secrets_of(MAKER_NUMBER).sealing)
+    # He can make a key follow the old one, but not the new one.
+    heir = SigningKey(bytes(31) + b"\x63")
+    taken = follow(*before, before[1].state.next_record(KeyEpoch(1, bytes(24)), bytes(16), ORIGIN), former, story.token)
+    from scenefold.scene.log import succeeded
+
+    step = succeeded(SigningKey(former.header_seed), heir.public, story.header.genesis, 4)
+    for steps in ((step,), (*story.header.succession, step)):
+        keys = (KeyEntry(1, heir.public.raw), *story.header.keys)
+        usurped = replace(taken.header, position=4, write_floor=4, succession=steps, public_key=heir.key_id, keys=keys)
+        usurped = replace(usurped, signature=heir.sign(HEADER_DOMAIN, usurped.signable()))
+        with pytest.raises(Refused) as refused:
+            checked_header(usurped, story.known)
+        assert refused.value.reason is RejectReason.NOT_AUTHORISED
+        with pytest.raises(DamagedData):
+            keys_after(usurped, story.keys, None)
+
+
+def _signed(header: SceneLogPublic, keys: SceneKeys) -> SceneLogPublic:
+    assert keys.header_seed is not None
+    return replace(header, signature=SigningKey(keys.header_seed).sign(HEADER_DOMAIN, header.signable()))
+
+
+def test_an_older_header_is_behind_and_no_crime() -> None:
+    story = Story()
+    story.do(grant(1, Role.OWNER))
+    older = story.header
+    story.revoke(1)
+    with pytest.raises(Refused) as refused:
+        checked_header(older, story.known)
+    assert refused.value.reason is RejectReason.POSITION_BEHIND
+
+
+def test_readers_and_writers_sign_no_log() -> None:
+    story = Story()
+    for number, role in ((1, Role.READER), (2, Role.WRITER)):
+        story.do(grant(number, role))
+        keys = story.given(number)
+        assert keys is not None
+        with pytest.raises(LocalFault, match="do not sign"):
+            story.do(story.key_epoch(), keys)
+
+
+@pytest.mark.parametrize(
+    ("entries", "what"),
+    [
+        ([grant(1, name="")], "needs a name"),
+        ([grant(1), grant(1)], "already"),
+        ([grant(1, Role.OWNER), grant(1, Role.WRITER)], "already"),
+        ([grant(1), grant(2, name="user:m1")], "other keys"),
+        ([grant(1), grant(1, name="user:other")], "another member has"),
+        ([grant(1), grant(2, sealing=grant(1).sealing)], "another member has"),
+        ([grant(1, signing=KeyEntry(1, b"\x02" * 384))], "keys of user:m1"),
+        ([grant(1, sealing=KeyEntry(7, bytes(32)))], "keys of user:m1"),
+        ([Revoke(KeyId(5))], "no member"),
+        ([grant(1), Revoke(secrets_of(1).signing.key_id)], "keeps the scene's key"),
+        ([Batch((Revoke(secrets_of(MAKER_NUMBER).signing.key_id), KeyEpoch(1, bytes(24))))], "at least one owner"),
+        ([KeyEpoch(2, bytes(24))], "does not follow"),
+        ([KeyEpoch(0, bytes(24))], "does not follow"),
+        ([Batch((KeyEpoch(1, bytes(24)), KeyEpoch(2, bytes(24))))], "does not follow"),
+    ],
+)
+def test_entries_that_do_not_fit_are_refused(entries: list[LogEntry], what: str) -> None:
+    story = Story()
+    for entry in entries[:-1]:
+        story.do(entry)
+    with pytest.raises(Refused, match=what):
+        story.do(entries[-1])
+
+
+def test_a_role_is_lowered_by_taking_it_and_granting_less() -> None:
+    story = Story()
+    story.do(grant(1, Role.WRITER))
+    key = secrets_of(1).signing.key_id
+    story.do(Batch((Revoke(key), grant(1, Role.READER), story.key_epoch())))
+    assert story.state.grants.named("user:m1").role is Role.READER
+    assert [(term.from_position, term.until_position) for term in story.header.writers if term.key == key] == [(2, 2)]
+    keys = story.given(1)
+    assert keys is not None and keys.role is Role.READER
+
+
+CONTENTS = Contents(Role.OWNER, 3, bytes(24), SigningKey(b"h" * 32).public, "kitchen", b"h" * 32)
+
+
+def test_lockboxes_are_alike_from_outside() -> None:
+    reader = replace(CONTENTS, role=Role.READER, header_seed=None, name="k")
+    recipient = KeyEntry(1, SealingKey(bytes(32)).public.raw)
+    one, other = (locked(contents, recipient, bytes(32), Story().token) for contents in (CONTENTS, reader))
+    assert len(one.sealed) == len(other.sealed)
+
+
+@given(st.data())
+def test_a_lockbox_opens_for_its_member_scene_and_epoch_only(data: st.DataObject) -> None:
+    key = SealingKey(bytes(31) + b"\x05")
+    lockbox = locked(CONTENTS, KeyEntry(1, key.public.raw), b"g" * 32, Story().token)
+    assert unlocked(lockbox, key, b"g" * 32, 3) == CONTENTS
+    for other in ((SealingKey(bytes(32)), b"g" * 32, 3), (key, b"h" * 32, 3), (key, b"g" * 32, 2)):
+        with pytest.raises(DamagedData):
+            unlocked(lockbox, *other)
+    at, bit = data.draw(st.integers(0, len(lockbox.sealed) - 1)), data.draw(st.integers(0, 7))
+    flipped = bytearray(lockbox.sealed)
+    flipped[at] ^= 1 << bit
+    with pytest.raises(DamagedData):
+        unlocked(Lockbox(lockbox.recipient, bytes(flipped)), key, b"g" * 32, 3)
+
+
+@given(st.binary(max_size=200))
+def test_whatever_a_lockbox_holds_is_keys_or_damaged(plain: bytes) -> None:
+    with pytest.raises(DamagedData):
+        Contents.decode(plain)
+
+
+@given(st.data())
+def test_changed_contents_are_other_keys_or_damaged(data: st.DataObject) -> None:
+    encoded = bytearray(CONTENTS.encode())
+    encoded[data.draw(st.integers(0, len(encoded) - 1))] ^= data.draw(st.integers(1, 255))
+    try:
+        found = Contents.decode(bytes(encoded))
+    except DamagedData:
+        return
+    assert found.encode() == bytes(encoded) != CONTENTS.encode()
+
+
+def test_no_key_shows_in_what_is_printed() -> None:
+    keys = replace(Story().keys, epochs=EpochKeys({0: b"secretsecretsecretsecret", 4: bytes(24)}))
+    assert "secret" not in repr(keys) and "header_seed" not in repr(keys)
+    assert keys.epochs.newest_epoch == 4
+    assert EpochKeys.of_rows(keys.epochs.rows()) == keys.epochs
