@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from scenefold.client.cluster import Cluster
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
+    from scenefold.client.grants import Access, role_named
     from scenefold.client.health import ClusterStatus, Concern, NodeState
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
     from scenefold.client.moving import Movement, Rate, movements, rates
@@ -30,6 +31,7 @@ _HOMES = {
     "scenefold.client.cluster": "Cluster",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
+    "scenefold.client.grants": "Access role_named",
     "scenefold.client.health": "ClusterStatus Concern NodeState",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
     "scenefold.client.moving": "Movement Rate movements rates",
@@ -57,6 +59,7 @@ def __getattr__(name: str) -> Any:
 
 __all__ = [
     "ABSENT",
+    "Access",
     "Cluster",
     "ClusterStatus",
     "Concern",
@@ -91,5 +94,6 @@ __all__ = [
     "profile_folder",
     "put_fresh",
     "rates",
+    "role_named",
     "scene_name_of",
 ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
+from scenefold.client.grants import Access, access_of, grant, revoke, rotate_key
 from scenefold.client.importing import ImportReport, prepare_import, store_import
 from scenefold.client.new_space import SpaceOptions, new_space
 from scenefold.client.positions import logged_spaces
@@ -18,7 +19,9 @@ from scenefold.scene.layout import DOCUMENT_LOCATION, META
 from scenefold.scene.log import LoggedSpace
 
 if TYPE_CHECKING:
+    from scenefold.crypto import Card
     from scenefold.scene.payloads.document import SceneDocument
+    from scenefold.wire import Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,22 @@ class Scene:
     async def info(self) -> SceneInfo:
         """What the scene is and holds."""
         return SceneInfo(self.name, self.id, self.genesis, await self.content())
+
+    async def members(self) -> Access:
+        """Who may use this scene, and in which role."""
+        return await access_of(self.access)
+
+    async def grant(self, card: Card, role: Role) -> Access:
+        """Let the holder of a verified card use this scene; see `grants.grant`. An owner's to do, as are the next two."""
+        return await grant(self.access, card, role)
+
+    async def revoke(self, name: str) -> Access:
+        """End a member's access; the scene gets a new key."""
+        return await revoke(self.access, name)
+
+    async def rotate_key(self) -> Access:
+        """Seal what is written from now on under a new key. `reencrypt` does the same for what is there."""
+        return await rotate_key(self.access)
 
     async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.

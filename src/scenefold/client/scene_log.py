@@ -139,7 +139,9 @@ class LogAccess:
             await self.header()  # it may have been given since
         if self.keys.header_seed is None:
             raise LocalFault("only an owner of the scene may change this", where=f"scene {self._name}", remedy="ask one of them")
-        doubt = self._doubt("a change", "see with `scenectl space list` whether it was made, before you repeat it")
+        doubt = self._doubt(
+            "a change", "see with `scenectl space list` or `scenectl scene access` whether it was made, before you repeat it"
+        )
         with doubt.no_refusal(nor_silence=True):
             return await self._proposed(entry_of, doubt)
 
@@ -234,7 +236,7 @@ class LogAccess:
             record.encode()
             return follow(before.header, before.log, record, self.keys, self._calls.world.entropy.token)
         except Refused as refusal:
-            remedy = refusal.remedy or "`scenectl space list` shows what there is"
+            remedy = refusal.remedy or "`scenectl space list` and `scenectl scene access` show what there is"
             raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal
 
     def _verified(self, header: SceneLogPublic) -> SceneLogPublic:

@@ -21,6 +21,8 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.crypto import RecordHeader, version_key
+from scenefold.peer.headers import checked_header
+from scenefold.peer.verification import KnownScene, verified_put
 from scenefold.wire import (
     DAMAGED_RECORD,
     AcceptSceneProposal,
@@ -211,6 +213,10 @@ class FakeNodes:
         if packet.public.position != before + 1 and (packet.public, packet.private) != (known, self.logs.get(packet.public.scene)):
             reason = RejectReason.POSITION_TAKEN if packet.public.position == before else RejectReason.POSITION_BEHIND
             return RejectSceneProposal(packet.genesis, packet.proposal, reason, (), Ballot(0, NodeId(0)), NodeId(0), 0, b"")
+        try:
+            checked_header(packet.public, None if known is None else KnownScene.of(known))
+        except Refused as refusal:
+            return RejectSceneProposal(packet.genesis, packet.proposal, refusal.reason, (), Ballot(0, NodeId(0)), NodeId(0), 0, b"")
         self.headers[packet.public.scene] = packet.public
         self.logs[packet.public.scene] = packet.private
         return AcceptSceneProposal(packet.genesis, packet.proposal, bytes(32), (), None, 0, b"")
@@ -231,8 +237,11 @@ class FakeNodes:
             return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner.node_id)
         present = self.records.get((item.space, item.location))
         header = self.headers.get(item.scene)
-        if header is not None and new.epoch < header.write_floor:
-            return PutOutcome(RejectReason.MODE_FORBIDS, item.location, NodeId(0))
+        if header is not None:
+            try:
+                verified_put(item, KnownScene.of(header))
+            except Refused as refusal:
+                return PutOutcome(refusal.reason, item.location, NodeId(0))
         if present is not None and present.header != item.header:
             old = RecordHeader.decode(present.header)
             if item.expect is not None and item.expect != old.digest:

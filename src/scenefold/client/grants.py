@@ -1,0 +1,96 @@
+"""Who may use a scene: granting, revoking, new keys (specs/16-scene-log.md, Members). All of it is an owner's to do.
+
+Each is one entry of the scene's log, made from what the log says at that moment. The keys go to members in the lockboxes of the
+header that goes with it; whoever is granted something needs to do nothing but open the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.errors import UsageFault
+from scenefold.client.access import SceneAccess
+from scenefold.client.births import grant_of
+from scenefold.crypto import Card
+from scenefold.scene.log import Granted, SceneLog
+from scenefold.wire import Batch, KeyEpoch, Revoke, Role
+
+ROLES = {role.name.lower(): role for role in Role}
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Who may use a scene, and which of its keys is in force."""
+
+    members: tuple[Granted, ...]
+    key_epoch: int
+    position: int
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        members = [
+            {
+                "name": member.name,
+                "role": member.role.name.lower(),
+                "since": member.position,
+                "signing_key": f"{member.key:08x}",
+                "sealing_key": f"{member.recipient:08x}",
+            }
+            for member in self.members
+        ]
+        return {"members": members, "key_epoch": self.key_epoch, "position": self.position}
+
+
+def role_named(name: str) -> Role:
+    """UsageFault if there is no such role."""
+    role = ROLES.get(name)
+    if role is None:
+        raise UsageFault(f"there is no role {name!r}", where="role", remedy=f"choose one of {', '.join(ROLES)}")
+    return role
+
+
+async def access_of(access: SceneAccess) -> Access:
+    """As the newest log says."""
+    return _access(await _state(access))
+
+
+async def grant(access: SceneAccess, card: Card, role: Role) -> Access:
+    """Let the holder of a card, verified by the caller, use the scene; or give a member a higher role.
+
+    LocalFault if he has that role or a higher one, or has access with other keys.
+    """
+    entry = grant_of(card.name, role, card.keys.signing, card.keys.sealing)
+    return _access((await access.change_log(lambda _: entry)).state)
+
+
+async def revoke(access: SceneAccess, name: str) -> Access:
+    """End a member's access. The scene gets a new key, which he has not; what lies under older ones he may have read already.
+
+    LocalFault if there is no such member, or it is the last owner.
+    """
+
+    def entry(log: SceneLog) -> Batch:
+        return Batch((Revoke(log.grants.named(name).key), _next_epoch(access, log)))
+
+    return _access((await access.change_log(entry)).state)
+
+
+async def rotate_key(access: SceneAccess) -> Access:
+    """Begin a new key epoch: from now on everything is sealed under a new key."""
+    return _access((await access.change_log(lambda log: _next_epoch(access, log))).state)
+
+
+def _next_epoch(access: SceneAccess, log: SceneLog) -> KeyEpoch:
+    assert access.log is not None
+    epoch = log.grants.key_epoch
+    # The log was read a moment ago, so its key is among those that we have.
+    return KeyEpoch(epoch + 1, access.log.keys.epochs[epoch])
+
+
+async def _state(access: SceneAccess) -> SceneLog:
+    return (await access.read_log()).state
+
+
+def _access(log: SceneLog) -> Access:
+    return Access(log.grants.members, log.grants.key_epoch, log.position)

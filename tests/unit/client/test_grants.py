@@ -1,0 +1,215 @@
+"""If this fails, somebody who was granted a scene cannot use it, or somebody who was not can; or a rotation breaks a reader."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+import pytest
+from trio.testing import MockClock
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.base.ids import SpaceId, node_id_of
+from scenefold.base.location import FIRST, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.scene import Scene
+from scenefold.client.scenes import Scenes
+from scenefold.crypto import Card, MemberSecrets
+from scenefold.scene.layout import GEOMETRY
+from scenefold.wire import Role
+from scenefold.world.keyring import Keyring
+from unit.client.fake_nodes import FakeNodes
+from unit.scene.log.members import secrets_of
+
+OWNER, ADA, BEN = (secrets_of(number) for number in (1, 2, 3))
+NAMES = {1: "user:owner", 2: "user:ada", 3: "user:ben"}
+PLACES = [Location.from_number(number << 140) for number in range(1, 9)]
+
+
+def card_of(number: int) -> Card:
+    """A card as a verified certificate gives it."""
+    day = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+    return Card(NAMES[number], (), secrets_of(number).public(), 1, day, day, b"")
+
+
+class Studio:
+    """One cluster and its users, each with a keyring of his own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.nodes = FakeNodes()
+        self._folder = folder
+
+    def scenes(self, number: int, secrets: MemberSecrets | None = None) -> Scenes:
+        keyring = Keyring(self._folder / NAMES[number].partition(":")[2])
+        return Scenes(self.nodes.calls(), keyring, secrets or secrets_of(number), node_id_of("127.0.0.2"), NAMES[number])
+
+    async def kitchen(self, number: int) -> Scene:
+        return await self.scenes(number).open("kitchen")
+
+
+@pytest.fixture
+def studio(tmp_path: Path, autojump_clock: MockClock) -> Studio:
+    return Studio(tmp_path)
+
+
+async def test_a_granted_scene_is_listed_opened_and_read_by_its_name(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.space(GEOMETRY).put(FIRST, b"a chair")
+    assert [listing.name for listing in await studio.scenes(2).list()] == [None]
+    with pytest.raises(LocalFault, match="no scene 'kitchen'"):
+        await studio.kitchen(2)
+    access = await scene.grant(card_of(2), Role.READER)
+    assert [(member.name, member.role) for member in access.members] == [("user:owner", Role.OWNER), ("user:ada", Role.READER)]
+    assert [listing.name for listing in await studio.scenes(2).list()] == ["kitchen"]
+    reader = await studio.kitchen(2)
+    assert await reader.space(GEOMETRY).get(FIRST) == b"a chair"
+    assert [space.name for space in await reader.spaces()][:2] == ["meta", "geometry"]
+    assert await reader.members() == access
+    assert (await studio.scenes(2).open("kitchen")).genesis == scene.genesis, "from then on by the keyring"
+    with pytest.raises(LocalFault, match="no scene 'kitchen'"):
+        await studio.kitchen(3)
+
+
+async def test_a_reader_writes_nothing_and_changes_nothing(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.READER)
+    reader = await studio.kitchen(2)
+    with pytest.raises(LocalFault, match="reading only"):
+        await reader.space(GEOMETRY).put(FIRST, b"mine")
+    for change in (reader.grant(card_of(3), Role.READER), reader.revoke("user:owner"), reader.rotate_key(), reader.create_space("hall")):
+        with pytest.raises(LocalFault, match="only an owner"):
+            await change
+
+
+async def test_what_a_reader_signs_all_the_same_neither_nodes_nor_clients_take(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.READER)
+    reader = await studio.kitchen(2)
+    reader.access._check_writer = lambda: None  # type: ignore[method-assign]
+    with pytest.raises(Refused) as refused:
+        await reader.space(GEOMETRY).put(FIRST, b"mine")
+    assert refused.value.reason is RejectReason.NOT_AUTHORISED
+    (header,) = studio.nodes.headers.values()
+    studio.nodes.headers.clear()
+    await reader.space(GEOMETRY).put(FIRST, b"mine")
+    studio.nodes.headers[header.scene] = header
+    with pytest.raises(DamagedData, match="no writer"):
+        await scene.space(GEOMETRY).get(FIRST)
+
+
+async def test_a_role_may_rise(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.READER)
+    ada = await studio.kitchen(2)
+    await scene.grant(card_of(2), Role.WRITER)
+    await ada.space(GEOMETRY).put(FIRST, b"ada was here")
+    assert await scene.space(GEOMETRY).get(FIRST) == b"ada was here", "the owner's header was older than her right to write"
+    with pytest.raises(LocalFault, match="only an owner"):
+        await ada.grant(card_of(3), Role.READER)
+    await scene.grant(card_of(2), Role.OWNER)
+    await ada.grant(card_of(3), Role.WRITER)
+    await (await studio.kitchen(3)).space(GEOMETRY).put(PLACES[0], b"ben, too")
+    assert await scene.space(GEOMETRY).get(PLACES[0]) == b"ben, too"
+    with pytest.raises(LocalFault, match="already"):
+        await scene.grant(card_of(2), Role.READER)
+
+
+async def test_a_rotation_is_no_matter_to_those_who_have_the_scene_open(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    await scene.grant(card_of(3), Role.READER)
+    ada, ben = await studio.kitchen(2), await studio.kitchen(3)
+    await scene.space(GEOMETRY).put(PLACES[0], b"0")
+    for epoch in (1, 2, 3):
+        assert (await scene.rotate_key()).key_epoch == epoch
+        await ada.space(GEOMETRY).put(PLACES[epoch], b"%d" % epoch)
+        assert ada.access.identity.key_epoch == epoch
+    everything = [b"0", b"1", b"2", b"3"]
+    for reader in (scene, ada, ben, await studio.kitchen(3), await studio.kitchen(1)):
+        assert await reader.space(GEOMETRY).get_many(PLACES[:4]) == everything
+
+
+async def test_whoever_was_revoked_keeps_what_he_had_and_no_more(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    await scene.grant(card_of(3), Role.READER)
+    ada, ben = await studio.kitchen(2), await studio.kitchen(3)
+    await ada.space(GEOMETRY).put(PLACES[0], b"before")
+    access = await scene.revoke("user:ada")
+    assert ([member.name for member in access.members], access.key_epoch) == (["user:owner", "user:ben"], 1)
+    with pytest.raises(Refused, match="your access to this scene was revoked"):
+        await ada.space(GEOMETRY).put(PLACES[1], b"after")
+    await scene.space(GEOMETRY).put(PLACES[1], b"secret")
+    for reader in (ada, await studio.kitchen(2)):
+        assert await reader.space(GEOMETRY).get(PLACES[0]) == b"before"
+        with pytest.raises(Refused, match="not sealed to you") as refused:
+            await reader.space(GEOMETRY).get(PLACES[1])
+        assert refused.value.reason is RejectReason.KEY_REVOKED
+        with pytest.raises(Refused, match="not sealed to you"):
+            await reader.spaces()
+    assert await ben.space(GEOMETRY).get_many(PLACES[:2]) == [b"before", b"secret"], "what ada wrote as a writer stays hers"
+    with pytest.raises(LocalFault, match="user:ada has no access"):
+        await scene.revoke("user:ada")
+    with pytest.raises(LocalFault, match="at least one owner"):
+        await scene.revoke("user:owner")
+    await scene.grant(card_of(2), Role.READER)
+    assert await ada.space(GEOMETRY).get(PLACES[1]) == b"secret", "granted again"
+
+
+async def test_what_a_former_writer_signs_all_the_same_is_refused(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    ada = await studio.kitchen(2)
+    await scene.revoke("user:ada")
+    ada.access._check_writer = lambda: None  # type: ignore[method-assign]
+    ada.access.log = None
+    with pytest.raises(Refused) as refused:
+        await ada.space(GEOMETRY).put(FIRST, b"late")
+    assert refused.value.reason in (RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED)
+    # A node that is with him stores it under a position that is none of his any more.
+    ada.access.identity = ada.access.identity.with_header(next(iter(studio.nodes.headers.values())))
+    object.__setattr__(ada.access.identity, "key_epoch", 0)
+    (header,) = studio.nodes.headers.values()
+    studio.nodes.headers.clear()
+    await ada.space(GEOMETRY).put(FIRST, b"late")
+    studio.nodes.headers[header.scene] = header
+    with pytest.raises(DamagedData, match="no writer of the scene at position"):
+        await scene.space(GEOMETRY).get(FIRST)
+
+
+async def test_a_former_owner_decides_nothing(studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.OWNER)
+    ada = await studio.kitchen(2)
+    await ada.rotate_key()
+    await scene.revoke("user:ada")
+    with pytest.raises(Refused, match="not sealed to you"):
+        await ada.rotate_key()
+    with pytest.raises(LocalFault, match="only an owner"):
+        await (await studio.kitchen(2)).grant(card_of(3), Role.READER)
+    await scene.grant(card_of(3), Role.OWNER)
+    await (await studio.kitchen(3)).revoke("user:owner")
+    assert len(next(iter(studio.nodes.headers.values())).succession) == 2
+    fresh = await studio.kitchen(3)
+    assert [member.name for member in (await fresh.members()).members] == ["user:ben"]
+    assert (await fresh.create_space("hall")).id == SpaceId(11)
+
+
+async def test_two_scenes_of_one_name_are_told_apart_by_their_ids(studio: Studio) -> None:
+    for number in (1, 2):
+        scene = await studio.scenes(number).create("kitchen")
+        await scene.grant(card_of(3), Role.READER)
+    with pytest.raises(LocalFault, match="several scenes 'kitchen'"):
+        await studio.kitchen(3)
+    name = f"{scene.id:08x}"
+    assert (await studio.scenes(3).open(name)).genesis == scene.genesis
+
+
+@pytest.mark.expect_log(r"what it holds for us is not believed")
+async def test_a_lockbox_in_a_forged_header_opens_nothing(studio: Studio) -> None:
+    from dataclasses import replace
+
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.READER)
+    studio.nodes.headers[scene.id] = replace(studio.nodes.headers[scene.id], write_floor=9)
+    assert [listing.name for listing in await studio.scenes(2).list()] == [None]
