@@ -20,12 +20,14 @@ from scenefold.crypto import (
     PLACED_BY_CLIENT,
     PLACED_BY_NODE,
     SUITES,
+    UNKNOWN_DIGEST,
     PublicKey,
     Record,
+    RecordHeader,
     RecordPlace,
     SigningKey,
     open_record,
-    seal_record,
+    seal_records,
     signed_place,
     verify_record,
 )
@@ -187,7 +189,13 @@ def _newer(what: str, epoch: int, key_epoch: int | None = None) -> NewerThanKnow
 
 def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: Sequence[Draft]) -> list[PutItem]:
     """Encrypt and sign every draft."""
-    return [_seal(identity, writer, session, draft) for draft in drafts]
+    key_epoch, symmetric_key = identity.sealing_key
+    headers = [_header(identity, writer, session, key_epoch, draft) for draft in drafts]
+    records = seal_records([(header, draft.payload) for header, draft in zip(headers, drafts, strict=True)], symmetric_key, writer)
+    return [
+        PutItem(identity.scene, draft.space, draft.location, draft.expect, record.signature, record.header_bytes, record.ciphertext)
+        for draft, record in zip(drafts, records, strict=True)
+    ]
 
 
 def open_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[Opened | None]:
@@ -214,32 +222,23 @@ def _is_deleted(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:
         return False
 
 
-def _seal(identity: SceneIdentity, writer: SigningKey, session: int, draft: Draft) -> PutItem:
-    key_epoch, symmetric_key = identity.sealing_key
-    record = seal_record(
+def _header(identity: SceneIdentity, writer: SigningKey, session: int, key_epoch: int, draft: Draft) -> RecordHeader:
+    return RecordHeader(
         scene=identity.scene,
         genesis=identity.genesis,
         space=draft.space,
         location=signed_place(draft.object) if draft.object else draft.location,
         epoch=identity.position,
         seq=draft.seq,
+        writer=writer.key_id,
         session=session,
         content_position=_content_position(identity, draft),
         key_epoch=key_epoch,
-        payload=draft.payload,
-        symmetric_key=symmetric_key,
-        signing_key=writer,
         nonce=draft.nonce,
+        length=len(draft.payload) + TAG_BYTES,
+        digest=UNKNOWN_DIGEST,
         placement=PLACED_BY_NODE if draft.object else PLACED_BY_CLIENT,
-    )
-    return PutItem(
-        identity.scene,
-        draft.space,
-        draft.location,
-        draft.expect,
-        record.signature,
-        record.header_bytes,
-        record.ciphertext,
+        suite=writer.suite,
     )
 
 
