@@ -18,8 +18,7 @@ allows both.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
-from typing import Self, TypeAlias
+from typing import NamedTuple, Self, TypeAlias
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SPACE_ID_MAX, KeyId, SceneId, SpaceId
@@ -41,6 +40,8 @@ _LAYOUT = struct.Struct(">BBBI32sH20sQQIQQI12sI32s")
 HEADER_BYTES = _LAYOUT.size
 ASSOCIATED_BYTES = HEADER_BYTES - 4 - DIGEST_BYTES
 _EPOCH_AT = 61
+_CLOSED = 13
+"""Fields of a RecordHeader up to its digest, in the order of the bytes; the three behind come first in the bytes."""
 assert (HEADER_BYTES, ASSOCIATED_BYTES) == (149, 113)
 
 _SIZES = (GENESIS_BYTES, LOCATION_BYTES, NONCE_BYTES, DIGEST_BYTES)
@@ -52,9 +53,8 @@ class IllFormedRecord(DamagedData):
     """The bytes are no record of a version and suite that we know (reject reason 5)."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordHeader:
-    """What a record says about itself, in the clear."""
+class RecordHeader(NamedTuple):
+    """What a record says about itself, in the clear. A tuple, since every record that a node sees has one made for it."""
 
     scene: SceneId
     genesis: bytes
@@ -81,24 +81,7 @@ class RecordHeader:
         problem = self._problem()
         if not problem:
             try:
-                return _LAYOUT.pack(
-                    self.version,
-                    self.suite,
-                    self.placement,
-                    self.scene,
-                    self.genesis,
-                    self.space,
-                    self.location,
-                    self.epoch,
-                    self.seq,
-                    self.writer,
-                    self.session,
-                    self.content_position,
-                    self.key_epoch,
-                    self.nonce,
-                    self.length,
-                    self.digest,
-                )
+                return _LAYOUT.pack(self.version, self.suite, self.placement, *self[:_CLOSED])
             except struct.error as error:
                 problem = str(error)
         raise LocalFault(f"a record header cannot be written: {problem}")
@@ -108,42 +91,8 @@ class RecordHeader:
         """The header that `data` is, wholly; IllFormedRecord otherwise."""
         if len(data) != HEADER_BYTES:
             raise IllFormedRecord(f"a record header has {HEADER_BYTES} bytes, not {len(data)}")
-        (
-            version,
-            suite,
-            placement,
-            scene,
-            genesis,
-            space,
-            location,
-            epoch,
-            seq,
-            writer,
-            session,
-            content_position,
-            key_epoch,
-            nonce,
-            length,
-            digest,
-        ) = _LAYOUT.unpack(data)
-        header = cls(
-            scene,
-            genesis,
-            space,
-            Location(location),
-            epoch,
-            seq,
-            writer,
-            session,
-            content_position,
-            key_epoch,
-            nonce,
-            length,
-            digest,
-            placement,
-            suite,
-            version,
-        )
+        fields = _LAYOUT.unpack(data)
+        header = cls._make((*fields[3:6], Location(fields[6]), *fields[7:], *fields[2::-1]))
         problem = header._problem()
         if problem:
             raise IllFormedRecord(f"ill-formed record header: {problem}")

@@ -10,9 +10,9 @@ functions are plain and release the GIL where it is long, so they may run in wor
 from __future__ import annotations
 
 import hashlib
-import hmac
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 from cryptography.exceptions import InvalidTag
@@ -25,8 +25,8 @@ from scenefold.base.location import Location
 from scenefold.crypto.keys import RECORD_DOMAIN, InvalidSignature, PublicKey, SigningKey
 from scenefold.crypto.record_header import (
     ASSOCIATED_BYTES,
+    DIGEST_BYTES,
     HEADER_BYTES,
-    NONCE_BYTES,
     PLACED_BY_CLIENT,
     TAG_BYTES,
     IllFormedRecord,
@@ -35,6 +35,8 @@ from scenefold.crypto.record_header import (
 from scenefold.crypto.suites import SUITES
 
 SYMMETRIC_KEY_BYTES = 24
+UNKNOWN_DIGEST = bytes(DIGEST_BYTES)
+"""In the header of a record that is yet to be sealed."""
 
 
 class RecordPlace(NamedTuple):
@@ -78,7 +80,9 @@ def new_symmetric_key(token: Callable[[int], bytes]) -> bytes:
     return token(SYMMETRIC_KEY_BYTES)
 
 
+@lru_cache(maxsize=8)
 def _cipher(symmetric_key: bytes) -> AESGCM:
+    """Kept for the few keys that are in use: expanding a key takes as long as sealing a kilobyte."""
     if len(symmetric_key) != SYMMETRIC_KEY_BYTES:
         raise LocalFault(f"a scene's key has {SYMMETRIC_KEY_BYTES} bytes, not {len(symmetric_key)}")
     return AESGCM(symmetric_key)
@@ -105,13 +109,7 @@ def seal_record(
 
     `nonce`: 12 random bytes, fresh for every record under this key; a retry sends the same record again instead.
     """
-    if len(payload) > PAYLOAD_BYTES_MAX:
-        raise LocalFault(
-            f"a payload of {len(payload)} bytes, at most {PAYLOAD_BYTES_MAX} are allowed", remedy="split it into several records"
-        )
-    if len(nonce) != NONCE_BYTES:
-        raise LocalFault(f"a nonce has {NONCE_BYTES} bytes, not {len(nonce)}")
-    draft = RecordHeader(
+    header = RecordHeader(
         scene=scene,
         genesis=genesis,
         space=space,
@@ -124,15 +122,36 @@ def seal_record(
         key_epoch=key_epoch,
         nonce=nonce,
         length=len(payload) + TAG_BYTES,
-        digest=bytes(32),
+        digest=UNKNOWN_DIGEST,
         placement=placement,
         suite=signing_key.suite,
-    ).encode()
-    associated = draft[:ASSOCIATED_BYTES]
-    ciphertext = _cipher(symmetric_key).encrypt(nonce, payload, associated)
-    # Length and digest close the header: they are known only now, and the cipher must not depend on them.
-    header = b"".join((draft[: ASSOCIATED_BYTES + 4], hashlib.sha256(ciphertext).digest()))
-    return Record(header, signing_key.sign(RECORD_DOMAIN, header), ciphertext)
+    )
+    return seal_records([(header, payload)], symmetric_key, signing_key)[0]
+
+
+def seal_records(drafts: Sequence[tuple[RecordHeader, bytes]], symmetric_key: bytes, signing_key: SigningKey) -> list[Record]:
+    """Likewise for many, in order. The headers are whole but for their digest, which may be UNKNOWN_DIGEST."""
+    # First all that Python does, then all that the library does: in turns, each drives the other out of the processor's caches.
+    heads = [_head(header, payload, signing_key) for header, payload in drafts]
+    encrypt = _cipher(symmetric_key).encrypt
+    records = []
+    for (header, payload), head in zip(drafts, heads, strict=True):
+        ciphertext = encrypt(header.nonce, payload, head[:ASSOCIATED_BYTES])
+        # The digest closes the header: it is known only now, and the cipher must not depend on it.
+        header_bytes = head + hashlib.sha256(ciphertext).digest()
+        records.append(Record(header_bytes, signing_key.sign(RECORD_DOMAIN, header_bytes), ciphertext))
+    return records
+
+
+def _head(header: RecordHeader, payload: bytes, signing_key: SigningKey) -> bytes:
+    """The header's bytes up to its digest; LocalFault if it does not go with the payload and the key."""
+    if len(payload) > PAYLOAD_BYTES_MAX:
+        raise LocalFault(
+            f"a payload of {len(payload)} bytes, at most {PAYLOAD_BYTES_MAX} are allowed", remedy="split it into several records"
+        )
+    if (header.length, header.writer, header.suite) != (len(payload) + TAG_BYTES, signing_key.key_id, signing_key.suite):
+        raise LocalFault("a record header is not that of its payload and writer")
+    return header.encode()[:-DIGEST_BYTES]
 
 
 def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | None = None) -> RecordHeader:
@@ -142,6 +161,13 @@ def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | No
     or the signature or ciphertext was changed.
     """
     header = record.header
+    check_claim(record, header, public_key, place)
+    check_signature(record, header, public_key)
+    return header
+
+
+def check_claim(record: Record, header: RecordHeader, public_key: PublicKey, place: RecordPlace | None = None) -> None:
+    """The cheap half of `verify_record`: what the record says of itself. `header`: its own, decoded."""
     if place is not None and (header.scene, header.space, header.location) != place:
         raise IllFormedRecord("the record belongs elsewhere", where=f"scene {header.scene:08x}, space {header.space}, {header.location!r}")
     if header.length != len(record.ciphertext):
@@ -150,10 +176,13 @@ def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | No
         raise InvalidSignature(f"the record was written by key {header.writer:08x}, not {public_key.key_id:08x}")
     if header.suite != public_key.suite:
         raise InvalidSignature(f"a record of suite {header.suite} by a key of suite {public_key.suite}")
+
+
+def check_signature(record: Record, header: RecordHeader, public_key: PublicKey) -> None:
+    """The other half: that the writer said so. Some 100 microseconds, and as long as hashing the ciphertext takes."""
     public_key.verify(record.signature, RECORD_DOMAIN, record.header_bytes)
-    if not hmac.compare_digest(hashlib.sha256(record.ciphertext).digest(), header.digest):
+    if hashlib.sha256(record.ciphertext).digest() != header.digest:
         raise InvalidSignature("the ciphertext is not the one that was signed")
-    return header
 
 
 def verify_records(claims: Iterable[tuple[Record, PublicKey, RecordPlace | None]]) -> list[DamagedData | None]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import trio
@@ -91,7 +91,7 @@ class _Work:
 
     async def write(self) -> None:
         self._written += 1
-        header = replace(self._header, location=_location(self._written))
+        header = self._header._replace(location=_location(self._written))
         [result] = await self._store.put([Put(Record(header.encode(), bytes(64), self._ciphertext))])
         assert result.outcome is Outcome.STORED, "the disk is full"
 

@@ -110,7 +110,7 @@ def test_a_record_cannot_be_moved(place: RecordPlace) -> None:
     with pytest.raises(IllFormedRecord, match="belongs elsewhere"):
         verify_record(RECORD, WRITER.public, place)
     # Nor by writing the other place into its header.
-    moved = replace(RECORD.header, scene=place.scene, space=place.space, location=place.location).encode()
+    moved = RECORD.header._replace(scene=place.scene, space=place.space, location=place.location).encode()
     with pytest.raises(InvalidSignature):
         verify_record(replace(RECORD, header_bytes=moved), WRITER.public, place)
 
@@ -202,10 +202,10 @@ def test_versions_are_ordered_as_the_spec_says() -> None:
     base = RECORD.header
     ascending = [
         base,
-        replace(base, digest=b"\xff" * 32),
-        replace(base, session=6),
-        replace(base, writer=base.writer + 1, session=0),
-        replace(base, seq=5, writer=0),
-        replace(base, epoch=4, seq=0),
+        base._replace(digest=b"\xff" * 32),
+        base._replace(session=6),
+        base._replace(writer=base.writer + 1, session=0),
+        base._replace(seq=5, writer=0),
+        base._replace(epoch=4, seq=0),
     ]
     assert all(version_key(lower) < version_key(higher) for lower, higher in pairwise(ascending))

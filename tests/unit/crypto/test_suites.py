@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import secrets
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -113,7 +112,7 @@ def test_records_of_each_suite_go_round(suite: int) -> None:
 def test_a_record_of_another_suite_than_its_writers_is_refused(suite: int) -> None:
     other = ED25519 + RSA3072 - suite
     record = sealed(SIGNING[suite])
-    header = replace(record.header, suite=other).encode()
+    header = record.header._replace(suite=other).encode()
     bent = Record(header, SIGNING[suite].sign(RECORD_DOMAIN, header), record.ciphertext)
     with pytest.raises(InvalidSignature, match=f"a record of suite {other} by a key of suite {suite}"):
         verify_record(bent, SIGNING[suite].public)

@@ -113,7 +113,7 @@ def test_a_writer_of_the_other_suite_writes_beside_those_of_this_one() -> None:
     for key in (WRITER, rsa):
         record = sealed(scene, key)
         assert verified_put(offered(record), known).record == record
-        header = replace(record.header, suite=ED25519 + RSA3072 - key.suite).encode()
+        header = record.header._replace(suite=ED25519 + RSA3072 - key.suite).encode()
         bent = replace(record, header_bytes=header, signature=key.sign(RECORD_DOMAIN, header))
         with pytest.raises(Refused, match="by a key of suite") as caught:
             verified_put(offered(bent), known)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +47,7 @@ def record(number: int, *, seq: int = 1, text: bytes = b"", size: int = 64, spac
 def managed(object_number: int, *, seq: int = 1, text: bytes = b"", size: int = 64, space: int = SPACE, scene: int = SCENE) -> Record:
     """A record whose place the node chooses."""
     fixed = record(object_number, seq=seq, text=text, size=size, space=space, scene=scene)
-    header = replace(fixed.header, location=Location(bytes(4) + object_id(object_number)), placement=PLACED_BY_NODE)
+    header = fixed.header._replace(location=Location(bytes(4) + object_id(object_number)), placement=PLACED_BY_NODE)
     return Record(header.encode(), fixed.signature, fixed.ciphertext)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import random
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -40,7 +40,7 @@ def place(index: int) -> Location:
 def object_record(number: int, seq: int) -> Record:
     """A version of the object whose home is the first place of that group."""
     fixed = record(0, seq=seq, text=b"%d" % seq, space=MANAGED)
-    header = replace(fixed.header, location=signed_place(number.to_bytes(OBJECT_BYTES, "big")), placement=PLACED_BY_NODE)
+    header = fixed.header._replace(location=signed_place(number.to_bytes(OBJECT_BYTES, "big")), placement=PLACED_BY_NODE)
     return Record(header.encode(), fixed.signature, fixed.ciphertext)
 
 

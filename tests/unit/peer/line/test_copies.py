@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 import pytest
 import trio
@@ -29,7 +28,7 @@ def test_a_ciphertext_that_lies_at_two_places_is_copied_twice(monkeypatch: pytes
             spots = await street.fill(0, 16)
             # A writer cannot open what it copies, but it can sign it for another place.
             victim = record_at(spots[-1])
-            header = replace(victim.header, location=spots[8], seq=2).encode()
+            header = victim.header._replace(location=spots[8], seq=2).encode()
             forged = Record(header, WRITER.sign(RECORD_DOMAIN, header), victim.ciphertext)
             await street.houses[0].store.put([Put(forged)])
             await trio.sleep(11.0)
