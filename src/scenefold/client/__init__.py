@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
+    from scenefold.client.reencryption import Reencryption
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scenes import SceneListing, Scenes
@@ -38,6 +39,7 @@ _HOMES = {
     "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.reading": "open_scene_with_keys",
+    "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scenes": "SceneListing Scenes",
@@ -78,6 +80,7 @@ __all__ = [
     "ProgressCallback",
     "ProgressState",
     "Rate",
+    "Reencryption",
     "Scene",
     "SceneInfo",
     "SceneKeys",

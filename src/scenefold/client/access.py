@@ -29,7 +29,7 @@ from scenefold.client.versions import Sequencer
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
 from scenefold.scene.log import SceneLog
-from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem
+from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem, RecordBytes
 
 Result = TypeVar("Result")
 
@@ -149,7 +149,7 @@ class SceneAccess:
             await self.refresh(unknown.epoch)
         return self.identity != before
 
-    async def _understood(self, function: Callable[..., Result], *arguments: object) -> Result:
+    async def understood(self, function: Callable[..., Result], *arguments: object) -> Result:
         """What a function makes of records by all that can be known of the scene. Refused (17) if their key is not given to us."""
         while True:
             known = self.identity
@@ -221,7 +221,7 @@ class SceneAccess:
         A deleted record is there, and says so (`Opened.deleted`). `stale_ok`: take the answer of a node that may
         have been replaced without knowing; else it is asked again for a while, then Refused.
         """
-        records = await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
+        records = await self.fetch(keys, stale_ok=stale_ok)
         for key, record in zip(keys, records, strict=True):
             if record == DAMAGED_RECORD:
                 where = f"scene {self.identity.scene:08x}, space {key[0]}, {key[1].hex()}"
@@ -231,14 +231,18 @@ class SceneAccess:
         opened: list[Opened | None] = []
         for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):
             part = [keys[index] for index in batch], [records[index] for index in batch]
-            opened += await self._understood(open_all, *part)
+            opened += await self.understood(open_all, *part)
         self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
         return opened
 
+    async def fetch(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[RecordBytes | None]:
+        """The records as they lie there, unverified; see `delivery.fetch`."""
+        return await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
+
     async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
         """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""
-        records = await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
-        return await self._understood(deleted_all, keys, records)
+        records = await self.fetch(keys, stale_ok=stale_ok)
+        return await self.understood(deleted_all, keys, records)
 
     async def locations(self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False) -> AsyncIterator[Location]:
         """Locations of a space that hold records, deleted ones too, from `first` to `last`, in order; asked for as

@@ -6,7 +6,7 @@ meanwhile. An owner that lists too much for one answer (reason 6) is asked for h
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from itertools import repeat
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
@@ -23,7 +23,7 @@ from scenefold.wire import QueryRange, RejectRange, ReturnRange
 
 async def entries(
     calls: Calls, scene: SceneId, space: SpaceId, first: Location, last: Location, *, stale_ok: bool
-) -> AsyncIterator[tuple[Location, bytes]]:
+) -> AsyncGenerator[tuple[Location, bytes], None]:
     """Locations from `first` to `last` with the object at each (b"" in a fixed space), in order; asked for as they are used."""
     at: Location | None = first
     end = last

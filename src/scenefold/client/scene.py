@@ -14,6 +14,8 @@ from scenefold.client.importing import ImportReport, prepare_import, store_impor
 from scenefold.client.new_space import SpaceOptions, new_space
 from scenefold.client.positions import logged_spaces
 from scenefold.client.progress import ProgressCallback, callback_of
+from scenefold.client.reencrypting import reencrypt
+from scenefold.client.reencryption import Reencryption
 from scenefold.client.space import Space
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
 from scenefold.scene.log import LoggedSpace
@@ -118,6 +120,10 @@ class Scene:
     async def rotate_key(self) -> Access:
         """Seal what is written from now on under a new key. `reencrypt` does the same for what is there."""
         return await rotate_key(self.access)
+
+    async def reencrypt(self, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None) -> Reencryption:
+        """Seal everything anew that lies under an older key; a writer's to do. May be cancelled, and begun again; see `reencrypting`."""
+        return await reencrypt(self.access, callback_of(progress), bytes_per_s)
 
     async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.

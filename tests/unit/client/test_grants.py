@@ -48,11 +48,11 @@ class Studio:
 
 
 @pytest.fixture
-def studio(tmp_path: Path, autojump_clock: MockClock) -> Studio:
+def studio(tmp_path: Path) -> Studio:
     return Studio(tmp_path)
 
 
-async def test_a_granted_scene_is_listed_opened_and_read_by_its_name(studio: Studio) -> None:
+async def test_a_granted_scene_is_listed_opened_and_read_by_its_name(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.space(GEOMETRY).put(FIRST, b"a chair")
     assert [listing.name for listing in await studio.scenes(2).list()] == [None]
@@ -70,7 +70,7 @@ async def test_a_granted_scene_is_listed_opened_and_read_by_its_name(studio: Stu
         await studio.kitchen(3)
 
 
-async def test_a_reader_writes_nothing_and_changes_nothing(studio: Studio) -> None:
+async def test_a_reader_writes_nothing_and_changes_nothing(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.READER)
     reader = await studio.kitchen(2)
@@ -81,7 +81,7 @@ async def test_a_reader_writes_nothing_and_changes_nothing(studio: Studio) -> No
             await change
 
 
-async def test_what_a_reader_signs_all_the_same_neither_nodes_nor_clients_take(studio: Studio) -> None:
+async def test_what_a_reader_signs_all_the_same_neither_nodes_nor_clients_take(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.READER)
     reader = await studio.kitchen(2)
@@ -97,7 +97,7 @@ async def test_what_a_reader_signs_all_the_same_neither_nodes_nor_clients_take(s
         await scene.space(GEOMETRY).get(FIRST)
 
 
-async def test_a_role_may_rise(studio: Studio) -> None:
+async def test_a_role_may_rise(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.READER)
     ada = await studio.kitchen(2)
@@ -114,7 +114,7 @@ async def test_a_role_may_rise(studio: Studio) -> None:
         await scene.grant(card_of(2), Role.READER)
 
 
-async def test_a_rotation_is_no_matter_to_those_who_have_the_scene_open(studio: Studio) -> None:
+async def test_a_rotation_is_no_matter_to_those_who_have_the_scene_open(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.WRITER)
     await scene.grant(card_of(3), Role.READER)
@@ -129,7 +129,7 @@ async def test_a_rotation_is_no_matter_to_those_who_have_the_scene_open(studio: 
         assert await reader.space(GEOMETRY).get_many(PLACES[:4]) == everything
 
 
-async def test_whoever_was_revoked_keeps_what_he_had_and_no_more(studio: Studio) -> None:
+async def test_whoever_was_revoked_keeps_what_he_had_and_no_more(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.WRITER)
     await scene.grant(card_of(3), Role.READER)
@@ -156,7 +156,7 @@ async def test_whoever_was_revoked_keeps_what_he_had_and_no_more(studio: Studio)
     assert await ada.space(GEOMETRY).get(PLACES[1]) == b"secret", "granted again"
 
 
-async def test_what_a_former_writer_signs_all_the_same_is_refused(studio: Studio) -> None:
+async def test_what_a_former_writer_signs_all_the_same_is_refused(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.WRITER)
     ada = await studio.kitchen(2)
@@ -177,7 +177,7 @@ async def test_what_a_former_writer_signs_all_the_same_is_refused(studio: Studio
         await scene.space(GEOMETRY).get(FIRST)
 
 
-async def test_a_former_owner_decides_nothing(studio: Studio) -> None:
+async def test_a_former_owner_decides_nothing(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.OWNER)
     ada = await studio.kitchen(2)
@@ -195,7 +195,7 @@ async def test_a_former_owner_decides_nothing(studio: Studio) -> None:
     assert (await fresh.create_space("hall")).id == SpaceId(11)
 
 
-async def test_two_scenes_of_one_name_are_told_apart_by_their_ids(studio: Studio) -> None:
+async def test_two_scenes_of_one_name_are_told_apart_by_their_ids(autojump_clock: MockClock, studio: Studio) -> None:
     for number in (1, 2):
         scene = await studio.scenes(number).create("kitchen")
         await scene.grant(card_of(3), Role.READER)
@@ -206,7 +206,7 @@ async def test_two_scenes_of_one_name_are_told_apart_by_their_ids(studio: Studio
 
 
 @pytest.mark.expect_log(r"what it holds for us is not believed")
-async def test_a_lockbox_in_a_forged_header_opens_nothing(studio: Studio) -> None:
+async def test_a_lockbox_in_a_forged_header_opens_nothing(autojump_clock: MockClock, studio: Studio) -> None:
     from dataclasses import replace
 
     scene = await studio.scenes(1).create("kitchen")

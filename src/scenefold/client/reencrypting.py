@@ -1,0 +1,174 @@
+"""A scene's records, sealed anew under its newest key while others read and write (specs/16-scene-log.md, Members).
+
+Walks all spaces, a few batches at a time, and puts what lies under an older key as compare-and-set: whoever else writes wins, and
+wrote under the new key. It may end at any moment, and be begun again; memory is bounded by the batches under way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator, Sequence
+from contextlib import aclosing
+from functools import partial
+
+import trio
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import SpaceId
+from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_IMPORT_BATCHES, CLIENT_TRIES_MAX
+from scenefold.base.location import FIRST, LAST, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.access import SceneAccess
+from scenefold.client.progress import ProgressCallback, no_progress
+from scenefold.client.ranging import entries
+from scenefold.client.reencryption import Pace, Reencryption, is_damaged, under_older_keys
+from scenefold.client.sealing import Key, NewerThanKnown, Opened, SceneIdentity, open_all
+from scenefold.client.together import together
+from scenefold.client.wishes import Wish
+from scenefold.crypto import signed_place
+from scenefold.wire import RecordBytes
+
+_STORED = 0
+WALKS_MAX = 8
+"""A walk that still finds something means that a node has not heard of the new key; it hears of it within seconds."""
+
+
+async def reencrypt(access: SceneAccess, progress: ProgressCallback = no_progress, bytes_per_s: float | None = None) -> Reencryption:
+    """Seal everything anew that lies under an older key than the scene's newest; ends when a walk finds nothing more.
+
+    `bytes_per_s`: of records that are looked at. Refused if the scene is being rendered; LocalFault if we are no writer of it.
+    """
+    log = await access.read_log()
+    clock = access.calls.world.clock
+    work = _Work(access, Reencryption(log.state.grants.key_epoch, clock.now()), Pace(bytes_per_s), progress)
+    spaces = [space.id for space in log.state.spaces.values() if not space.parent]
+    state = work.state
+    begun = clock.now()
+    if state.key_epoch:
+        await work.count(spaces)
+    while state.key_epoch and state.walks < WALKS_MAX:
+        await work.walk(spaces)
+        if not state.renewed_in_walk:
+            break
+    state.seconds = clock.now() - begun
+    return state
+
+
+class _Work:
+    def __init__(self, access: SceneAccess, state: Reencryption, pace: Pace, progress: ProgressCallback) -> None:
+        self.state = state
+        self._access = access
+        self._pace = pace
+        self._progress = progress
+
+    async def count(self, spaces: Sequence[SpaceId]) -> None:
+        """How many records there are, for whoever wants to know how long it takes."""
+        for space in spaces:
+            async with self._listed(space) as listed:
+                async for _ in listed:
+                    self.state.total += 1
+
+    async def walk(self, spaces: Sequence[SpaceId]) -> None:
+        """Once over all records."""
+        self.state.begin_walk()
+        self.state.begun = self._access.calls.world.clock.now()
+        self.state.unreadable = 0
+        send, receive = trio.open_memory_channel[list[Key]](0)
+        workers = [partial(self._renew_all, receive.clone()) for _ in range(CLIENT_IMPORT_BATCHES)]
+        receive.close()
+        await together([partial(self._list, spaces, send), *workers])
+
+    async def _list(self, spaces: Sequence[SpaceId], send: trio.MemorySendChannel[list[Key]]) -> None:
+        async with send:
+            for space in spaces:
+                batch: list[Key] = []
+                async with self._listed(space) as listed:
+                    async for location, object_id in listed:
+                        batch.append((space, location, object_id) if object_id else (space, location))
+                        if len(batch) == CLIENT_GET_KEYS:
+                            await send.send(batch)
+                            batch = []
+                if batch:
+                    await send.send(batch)
+
+    def _listed(self, space: SpaceId) -> aclosing[AsyncGenerator[tuple[Location, bytes], None]]:
+        """All places of a space; closed where the walk is ended in the midst of them."""
+        access = self._access
+        return aclosing(entries(access.calls, access.identity.scene, space, FIRST, LAST, stale_ok=False))
+
+    async def _renew_all(self, receive: trio.MemoryReceiveChannel[list[Key]]) -> None:
+        clock = self._access.calls.world.clock
+        async with receive:
+            async for batch in receive:
+                count = len(batch)
+                keys: Sequence[Key] = batch
+                for _ in range(CLIENT_TRIES_MAX):
+                    keys = await self._renew(keys)
+                    if not keys:
+                        break
+                else:
+                    # Whoever wrote there wrote under the new key; a node that says otherwise is not one to wait for.
+                    for key in keys:
+                        self.state.complain(f"space {key[0]}, {key[1].hex()}: its owner takes no newer version, and shows none")
+                self.state.walked += count
+                self._progress(self.state.progress(clock.now()))
+
+    async def _renew(self, keys: Sequence[Key]) -> Sequence[Key]:
+        """Seal anew what needs it; gives what somebody else wrote meanwhile, to be looked at again."""
+        clock = self._access.calls.world.clock
+        records = await self._access.fetch(keys)
+        wait_s = self._pace.wait_s(clock.now(), sum(len(record.ciphertext) for record in records if record is not None))
+        if wait_s > 0:
+            await clock.sleep(wait_s)
+        for key, record in zip(keys, records, strict=True):
+            if is_damaged(record):
+                self.state.complain(f"space {key[0]}, {key[1].hex()}: the record is damaged at its owner")
+        identity = self._access.identity
+        newest = identity.keys.newest_epoch if identity.key_epoch is None else identity.key_epoch
+        old = under_older_keys(records, newest)
+        if not old:
+            return ()
+        wishes = await self._wishes([keys[index] for index in old], [records[index] for index in old])
+        placed = await self._access.put(wishes)
+        done = [wish for wish, outcome in zip(wishes, placed, strict=True) if outcome.reason == _STORED]
+        self.state.renew(len(done), sum(len(wish.payload) for wish in done))
+        overtaken = [wish.key for wish, outcome in zip(wishes, placed, strict=True) if outcome.reason != _STORED]
+        self.state.overtaken += len(overtaken)
+        return overtaken
+
+    async def _wishes(self, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[Wish]:
+        try:
+            opened = await self._access.understood(opened_each, keys, records)
+        except (NewerThanKnown, Refused) as problem:
+            if isinstance(problem, Refused) and problem.reason is not RejectReason.KEY_REVOKED:
+                raise
+            opened = await self._access.in_crypto_lane(opened_or_not, self._access.identity, keys, records)
+        wishes = []
+        for key, found in zip(keys, opened, strict=True):
+            if isinstance(found, Opened):
+                object_id = key[2] if len(key) == 3 else b""
+                place = signed_place(object_id) if object_id else key[1]
+                wishes.append(Wish(key[0], place, found.payload, found.digest, found.content_position, object_id))
+            elif found is not None:
+                self.state.complain(str(found))
+        return wishes
+
+
+def opened_each(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[Opened | DamagedData | None]:
+    """Each record, or what is wrong with it. NewerThanKnown is raised: the scene may have to be known better."""
+    return [_opened(identity, key, record, True) for key, record in zip(keys, records, strict=True)]
+
+
+def opened_or_not(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[Opened | DamagedData | None]:
+    """The same once no more can be known of the scene."""
+    return [_opened(identity, key, record, False) for key, record in zip(keys, records, strict=True)]
+
+
+def _opened(identity: SceneIdentity, key: Key, record: RecordBytes | None, is_first: bool) -> Opened | DamagedData | None:
+    try:
+        return open_all(identity, [key], [record])[0]
+    except NewerThanKnown as unknown:
+        if is_first:
+            raise
+        return unknown
+    except DamagedData as damage:
+        return damage
