@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.errors import DEGRADED, DONE, Interrupted
+from scenectl.member_values import TokenOption
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from scenefold.client import ClusterStatus
 
 app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
+for name in ("invite", "invitations", "users", "trust", "revoke"):
+    app.command(f"scenectl.enrolling:{name}", name=name)
 
 
 @app.command
@@ -64,7 +67,7 @@ def init(
 
 @app.command
 def join(
-    seed: AddressOption,
+    token: TokenOption,
     /,
     *,
     address: Annotated[AddressOption | None, Parameter(env_var="SCENEFOLD_ADDRESS")] = None,
@@ -76,7 +79,7 @@ def join(
     log_level: Literal["debug", "info", "warning", "error"] = "info",
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """Run a node that joins the cluster through SEED, and say how it gets its part; it runs until it is told to stop.
+    """Join a cluster by the token of an invitation (`cluster invite`), as the node or the user that it is for.
 
     Its keys are those that `cluster init --spares` made. Later starts may as well use `node run`, which knows more options.
 
@@ -84,10 +87,11 @@ def join(
 
     Parameters
     ----------
-    seed
-        IPv4 address of a node of the cluster that runs.
+    token
+        The token; or the IPv4 address of a node of the cluster that runs.
     address
-        The joining node's own IPv4 address; by default that of the one spare whose keys are in the profile.
+        The joining node's own IPv4 address; by default the one by which this computer reaches the cluster, or, without a
+        token, that of the one spare whose keys are in the profile.
     data
         Folder for what the node stores; by default one in the user's data folder.
     place
@@ -106,6 +110,7 @@ def join(
 
     from scenectl.joining import Telling
     from scenectl.node import run_until_stopped
+    from scenectl.enrolling import joined_by_token
     from scenefold.base.errors import UsageFault
     from scenefold.client import profile_folder
     from scenefold.node import NodeSettings, default_extensions
@@ -113,14 +118,20 @@ def join(
     from scenefold.peer.settings import place_of
     from scenefold.world.profile import ClusterProfile
 
-    folder = profile_folder(output.profile)
-    own = ClusterProfile.load(folder).spare_here(besides=seed.text) if address is None else address.text
-    if seed.text == own:
-        raise UsageFault("a node cannot join through itself", where=seed.text, remedy="name a node that is a member already")
+    seeds: tuple[str, ...] = ()
+    if token.is_address:
+        folder, seeds = profile_folder(output.profile), (token.text,)
+        own: str | None = ClusterProfile.load(folder).spare_here(besides=token.text) if address is None else address.text
+        if token.text == own:
+            raise UsageFault("a node cannot join through itself", where=token.text, remedy="name a node that is a member already")
+    else:
+        folder, own = joined_by_token(token.text, None if address is None else address.text, output)
+    if own is None:
+        return
     set_up_logs("json" if output.json else "console", log_level)
     settings = replace(
         NodeSettings.for_member(folder, own, data=data, threads=threads),
-        seeds=(seed.text,),
+        seeds=seeds,
         seed_wait_s=seed_wait,
         capacity_bytes=capacity,
         join_place=place_of(place),

@@ -47,7 +47,7 @@ def _convert(kind: type[_Value], tokens: Sequence[Token]) -> Any:
     return kind.parse(tokens[0].value)
 
 
-_ONE_WORD = Parameter(converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=str)
+ONE_WORD = Parameter(converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=str)
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Size:
     @classmethod
     def parse(cls, text: str) -> Self:
         width, cross, height = text.lower().partition("x")
-        if not (cross and _is_digits(width) and _is_digits(height)):
+        if not (cross and is_digits(width) and is_digits(height)):
             raise ValueError(f"a size is WIDTHxHEIGHT, such as 640x360, not {text!r}")
         if not all(1 <= int(side) <= SIDE_PIXELS_MAX for side in (width, height)):
             raise ValueError(f"a side has 1 to {SIDE_PIXELS_MAX} pixels, not {text!r}")
@@ -100,7 +100,7 @@ class Addresses:
     def parse(cls, text: str) -> Self:
         addresses = tuple(part.strip() for part in text.split(",") if part.strip())
         for address in addresses:
-            _check_address(address)
+            check_address(address)
         if not 1 <= len(addresses) <= NODES_MAX:
             raise ValueError(f"a cluster has 1 to {NODES_MAX} nodes, not {len(addresses)}")
         if len(set(addresses)) != len(addresses):
@@ -119,7 +119,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        _check_address(text)
+        check_address(text)
         return cls(text)
 
     def __str__(self) -> str:
@@ -136,7 +136,7 @@ class PortPair:
     @classmethod
     def parse(cls, text: str) -> Self:
         low, comma, high = text.partition(",")
-        if not (comma and _is_digits(low) and _is_digits(high)):
+        if not (comma and is_digits(low) and is_digits(high)):
             raise ValueError(f"ports are LOW,HIGH, such as 17349,17350, not {text!r}")
         if not (0 < int(low) < 65536 and 0 < int(high) < 65536) or int(low) == int(high):
             raise ValueError(f"ports are two different numbers from 1 to 65535, not {text!r}")
@@ -191,7 +191,7 @@ class NodeCounts:
         if text.strip().lower() == "none":
             return cls(())
         parts = [part.strip() for part in text.split(",")]
-        if not all(_is_digits(part) and 1 <= int(part) <= POOL_NODES_MAX for part in parts):
+        if not all(is_digits(part) and 1 <= int(part) <= POOL_NODES_MAX for part in parts):
             raise ValueError(f"sizes of clusters are numbers from 1 to {POOL_NODES_MAX}, such as 1,5, or none, not {text!r}")
         return cls(tuple(int(part) for part in parts))
 
@@ -213,7 +213,7 @@ class SpaceName:
     def parse(cls, text: str) -> Self:
         if not text:
             raise ValueError(f"a space has a name, such as {SPACE_NAMES[0]}, or a number")
-        if text.isascii() and text.isdigit() and not (_is_digits(text) and 1 <= int(text) <= SPACE_ID_MAX):
+        if text.isascii() and text.isdigit() and not (is_digits(text) and 1 <= int(text) <= SPACE_ID_MAX):
             raise ValueError(f"a space has a number from 1 to {SPACE_ID_MAX}, not {text[:80]}")
         return cls(text)
 
@@ -222,7 +222,7 @@ class SpaceName:
         """Its number, where that is known without the scene's log: given, or that of a space that every scene has."""
         if self.text in SPACE_NAMES:
             return SPACE_NAMES.index(self.text) + 1
-        return int(self.text) if _is_digits(self.text) else None
+        return int(self.text) if is_digits(self.text) else None
 
     def __str__(self) -> str:
         return self.text
@@ -230,20 +230,20 @@ class SpaceName:
 
 def name_or_number(text: str) -> str | int:
     """A space as the client takes it."""
-    return int(text) if _is_digits(text) else text
+    return int(text) if is_digits(text) else text
 
 
 HD_QUARTER = Size(640, 360)
 ONE_AND_FIVE = NodeCounts((1, 5))
 
-SizeOption = Annotated[Size, _ONE_WORD]
-ColourOption = Annotated[Colour, _ONE_WORD]
-AddressOption = Annotated[Address, _ONE_WORD]
-AddressesOption = Annotated[Addresses, _ONE_WORD]
-PortsOption = Annotated[PortPair, _ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
-NodeCountsOption = Annotated[NodeCounts, _ONE_WORD]
-PlaceOption = Annotated[Place, _ONE_WORD]
-SpaceOption = Annotated[SpaceName, _ONE_WORD]
+SizeOption = Annotated[Size, ONE_WORD]
+ColourOption = Annotated[Colour, ONE_WORD]
+AddressOption = Annotated[Address, ONE_WORD]
+AddressesOption = Annotated[Addresses, ONE_WORD]
+PortsOption = Annotated[PortPair, ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
+NodeCountsOption = Annotated[NodeCounts, ONE_WORD]
+PlaceOption = Annotated[Place, ONE_WORD]
+SpaceOption = Annotated[SpaceName, ONE_WORD]
 
 
 def whole(least: int, most: int, *, env_var: str | None = None) -> Parameter:
@@ -258,11 +258,11 @@ def _whole_number(_kind: Any, tokens: Sequence[Token]) -> int:
     return int(text)
 
 
-def _is_digits(text: str) -> bool:
+def is_digits(text: str) -> bool:
     return text.isascii() and text.isdigit() and len(text) < 10
 
 
-def _check_address(text: str) -> None:
+def check_address(text: str) -> None:
     try:
         checked_node_id(text)
     except ValueError as problem:

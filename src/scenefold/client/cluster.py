@@ -15,11 +15,12 @@ from scenefold.base.location import FIRST, Arc
 from scenefold.client.calls import Calls, no_answer
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
+from scenefold.client.membership import Membership
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
-from scenefold.crypto import MemberSecrets
+from scenefold.crypto import Card, MemberSecrets
 from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
@@ -46,11 +47,16 @@ class Cluster:
         self.links = links
         self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
         self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0])
+        self.membership = Membership(self.calls, profile, secrets)
 
     async def nodes(self) -> list[Owner]:
         """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""
         await self.calls.refresh()
         return list(self.calls.table.owners)
+
+    async def card_of(self, name: str) -> Card:
+        """The card of a member, "user:<name>" or "node:<id>", verified. LocalFault if there is no such member."""
+        return await self.membership.card_of(name)
 
     async def status(self) -> ClusterStatus:
         """Ask every node on the line itself, all at once, and lay what they say side by side. Unreachable if none answers.

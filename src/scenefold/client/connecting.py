@@ -54,6 +54,17 @@ def profile_folder(profile: str | Path | None) -> Path:
     raise LocalFault("there is no cluster profile", where=where, remedy=remedy)
 
 
+def profile_place(profile: str | Path | None) -> Path:
+    """The folder of a profile that need not be there yet: as `profile_folder`, else the path that was given, or the default name."""
+    import platformdirs
+
+    try:
+        return profile_folder(profile)
+    except LocalFault:
+        default = Path(platformdirs.user_config_path("scenefold", appauthor=False)) / DEFAULT_PROFILE
+        return default if profile is None else Path(profile)
+
+
 def create_cluster(
     folder: Path, name: str, node_addresses: Sequence[str], *, spares: Sequence[str] = (), ports: Ports | None = None
 ) -> ClusterProfile:

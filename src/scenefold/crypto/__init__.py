@@ -1,6 +1,6 @@
 """Keys, records, certificates, signed datagrams. The only door to `cryptography`; specs/04-records.md has the bytes."""
 
-from scenefold.crypto.authority import Authority, Identity, check_signed, read_authority_certificate
+from scenefold.crypto.authority import Authority, Identity, check_signed, new_tls_key, read_authority_certificate, tls_key_in
 from scenefold.crypto.cards import CARD_BYTES_MAX, Card, MemberKeys, NotOfThisCluster, OutOfDate
 from scenefold.crypto.datagrams import (
     DATAGRAM_OVERHEAD_BYTES,
@@ -13,7 +13,7 @@ from scenefold.crypto.datagrams import (
     sign_datagram,
     verify_datagram,
 )
-from scenefold.crypto.invitations import ENROL_DOMAIN, ORDER_DOMAIN, InvitedKind, Token, authority_der, authority_pem, mark_of
+from scenefold.crypto.invitations import ENROL_DOMAIN, ORDER_DOMAIN, InvitedKind, Token, authority_der, authority_pem, mark_of, pem_of
 from scenefold.crypto.keys import (
     DATAGRAM_DOMAIN,
     HEADER_DOMAIN,
@@ -59,7 +59,7 @@ from scenefold.crypto.records import (
 from scenefold.crypto.sealing_keys import AUTHORITY_PURPOSE, LOCKBOX_PURPOSE, SealingKey, SealingPublicKey
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES, SUITES, Suite, UnknownSuite, suite_named, suite_of
-from scenefold.crypto.tls import client_context, peer_name, server_context
+from scenefold.crypto.tls import client_context, newcomer_context, peer_certificate, peer_key, peer_name, renew, server_context
 
 __all__ = [
     "AUTHORITY_PURPOSE",
@@ -127,13 +127,20 @@ __all__ = [
     "new_symmetric_key",
     "object_of",
     "open_log",
+    "new_tls_key",
+    "newcomer_context",
     "open_record",
     "parse_datagram",
     "peer_name",
     "read_authority_certificate",
+    "peer_certificate",
+    "peer_key",
     "read_secret",
+    "pem_of",
     "seal_log",
     "seal_record",
+    "refuse_to_ask",
+    "renew",
     "seal_records",
     "server_context",
     "sign_datagram",
@@ -142,6 +149,7 @@ __all__ = [
     "suite_of",
     "verify_datagram",
     "verify_record",
+    "tls_key_in",
     "verify_records",
     "version_key",
     "wanted_place",

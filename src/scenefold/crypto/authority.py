@@ -219,6 +219,22 @@ def _address(text: str) -> x509.IPAddress:
         raise LocalFault(f"{text!r} is no IP address", remedy="give it as four numbers, such as 192.168.1.20") from None
 
 
+def new_tls_key() -> bytes:
+    """A private key for TLS (PEM), made where it is used; `tls_key_in` gives what the authority certifies."""
+    return _key_pem(ec.generate_private_key(ec.SECP256R1()))
+
+
+def tls_key_in(pem: bytes) -> bytes:
+    """The public half (DER) of what `new_tls_key` made; LocalFault if it is none."""
+    try:
+        key = load_pem_private_key(pem, password=None)
+    except (ValueError, TypeError):
+        key = None
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise LocalFault("the TLS key is none", remedy="begin again with another token")
+    return tls_key_of(key)
+
+
 def tls_key_of(key: ec.EllipticCurvePrivateKey) -> bytes:
     """The public half (DER), as `Authority.certify` takes it."""
     return key.public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)

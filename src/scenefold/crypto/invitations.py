@@ -121,6 +121,11 @@ def authority_der(certificate: bytes) -> bytes:
 
 def authority_pem(certificate: bytes) -> bytes:
     """Likewise as PEM, which is what TLS takes."""
+    return pem_of(certificate)
+
+
+def pem_of(certificate: bytes) -> bytes:
+    """Any certificate as PEM."""
     return x509.load_der_x509_certificate(authority_der(certificate)).public_bytes(Encoding.PEM)
 
 

@@ -14,23 +14,30 @@ import tempfile
 from pathlib import Path
 from typing import Any, Protocol
 
-from scenefold.base.errors import LocalFault, PeerFault
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault
+from scenefold.base.ids import KeyId
 from scenefold.crypto.authority import Identity
+from scenefold.crypto.cards import Card
 from scenefold.crypto.names import NAME_PATTERN
 
 
 class HasCertificate(Protocol):
     """An ssl.SSLSocket, ssl.SSLObject, or trio.SSLStream after its handshake."""
 
-    def getpeercert(self) -> Any: ...
+    def getpeercert(self, binary_form: bool = False, /) -> Any: ...
 
 
-def server_context(identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
-    """For the side that accepts connections; it must be a node's identity."""
+def server_context(identity: Identity, authority_certificate: bytes, *, newcomers: bool = False) -> ssl.SSLContext:
+    """For the side that accepts connections; it must be a node's identity.
+
+    `newcomers`: a peer may show no certificate, and then it is the caller who sees that it is told nothing but how to get one.
+    """
     if not identity.name.startswith("node:"):
         raise LocalFault(f"{identity.name} cannot accept connections", remedy="use a node's identity")
     context = _context(ssl.PROTOCOL_TLS_SERVER, identity, authority_certificate)
     context.num_tickets = 0
+    if newcomers:
+        context.verify_mode = ssl.CERT_OPTIONAL
     return context
 
 
@@ -39,6 +46,23 @@ def client_context(identity: Identity, authority_certificate: bytes) -> ssl.SSLC
     context = _context(ssl.PROTOCOL_TLS_CLIENT, identity, authority_certificate)
     context.check_hostname = True
     return context
+
+
+def newcomer_context() -> ssl.SSLContext:
+    """For who has no certificate yet, and does not know the authority's: the caller judges the other side's by `peer_certificate`."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.minimum_version = ssl.TLSVersion.TLSv1_3
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    return context
+
+
+def renew(context: ssl.SSLContext, identity: Identity) -> None:
+    """Let a context show another certificate from its next handshake on; LocalFault if it is unusable."""
+    try:
+        _load_identity(context, identity)
+    except (ssl.SSLError, ValueError) as error:
+        raise LocalFault(f"the certificate or key is unusable: {error}", where=identity.name, remedy="issue it anew") from None
 
 
 def _context(protocol: ssl._SSLMethod, identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
@@ -79,3 +103,16 @@ def peer_name(connection: HasCertificate) -> str:
             if key == "commonName" and NAME_PATTERN.fullmatch(value):
                 return str(value)
     raise PeerFault("the other side's certificate names no member of a cluster")
+
+
+def peer_certificate(connection: HasCertificate) -> bytes:
+    """The other side's certificate (DER); empty if it showed none."""
+    return connection.getpeercert(True) or b""
+
+
+def peer_key(connection: HasCertificate) -> KeyId | None:
+    """The id of the key that the other side signs with, by its certificate; None if that holds none."""
+    try:
+        return Card.read(peer_certificate(connection)).signing_id
+    except DamagedData:
+        return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from functools import partial
 from typing import Protocol
 
 import trio
@@ -17,6 +18,7 @@ from scenefold.base.ids import node_id_of
 from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeDrained, NodeSettings, PeerServices
+from scenefold.peer.papers import NO_PAPERS, Papers
 from scenefold.store import LmdbDisk, open_store
 from scenefold.world import World, background_tasks, open_links, real_world
 from scenefold.world.facts import ClusterFacts
@@ -45,8 +47,10 @@ async def run_node(
     profile = ClusterProfile.load(settings.profile_folder)
     me = profile.member(settings.address)
     secrets, log_key = profile.node_secrets(me.address), profile.log_signing_key(me.address)
+    identity = profile.node_identity(me.address)
+    papers = Papers(identity.certificate, profile.sealed_authority(me.address) or b"", partial(profile.keep_node_certificate, me.address))
     world = real_world(
-        profile.node_identity(me.address),
+        identity,
         profile.authority_certificate(),
         ports=profile.ports,
         disk=LmdbDisk(ahead_bytes_max=STORE_RESERVE_BYTES),
@@ -56,7 +60,7 @@ async def run_node(
     joined, first = trio.Event(), _FirstStart(task_status)
     while True:
         try:
-            await run_assembled(settings, profile.facts(), secrets, log_key, world, chosen, joined=joined, task_status=first)
+            await run_assembled(settings, profile.facts(), secrets, log_key, world, chosen, joined=joined, papers=papers, task_status=first)
         except NodeDrained:
             _log.info("node %s has left the cluster: it may be switched off", me.address)
             return
@@ -73,12 +77,13 @@ async def run_assembled(
     extensions: Sequence[Extension] = (),
     *,
     joined: trio.Event | None = None,
+    papers: Papers = NO_PAPERS,
     task_status: Starting = trio.TASK_STATUS_IGNORED,
 ) -> None:
     """One life of a node in this world, until cancelled; started, with its context, once it listens on all ports.
 
     `log_signing_key`: on the voter, the key of the cluster's log. `joined`: set once the node has joined; of the next
-    life too, if it is given again. IdentityRenewed: run it again on the same disk. Errors are those of `run_node`.
+    life too, if it is given again. `papers`: what the node has from the authority. IdentityRenewed: run it again on the same disk. Errors are those of `run_node`.
     """
     async with (
         open_store(world, settings.data_folder, node_id_of(settings.address)) as store,
@@ -86,7 +91,15 @@ async def run_assembled(
         background_tasks() as nursery,
     ):
         services = PeerServices(
-            settings, facts, secrets, log_signing_key, world, store, links, joined=trio.Event() if joined is None else joined
+            settings,
+            facts,
+            secrets,
+            log_signing_key,
+            world,
+            store,
+            links,
+            joined=trio.Event() if joined is None else joined,
+            papers=papers,
         )
         for extension in extensions:
             await nursery.start(extension.run, services.context)

@@ -99,6 +99,8 @@ def judge_form(data: bytes, signature: bytes, registry: Registry, facts: Cluster
         raise Refused(RejectReason.SIGNATURE_INVALID, "the request was not signed with the token's key") from None
     except DamagedData as problem:
         raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+    # A user is told its name by the cluster; a node's is its address.
+    form = replace(form, name=form.name or invitation.entry.name)
     if invitation.state is not InvitationState.OPEN:
         return _again(invitation, form, keys)
     if now > invitation.entry.expires:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from functools import partial
 
 import trio
 
@@ -21,12 +22,15 @@ from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.context import NodeContext
 from scenefold.peer.data import DataService
+from scenefold.peer.door import Door
+from scenefold.peer.enrolling import Enrolling
 from scenefold.peer.enrolment import Enrolment
 from scenefold.peer.gossip import Gossip
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.lease import OwnerLease
 from scenefold.peer.line import Line
 from scenefold.peer.members import Members
+from scenefold.peer.papers import NO_PAPERS, Papers
 from scenefold.peer.peers import Peers
 from scenefold.peer.probing import Probing
 from scenefold.peer.range_datagrams import RangeDatagrams
@@ -40,7 +44,7 @@ from scenefold.peer.status import OwnStatus
 from scenefold.peer.tables import Tables
 from scenefold.store import Store
 from scenefold.store.statistics import capacity_of
-from scenefold.world import Connection, Links, Priority, QuietLog, World, serve_connection
+from scenefold.world import Links, Priority, World
 from scenefold.world.facts import ClusterFacts
 
 LOAD_S = 1.0
@@ -70,6 +74,7 @@ class PeerServices:
         links: Links,
         *,
         joined: trio.Event,
+        papers: Papers = NO_PAPERS,
     ) -> None:
         me = node_id_of(settings.address)
         identity = store.identity
@@ -100,12 +105,21 @@ class PeerServices:
         cluster_log.veto = probing.veto
         handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
         cluster_log.register(handlers, scenes)
-        for service in (scenes, line, data, probing, sharing, draining, Members(own, roster, registry, scenes)):
+        enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
+        for service in (scenes, line, data, probing, sharing, draining, enrolling, Members(own, roster, registry, scenes)):
             service.register(handlers)
-        self._background: tuple[Callable[[], Awaitable[None]], ...] = (balancer.run, sharing.run, joining.run, draining.run)
+        self._door = Door(world, cluster_log, handlers, links)
+        self._newcomers = enrolling.serve_newcomer
+        self._background: tuple[Callable[[], Awaitable[None]], ...] = (
+            balancer.run,
+            sharing.run,
+            joining.run,
+            draining.run,
+            self._door.run,
+            enrolling.share_authority,
+        )
         self._tables = Tables(world, gossip, roster, peers)
         self._range_datagrams = RangeDatagrams(world, own, registry, data.ranges)
-        self._quiet = QuietLog(_log)
         self._is_seed = settings.address in seeds
         self.context = NodeContext(
             settings=settings,
@@ -148,7 +162,9 @@ class PeerServices:
             await nursery.start(context.gossip.run)
             await nursery.start(self._range_datagrams.run)
             for priority in Priority:
-                await nursery.start(context.world.network.listen, context.address, priority, self._serve)
+                newcomers = self._newcomers if priority is Priority.HIGH else None
+                listen = partial(context.world.network.listen, context.address, priority, self._door.serve, newcomers=newcomers)
+                await nursery.start(listen)
             await nursery.start(context.cluster_log.run)
             await nursery.start(context.line.run)
             for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run, *self._background):
@@ -157,9 +173,6 @@ class PeerServices:
             nursery.start_soon(self._watch_seeds)
             nursery.start_soon(self._join)
             task_status.started()
-
-    async def _serve(self, connection: Connection) -> None:
-        await serve_connection(connection, self.context.handlers.handle, self._quiet)
 
     async def _join(self) -> None:
         context = self.context

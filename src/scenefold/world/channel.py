@@ -74,6 +74,10 @@ class Channel:
                 return await self._exchange(packet)
         raise self._unreachable(f"no answer within {timeout_s:g} s")
 
+    def end(self) -> None:
+        """Talk to this peer no more: who waits for an answer hears that at once."""
+        self._lose("the cluster talks to this peer no more")
+
     async def send(self, packet: Packet) -> None:
         """Send without an answer. Returns once the packet is on its way; Unreachable if the connection is lost."""
         await self._put(replace(packet, request_id=0))

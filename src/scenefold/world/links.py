@@ -49,6 +49,12 @@ class Links:
         for scope in self._scopes:
             scope.cancel()
 
+    def drop(self, address: str) -> None:
+        """End the channels to a node that is none of ours any more."""
+        for (known, _), link in list(self._links.items()):
+            if known == address and link.channel is not None:
+                link.channel.end()
+
     async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
         """Ask the node at an address, connecting first if need be, within `timeout_s` seconds in all.
 

@@ -19,6 +19,7 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import trio
 
+from scenefold.base.ids import KeyId
 from scenefold.base.limits import PORT_HIGH_PRIORITY, PORT_LOW_PRIORITY
 
 T = TypeVar("T")
@@ -111,7 +112,12 @@ class Connection(Protocol):
 
     @property
     def peer(self) -> str:
-        """The name in the peer's certificate: "node:<id>" or "user:<name>"."""
+        """The name in the peer's certificate: "node:<id>" or "user:<name>"; empty of a newcomer, which has none."""
+        ...
+
+    @property
+    def peer_key(self) -> KeyId | None:
+        """The id of the key that the peer signs with, by its certificate; None if it names none."""
         ...
 
     @property
@@ -159,12 +165,14 @@ class Network(Protocol):
         priority: Priority,
         serve: Serve,
         *,
+        newcomers: Serve | None = None,
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
         """Serve connections to a node's address until cancelled; start it with `nursery.start`.
 
         `serve` runs once for each authenticated peer, in a task of its own; the connection is closed when it
         returns. Strangers never reach it and never hold up others. LocalFault if the port cannot be had.
+        `newcomers` serves peers that have no certificate and say that they want one, a few at a time.
         """
         ...
 
@@ -173,6 +181,10 @@ class Network(Protocol):
 
         Also if no version of the protocol is common: then both sides say which ones they take.
         """
+        ...
+
+    def show(self, certificate: bytes, /) -> None:
+        """Show a newer certificate (PEM) for the same key from the next handshake on. LocalFault if it is unusable."""
         ...
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> Datagrams:

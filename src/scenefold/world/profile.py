@@ -3,7 +3,8 @@
 Written by `scenectl cluster init`, read by every client and node (design page ux, Set-up):
 
     cluster.toml             name, cluster id, ports, seeds, nodes (id, address, public keys), founders, voters, the
-                             public key of the cluster's log
+                             public key of the cluster's log, the charter that says this under the authority's
+                             signature, and which user's keys clients take
     authority/               the cluster's certificate authority; its key is needed only to admit others
     nodes/<address>/         a node's TLS identity, signing and sealing key; a voter's also holds the seed of the log's key
     users/<name>/            a user's TLS identity, signing and sealing key
@@ -17,38 +18,48 @@ be removed, and all that stands in the cluster's log. The lowest of the founders
 
 from __future__ import annotations
 
+import base64
 import ipaddress
 import secrets
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from scenefold.base.errors import DamagedData, LocalFault, UsageFault
-from scenefold.base.ids import NodeId, address_of, checked_node_id, node_id_of
+from scenefold.base.ids import NodeId
 from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
     Authority,
     Identity,
-    MemberKeys,
     MemberSecrets,
     PublicKey,
     SealingPublicKey,
+    SecretFolder,
     SigningKey,
     make_private_folder,
     read_authority_certificate,
+    read_secret,
+    write_secret,
 )
+from scenefold.crypto.authority import CERTIFICATE_FILE
+from scenefold.world.charter import facts_of
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import Keyring, checked_name
 from scenefold.world.ports import Ports
-from scenefold.world.toml_files import damaged, read_settings_toml, write_toml
-
-DEFAULT_USER = "owner"
-_FORMAT = 3
-_SETTINGS = "cluster.toml"
-_LOG_SEED = "log.seed"
+from scenefold.world.profile_making import (
+    DEFAULT_USER,
+    FORMAT,
+    LOG_SEED,
+    SEALED_AUTHORITY,
+    SETTINGS,
+    checked_addresses,
+    checked_ports,
+    refuse_taken,
+    write_cluster,
+)
+from scenefold.world.toml_files import damaged, read_settings_toml
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +75,9 @@ class ClusterProfile:
     founders: tuple[NodeId, ...]
     voters: tuple[NodeId, ...]
     log_key: PublicKey
+    charter: bytes
+    user: str = DEFAULT_USER
+    """Whose keys clients take if nobody says otherwise."""
 
     @classmethod
     def create(
@@ -75,13 +89,13 @@ class ClusterProfile:
         exist, or be empty. Takes some ten milliseconds a node.
         """
         checked_name(name, "cluster")
-        founders, addresses = _checked_addresses(node_addresses), _checked_addresses([*node_addresses, *spares])
-        ports = _checked_ports(ports or Ports())
-        _refuse_taken(folder)
+        founders, addresses = checked_addresses(node_addresses), checked_addresses([*node_addresses, *spares])
+        ports = checked_ports(ports or Ports())
+        refuse_taken(folder)
         make_private_folder(folder.parent)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
         try:
-            _write_all(draft, name, addresses, founders, ports)
+            write_cluster(draft, name, addresses, founders, ports)
             draft.rename(folder)  # fails if somebody filled `folder` meanwhile
         except OSError as problem:
             raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder") from problem
@@ -92,14 +106,14 @@ class ClusterProfile:
     @classmethod
     def load(cls, folder: Path) -> ClusterProfile:
         """Read cluster.toml; LocalFault if there is no profile or it is damaged. Keys are read when asked for."""
-        path = folder / _SETTINGS
+        path = folder / SETTINGS
         if not path.exists():
             raise LocalFault("there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`")
         document = read_settings_toml(path)
-        if document.get("format") != _FORMAT:
+        if document.get("format") != FORMAT:
             is_older = document.get("format") in (1, 2)
             raise LocalFault(
-                f"the profile has format {document.get('format')!r}, this program knows {_FORMAT}",
+                f"the profile has format {document.get('format')!r}, this program knows {FORMAT}",
                 where=str(path),
                 remedy="make the cluster anew with `scenectl cluster init`" if is_older else "use the program's version that wrote it",
             )
@@ -113,7 +127,12 @@ class ClusterProfile:
         return Keyring(self.folder / "scenes")
 
     def facts(self) -> ClusterFacts:
-        """What a node is told of its cluster."""
+        """What a node is told of its cluster. LocalFault without the authority's certificate, DamagedData if the charter is not its."""
+        authority = self.authority_certificate()
+        own, chartered = self._own_facts(), facts_of(self.charter, authority)
+        return replace(own, authority=authority, charter=self.charter, owners=chartered.owners)
+
+    def _own_facts(self) -> ClusterFacts:
         return ClusterFacts(
             name=self.name,
             cluster_id=self.cluster_id,
@@ -157,6 +176,10 @@ class ClusterProfile:
     def node_identity(self, address: str) -> Identity:
         return Identity.from_files(self._node_folder(address))
 
+    def keep_node_certificate(self, address: str, certificate: bytes) -> None:
+        """Put a newer certificate (PEM) for the same keys in place of a node's."""
+        write_secret(self._node_folder(address) / CERTIFICATE_FILE, certificate, replace=True)
+
     def node_secrets(self, address: str) -> MemberSecrets:
         """The keys that the node signs with and opens what is sealed to it; LocalFault if they are not the registered ones."""
         folder, member = self._node_folder(address), self.member(address)
@@ -169,87 +192,31 @@ class ClusterProfile:
         """The key that signs the cluster's log, if the node is a voter; LocalFault if it is not the known one."""
         if self.member(address).node_id not in self.voters:
             return None
-        path = self._node_folder(address) / _LOG_SEED
+        path = self._node_folder(address) / LOG_SEED
         key = SigningKey.from_file(path)
         if key.public != self.log_key:
             raise damaged(path, "it is not the key of this cluster's log")
         return key
 
-    def user_identity(self, user: str = DEFAULT_USER) -> Identity:
-        return Identity.from_files(self._user_folder(user))
+    def sealed_authority(self, address: str) -> bytes | None:
+        """The authority's key as it was sealed to a node when the cluster was made; None for all nodes but one."""
+        path = self._node_folder(address) / SEALED_AUTHORITY
+        return read_secret(path) if path.exists() else None
 
-    def user_secrets(self, user: str = DEFAULT_USER) -> MemberSecrets:
-        return MemberSecrets.from_files(self._user_folder(user))
+    def user_identity(self, user: str | None = None, secrets: SecretFolder | None = None) -> Identity:
+        """`secrets`: the user's folder, opened, if a passphrase locks it."""
+        return Identity.from_files(self.user_folder(user), secrets)
+
+    def user_secrets(self, user: str | None = None, secrets: SecretFolder | None = None) -> MemberSecrets:
+        """`secrets`: the user's folder, opened, if a passphrase locks it."""
+        return MemberSecrets.from_files(self.user_folder(user), secrets)
 
     def _node_folder(self, address: str) -> Path:
         return self.folder / "nodes" / self.member(address).address
 
-    def _user_folder(self, user: str) -> Path:
-        return self.folder / "users" / checked_name(user, "user")
-
-
-def _checked_addresses(node_addresses: Sequence[str]) -> list[str]:
-    """The addresses in id order; LocalFault if one is malformed, doubled, or their number is out of bounds."""
-    try:
-        ids = sorted(checked_node_id(address) for address in node_addresses)
-    except ValueError as problem:
-        raise LocalFault(f"{problem}", where="node addresses", remedy="give IPv4 addresses such as 127.0.0.2") from None
-    twice = next((first for first, second in pairwise(ids) if first == second), None)
-    if twice is not None:
-        raise UsageFault("a node address is given twice", where=address_of(twice), remedy="give every address once")
-    if not 1 <= len(ids) <= NODES_MAX:
-        raise LocalFault(f"{len(ids)} nodes", remedy=f"a cluster has 1 to {NODES_MAX} nodes")
-    return [address_of(node_id) for node_id in ids]
-
-
-def _checked_ports(ports: Ports) -> Ports:
-    if not (0 < ports.low < 65536 and 0 < ports.high < 65536) or ports.low == ports.high:
-        raise LocalFault(f"{ports.low} and {ports.high} are no two ports", remedy="choose two different numbers from 1 to 65535")
-    return ports
-
-
-def _refuse_taken(folder: Path) -> None:
-    if (folder / _SETTINGS).exists():
-        raise LocalFault("a cluster profile exists already", where=str(folder), remedy="choose another name, or remove the folder")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise LocalFault("the place is taken by something else", where=str(folder), remedy="choose another folder")
-
-
-def _write_all(folder: Path, name: str, addresses: Sequence[str], founders: Sequence[str], ports: Ports) -> None:
-    authority = Authority.create(name)
-    make_private_folder(folder)
-    authority.to_files(folder / "authority")
-    members = []
-    for address in addresses:
-        keys = _write_party(authority, folder / "nodes" / address, f"node:{node_id_of(address)}", [address])
-        public = {"public_key": keys.signing.raw.hex(), "sealing_key": keys.sealing.raw.hex()}
-        members.append({"id": int(node_id_of(address)), "address": address, **public})
-    voter, log_key = founders[0], SigningKey.generate()
-    log_key.to_file(folder / "nodes" / voter / _LOG_SEED)
-    _write_party(authority, folder / "users" / DEFAULT_USER, f"user:{DEFAULT_USER}", [], is_administrator=True)
-    make_private_folder(folder / "scenes")
-    write_toml(
-        folder / _SETTINGS,
-        {
-            "format": _FORMAT,
-            "name": name,
-            "cluster_id": secrets.token_hex(16),
-            "seeds": list(founders[:3]),
-            "founders": [int(node_id_of(address)) for address in founders],
-            "voters": [int(node_id_of(voter))],
-            "log_key": log_key.public.raw.hex(),
-            "ports": {"low": ports.low, "high": ports.high},
-            "members": members,
-        },
-    )
-
-
-def _write_party(authority: Authority, folder: Path, name: str, addresses: list[str], *, is_administrator: bool = False) -> MemberKeys:
-    secrets = MemberSecrets.generate()
-    keys = secrets.public(is_administrator=is_administrator)
-    authority.issue(name, addresses, keys=keys).to_files(folder)
-    secrets.to_files(folder)
-    return keys
+    def user_folder(self, user: str | None = None) -> Path:
+        """Where the keys of a user lie, or would."""
+        return self.folder / "users" / checked_name(self.user if user is None else user, "user")
 
 
 def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
@@ -272,12 +239,14 @@ def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
         folder=folder,
         name=checked_name(document["name"], "cluster"),
         cluster_id=cluster_id,
-        ports=_checked_ports(Ports(int(document["ports"]["low"]), int(document["ports"]["high"]))),
+        ports=checked_ports(Ports(int(document["ports"]["low"]), int(document["ports"]["high"]))),
         seeds=tuple(str(ipaddress.IPv4Address(seed)) for seed in document["seeds"]),
         members=members,
         founders=tuple(NodeId(int(node)) for node in document["founders"]),
         voters=tuple(NodeId(int(node)) for node in document["voters"]),
         log_key=PublicKey(bytes.fromhex(document["log_key"])),
+        charter=base64.b64decode(document["charter"], validate=True),
+        user=checked_name(document.get("user", DEFAULT_USER), "user"),
     )
-    profile.facts()  # it says what does not fit
+    profile._own_facts()  # it says what does not fit
     return profile

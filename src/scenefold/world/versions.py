@@ -14,6 +14,8 @@ from scenefold.wire import PROTOCOL_VERSION
 
 NO_VERSION = "scenefold"
 """The name (ALPN) of a connection on which nothing but the two ranges is said."""
+NEWCOMER = "scenefold-enrol/1"
+"""The name of a connection on which nothing is said but what a newcomer needs to get a certificate."""
 RANGE_BYTES = 8
 _RANGE = struct.Struct(">4sHH")
 _MAGIC = b"SFDV"

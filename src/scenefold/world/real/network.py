@@ -10,20 +10,21 @@ import logging
 import os
 import ssl
 import time
+from dataclasses import replace
 
 import trio
 
 from scenefold.base.errors import PeerFault, TurnedAway, Unreachable
 from scenefold.base.ids import node_id_of
-from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, PENDING_HANDSHAKES_MAX
-from scenefold.crypto import Identity, client_context, server_context
+from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, NEWCOMER_S_MAX, NEWCOMERS_MAX, PENDING_HANDSHAKES_MAX
+from scenefold.crypto import Identity, client_context, renew, server_context
 from scenefold.world.ports import ConnectionLost, HandshakeRefused, Ports, Priority, Serve
 from scenefold.world.quiet import QuietLog
 from scenefold.world.real.binding import bind_fault
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
 from scenefold.world.real.handshakes import PendingHandshakes
 from scenefold.world.real.tls import TlsConnection, shake_hands
-from scenefold.world.versions import TAKEN, NoCommonVersion, Versions
+from scenefold.world.versions import NEWCOMER, TAKEN, NoCommonVersion, Versions
 
 _log = logging.getLogger("scenefold.world.network")
 
@@ -45,6 +46,8 @@ class RealNetwork:
         self._versions = versions
         self._client_context = client_context(identity, authority_cert)
         self._client_context.set_alpn_protocols(versions.names)
+        self._contexts = [self._client_context]
+        """All that show our certificate."""
         self._ports = ports
         self._handshake_s_max = handshake_s_max
 
@@ -54,6 +57,7 @@ class RealNetwork:
         priority: Priority,
         serve: Serve,
         *,
+        newcomers: Serve | None = None,
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
         port = self._ports.number(priority)
@@ -62,12 +66,21 @@ class RealNetwork:
         except OSError as error:
             raise bind_fault(error, "TCP", address, port) from error
         # Made here and not at the start: a client's identity cannot serve.
-        context = server_context(self._identity, self._authority_cert)
-        context.set_alpn_protocols(self._versions.names)
-        door = _Door(context, serve, self._versions, self._handshake_s_max)
-        async with trio.open_nursery() as nursery:
-            await nursery.start(trio.serve_listeners, door.receive, listeners)
-            task_status.started()
+        context = server_context(self._identity, self._authority_cert, newcomers=newcomers is not None)
+        context.set_alpn_protocols([*self._versions.names, *([NEWCOMER] if newcomers is not None else [])])
+        door = _Door(context, serve, newcomers, self._versions, self._handshake_s_max)
+        self._contexts.append(context)
+        try:
+            async with trio.open_nursery() as nursery:
+                await nursery.start(trio.serve_listeners, door.receive, listeners)
+                task_status.started()
+        finally:
+            self._contexts.remove(context)
+
+    def show(self, certificate: bytes) -> None:
+        self._identity = replace(self._identity, certificate=certificate)
+        for context in self._contexts:
+            renew(context, self._identity)
 
     async def connect(self, address: str, priority: Priority) -> TlsConnection:
         port = self._ports.number(priority)
@@ -113,10 +126,12 @@ class RealNetwork:
 class _Door:
     """Lets authenticated peers in and keeps strangers from standing in their way."""
 
-    def __init__(self, context: ssl.SSLContext, serve: Serve, versions: Versions, handshake_s_max: float) -> None:
+    def __init__(self, context: ssl.SSLContext, serve: Serve, newcomers: Serve | None, versions: Versions, handshake_s_max: float) -> None:
         self._context = context
         self._versions = versions
         self._serve = serve
+        self._newcomers = newcomers
+        self._newcomers_here = 0
         self._handshake_s_max = handshake_s_max
         self._quiet = QuietLog(_log)
         self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
@@ -131,6 +146,9 @@ class _Door:
         connection = await self._authenticate(stream, source)
         if connection is None:
             return
+        if not connection.peer:
+            await self._receive_newcomer(connection, source)
+            return
         if self._open >= CONNECTIONS_MAX:
             self._quiet.say(time.monotonic(), source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
             return
@@ -141,6 +159,22 @@ class _Door:
             self._quiet.say(time.monotonic(), source, "lost", f"{connection.peer}: {error}")
         finally:
             self._open -= 1
+            await connection.aclose()
+
+    async def _receive_newcomer(self, connection: TlsConnection, source: str) -> None:
+        try:
+            if self._newcomers is None or self._newcomers_here >= NEWCOMERS_MAX:
+                self._quiet.say(time.monotonic(), source, "newcomers", f"refused: {self._newcomers_here} newcomers are at the door")
+                return
+            self._newcomers_here += 1
+            try:
+                with trio.move_on_after(NEWCOMER_S_MAX):
+                    await self._newcomers(connection)
+            except ConnectionLost as error:
+                self._quiet.say(time.monotonic(), source, "newcomer", f"a newcomer: {error}")
+            finally:
+                self._newcomers_here -= 1
+        finally:
             await connection.aclose()
 
     async def _authenticate(self, stream: trio.SocketStream, source: str) -> TlsConnection | None:

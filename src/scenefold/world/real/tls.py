@@ -12,9 +12,10 @@ import ssl
 import trio
 
 from scenefold.base.errors import DamagedData
-from scenefold.crypto import peer_name
+from scenefold.base.ids import KeyId
+from scenefold.crypto import peer_key, peer_name
 from scenefold.world.ports import ConnectionLost, HandshakeRefused
-from scenefold.world.versions import RANGE_BYTES, NoCommonVersion, Versions
+from scenefold.world.versions import NEWCOMER, RANGE_BYTES, NoCommonVersion, Versions
 
 SEND_PIECE_BYTES = 256 * 1024
 CLOSE_S_MAX = 1.0
@@ -27,9 +28,10 @@ TlsStream = trio.SSLStream[trio.SocketStream]
 class TlsConnection:
     """A connection whose handshake has ended."""
 
-    def __init__(self, stream: TlsStream, peer: str, version: int) -> None:
+    def __init__(self, stream: TlsStream, peer: str, version: int, peer_key: KeyId | None = None) -> None:
         self._stream = stream
         self.peer = peer
+        self.peer_key = peer_key
         self.version = version
 
     async def send(self, data: bytes | memoryview) -> None:
@@ -63,7 +65,7 @@ async def shake_hands(
     """The handshake on a fresh TCP stream; the caller bounds its time, and closes the stream if this raises.
 
     `dialled` is the address that we connected to, which the peer's certificate must contain; None on the side that
-    accepts. `context` offers the names of `versions`.
+    accepts. `context` offers the names of `versions`. Who says that it is a newcomer gets a connection without a name.
 
     ConnectionLost if the peer cuts it, HandshakeRefused if it shows no certificate of our authority, or is not content with
     ours; PeerFault if it names no one; NoCommonVersion.
@@ -76,13 +78,16 @@ async def shake_hands(
     except trio.BrokenResourceError as error:
         lost = HandshakeRefused if _is_of_tls(_first_cause(error)) else ConnectionLost
         raise lost(why_broken(error)) from error
-    peer, name = peer_name(secure), secure.selected_alpn_protocol()
+    name = secure.selected_alpn_protocol()
+    if dialled is None and name == NEWCOMER:
+        return TlsConnection(secure, "", versions.highest)
+    peer = peer_name(secure)
     if name is None:
         raise versions.apart_from_nothing(peer)
     version = versions.named(name)
     if version is None:
         raise await _apart(secure, peer, versions)
-    return TlsConnection(secure, peer, version)
+    return TlsConnection(secure, peer, version, peer_key(secure))
 
 
 async def _apart(secure: TlsStream, peer: str, ours: Versions) -> NoCommonVersion:

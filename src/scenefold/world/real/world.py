@@ -65,6 +65,9 @@ class _NoNetwork:
     connect = listen
     open_datagrams = listen
 
+    def show(self, _certificate: bytes, /) -> NoReturn:
+        raise AssertionError("this world has no network")
+
 
 class _NoDisk:
     def open(self, _folder: Path, _tables: Sequence[str], /) -> Environment:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import trio
 
+from scenefold.base.ids import KeyId
 from scenefold.world.ports import ConnectionLost
 from scenefold.world.sim.machines import Point, Process
 from scenefold.world.sim.pipes import Ending, Introduction, Pipe
@@ -21,6 +22,7 @@ class SimConnection:
 
     def __init__(self, net: SimNet, process: Process, peer: str, version: int, outgoing: Pipe, incoming: Pipe) -> None:
         self.peer = peer
+        self.peer_key: KeyId | None = None
         self.version = version
         self._net = net
         self._process = process

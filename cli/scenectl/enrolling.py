@@ -1,0 +1,246 @@
+"""`scenectl cluster invite`, `invitations`, `users`, `trust`, `revoke`: who belongs to a cluster."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from scenectl.member_values import Duration, DurationOption, MemberOption
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, emit_event, table
+from scenectl.values import AddressOption
+
+if TYPE_CHECKING:
+    from scenefold.client.membership import Roll
+    from scenefold.crypto import Token
+    from scenefold.wire.enrol_packets import KnownInvitation
+
+ID_DIGITS = 16
+AN_HOUR = Duration(3600)
+
+
+def invite(
+    *,
+    node: Annotated[bool, Parameter(negative="")] = False,
+    address: AddressOption | None = None,
+    user: str | None = None,
+    admin: Annotated[bool, Parameter(negative="")] = False,
+    expires: DurationOption = AN_HOUR,
+    withdraw: str | None = None,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Print a token that lets one node or one user join, once. Only administrators may.
+
+    Hand it over as you would a password: whoever uses it first is the member.
+
+    Example: scenectl cluster invite --user ada --profile studio
+
+    Parameters
+    ----------
+    node
+        The token is for a node.
+    address
+        IPv4 address that the node must have; by default any. Naming it lets a node come back under new keys.
+    user
+        The token is for a user of this name.
+    admin
+        The user may invite and revoke others.
+    expires
+        How long the token may be used: 30m, 1h, 2d.
+    withdraw
+        Instead of all this: the id of an open invitation that shall count no longer.
+    """
+    from scenectl.running import connected, run
+    from scenefold.base.errors import UsageFault
+    from scenefold.base.ids import node_id_of
+    from scenefold.wire.enrol_entries import ANY_NODE
+
+    if withdraw is not None:
+        _withdraw(withdraw, output)
+        return
+    is_node = node or address is not None
+    if is_node == (user is not None) or (admin and is_node):
+        raise UsageFault("a token is for a node or for a user", where="scenectl cluster invite", remedy="give --node, or --user NAME")
+    name = f"user:{user}" if user is not None else ANY_NODE if address is None else f"node:{node_id_of(address.text)}"
+
+    async def work() -> Token:
+        async with connected(output.profile) as cluster:
+            return await cluster.membership.invite(name, seconds=expires.seconds, is_administrator=admin)
+
+    token = run(work)
+    until = _time(token.expires)
+    document = {"token": token.word(), "id": _id(token.key.public.raw), "name": name, "expires": until}
+    whom = "a node" if name == ANY_NODE else f"the node {address}" if is_node else f"the user {user}"
+    emit(output, document, f"{token.word()}\n\nFor {whom}, once, until {until}: scenectl cluster join TOKEN")
+
+
+def joined_by_token(text: str, address: str | None, output: ProfileOutput) -> tuple[Path, str | None]:
+    """Enrol by a token and say so; the profile, and the address of the node that may run now (None: it was a user)."""
+    from scenectl.running import run
+    from scenefold.base.ids import NodeId, address_of, node_id_of
+    from scenefold.client.connecting import profile_place
+    from scenefold.client.enrolling import enrol, own_address
+    from scenefold.crypto import InvitedKind, Token
+    from scenefold.world.profile import ClusterProfile
+
+    token, folder = Token.read(text), profile_place(output.profile)
+
+    async def work() -> tuple[ClusterProfile, NodeId]:
+        if token.kind is InvitedKind.USER and address is None:
+            return await enrol(folder, token), NodeId(0)
+        node = await own_address(token) if address is None else node_id_of(address)
+        return await enrol(folder, token, node), node
+
+    profile, node = run(work)
+    own = address_of(node) if node else None
+    name = own or profile.user
+    document = {"event": "enrolled", "cluster": profile.name, "name": name, "profile": str(profile.folder)}
+    who = f"Node {own}" if own else f"User {profile.user}"
+    emit_event(output, document, f"{who} is enrolled in {profile.name}; its keys are in {profile.folder}.")
+    return profile.folder, own
+
+
+def _withdraw(invitation: str, output: ProfileOutput) -> None:
+    from scenectl.running import connected, run
+    from scenefold.base.errors import UsageFault
+
+    try:
+        key = bytes.fromhex(invitation)
+    except ValueError:
+        raise UsageFault(
+            f"{invitation!r} is no id of an invitation", where="--withdraw", remedy="see `scenectl cluster invitations`"
+        ) from None
+
+    async def work() -> None:
+        async with connected(output.profile) as cluster:
+            await cluster.membership.withdraw(key)
+
+    run(work)
+    emit(output, {"withdrawn": invitation}, f"Invitation {invitation} counts no longer.")
+
+
+def invitations(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """List the invitations: for whom, by whom, until when, and whether they were used.
+
+    Example: scenectl cluster invitations --profile studio
+    """
+    import time
+
+    found, now = _roll(output).invitations, time.time()
+    documents = [
+        {
+            "id": _id(one.key),
+            "name": one.name,
+            "admin": one.is_administrator,
+            "by": one.by,
+            "expires": _time(one.expires),
+            "state": _state(one, now),
+        }
+        for one in found
+    ]
+    rows = [(one["id"], one["name"], "yes" if one["admin"] else "no", one["by"], one["expires"], one["state"]) for one in documents]
+    emit(output, {"invitations": documents}, table(("id", "for", "admin", "by", "until", "state"), rows))
+
+
+def users(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """List the users: what they may do, their signing key's id, until when their certificate counts.
+
+    Example: scenectl cluster users --profile studio
+    """
+    found = _roll(output)
+    documents = [
+        {
+            "name": card.name.removeprefix("user:"),
+            "admin": card.keys.is_administrator,
+            "key": f"{card.signing_id:08x}",
+            "not_after": f"{card.not_after:%Y-%m-%d}",
+        }
+        for card in found.users
+    ]
+    rows = [(one["name"], "yes" if one["admin"] else "no", one["key"], one["not_after"]) for one in documents]
+    revoked = [name for name in found.revoked if name.startswith("user:")]
+    note = f"\n\nrevoked: {', '.join(revoked)}" if revoked else ""
+    emit(output, {"users": documents, "revoked": revoked}, table(("user", "admin", "key", "certificate until"), rows) + note)
+
+
+def trust(
+    address: AddressOption,
+    /,
+    *,
+    withdraw: Annotated[bool, Parameter(negative="")] = False,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Trust a node with the authority's key, so that it can enrol newcomers and renew certificates. Others only store and render.
+
+    Example: scenectl cluster trust 192.168.1.12 --profile studio
+
+    Parameters
+    ----------
+    address
+        IPv4 address of the node.
+    withdraw
+        Trust it no longer. It may have kept the key: if its owner turned against you, make the cluster anew.
+    """
+    from scenectl.running import connected, run
+    from scenefold.base.ids import node_id_of
+
+    async def work() -> None:
+        async with connected(output.profile) as cluster:
+            await cluster.membership.trust(node_id_of(address.text), trusted=not withdraw)
+
+    run(work)
+    words = "is trusted no longer" if withdraw else "is trusted: it can enrol others and renew certificates"
+    emit(output, {"address": address.text, "trusted": not withdraw}, f"Node {address} {words}.")
+
+
+def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """Let the keys of a member count no longer, anywhere in the cluster, at once. A node is taken off the line.
+
+    What the member has read, and the keys of scenes that it was given, it may have kept: see `scene revoke`.
+
+    Example: scenectl cluster revoke user:ada --profile studio
+
+    Parameters
+    ----------
+    who
+        user:NAME, node:ADDRESS or node:ID.
+    """
+    from scenectl.running import connected, run
+
+    async def work() -> None:
+        async with connected(output.profile) as cluster:
+            if who.node is None:
+                await cluster.membership.revoke_user(who.user)
+            else:
+                await cluster.membership.revoke_node(who.node)
+
+    run(work)
+    emit(output, {"revoked": str(who)}, f"The keys of {who} count no longer.")
+
+
+def _roll(output: ProfileOutput) -> Roll:
+    from scenectl.running import connected, run
+
+    async def work() -> Roll:
+        async with connected(output.profile) as cluster:
+            return await cluster.membership.roll()
+
+    return run(work)
+
+
+def _state(invitation: KnownInvitation, now: float) -> str:
+    from scenefold.wire.enrol_packets import InvitationState
+
+    if invitation.state is InvitationState.OPEN and invitation.expires < now:
+        return "expired"
+    return invitation.state.name.lower()
+
+
+def _id(key: bytes) -> str:
+    return key.hex()[:ID_DIGITS]
+
+
+def _time(moment: float) -> str:
+    return f"{datetime.datetime.fromtimestamp(moment, datetime.UTC):%Y-%m-%d %H:%M} UTC"

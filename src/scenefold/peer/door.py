@@ -1,0 +1,68 @@
+"""Who is let in, and shown out again when its key is revoked (specs/15-cluster-log.md, Revocation).
+
+A certificate stays valid after its keys were revoked, so TLS lets its holder in; here its connection ends. It is told why, once.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import KeyId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.enrol_rules import refusal_of
+from scenefold.peer.handlers import Handlers
+from scenefold.wire import Packet
+from scenefold.world import Connection, Links, QuietLog, World, serve_connection
+
+LAST_WORD_S = 3.0
+"""One that is not let in may ask that long, and is told why at each request."""
+
+_log = logging.getLogger("scenefold.peer")
+
+
+class Door:
+    """Serves connections. `run` looks after those that are open already."""
+
+    def __init__(self, world: World, cluster_log: ClusterLog, handlers: Handlers, links: Links) -> None:
+        self._world = world
+        self._cluster_log = cluster_log
+        self._handlers = handlers
+        self._links = links
+        self._quiet = QuietLog(_log)
+        self._guests: dict[trio.CancelScope, tuple[str, KeyId | None]] = {}
+
+    async def serve(self, connection: Connection) -> None:
+        """One connection, until its end or that of its peer's membership."""
+        refusal = refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry)
+        if not refusal:
+            with trio.CancelScope() as scope:
+                self._guests[scope] = (connection.peer, connection.peer_key)
+                try:
+                    await serve_connection(connection, self._handlers.handle, self._quiet)
+                finally:
+                    del self._guests[scope]
+            return
+        self._quiet.say(self._world.clock.now(), connection.peer, "revoked", f"connection refused: {refusal}")
+
+        async def refuse(_packet: Packet, _peer: str) -> Packet | None:
+            raise Refused(RejectReason.KEY_REVOKED, refusal)
+
+        with trio.move_on_after(LAST_WORD_S):
+            await serve_connection(connection, refuse, self._quiet)
+
+    async def run(self) -> None:
+        """Close what a newer log forbids, until cancelled."""
+        registry = self._cluster_log.registry
+        while True:
+            for scope, (peer, key) in list(self._guests.items()):
+                refusal = refusal_of(peer, key, registry)
+                if refusal:
+                    _log.info("a connection of %s is closed: %s", peer, refusal)
+                    scope.cancel()
+            for node in registry.barred:
+                self._links.drop(address_of(node))
+            registry = await self._cluster_log.changed_after(registry.position)

@@ -1,0 +1,234 @@
+"""Newcomers, certificates, and administrators' orders, as a node serves them (specs/15-cluster-log.md, Enrolling).
+
+Any node takes a newcomer's request, and judges it; a trusted one, which can open the authority's key, issues the certificate, has the log
+say so, and only then answers. Orders go to the voter. What is judged how stands in enrol_rules.py, without any of this.
+"""
+
+from __future__ import annotations
+
+import datetime
+import logging
+
+import trio
+
+from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, authority_der
+from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.enrol_rules import IssuedBefore, ToIssue, card_of, check_renewable, credential_of, judge_form, judge_order
+from scenefold.peer.handlers import Handlers, Senders
+from scenefold.peer.papers import Papers
+from scenefold.peer.peers import Peers
+from scenefold.peer.registry import Registry
+from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
+from scenefold.wire.enrol_entries import Enrol, RenewCard, Trust
+from scenefold.wire.enrol_packets import (
+    LISTED_MAX,
+    Administer,
+    Administered,
+    Enrolled,
+    Greeting,
+    RequestEnrolment,
+    RequestRenewal,
+    RequestRoll,
+    RespondRoll,
+)
+from scenefold.world import Connection, Priority, QuietLog, World
+from scenefold.world.facts import ClusterFacts
+
+ASK_S_MAX = 10.0
+"""A newcomer has so long to say what it wants; another node, to answer for us."""
+REQUEST_BYTES_MAX = 8192
+RECEIVE_BYTES = 4096
+_CERTIFY = "crypto"
+
+_log = logging.getLogger("scenefold.peer.enrolling")
+
+
+class Enrolling:
+    """All that a node does about who belongs to the cluster."""
+
+    def __init__(
+        self, world: World, facts: ClusterFacts, me: NodeId, secrets: MemberSecrets, cluster_log: ClusterLog, peers: Peers, papers: Papers
+    ) -> None:
+        self._world = world
+        self._facts = facts
+        self._me = me
+        self._secrets = secrets
+        self._cluster_log = cluster_log
+        self._peers = peers
+        self._papers = papers
+        self._quiet = QuietLog(_log)
+
+    @property
+    def _registry(self) -> Registry:
+        return self._cluster_log.registry
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(RequestEnrolment, self._on_enrolment, senders=Senders.NODES)
+        handlers.add(RequestRenewal, self._on_renewal)
+        handlers.add(Administer, self._on_order)
+        handlers.add(RequestRoll, self._on_roll)
+
+    # ------------------------------------------------------------------------------------------------------- newcomers
+
+    async def serve_newcomer(self, connection: Connection) -> None:
+        """Greet who has no certificate, take one request, answer it."""
+        if not self._facts.authority:
+            return
+        await connection.send(encode_frame(Greeting(authority=authority_der(self._facts.authority))))
+        try:
+            answer: Packet = await self._enrolled(await self._request_of(connection))
+        except (ScenefoldError, MalformedPacket) as problem:
+            reason = problem.reason if isinstance(problem, Refused) else RejectReason.ILL_FORMED
+            reason = RejectReason.NOT_READY if isinstance(problem, Unreachable) else reason
+            self._quiet.say(self._world.clock.now(), "newcomers", reason.name, f"a newcomer is refused: {problem}")
+            answer = Fault(reason=reason, text=str(problem)[:400])
+        await connection.send(encode_frame(answer))
+
+    async def _request_of(self, connection: Connection) -> RequestEnrolment:
+        frames = FrameReader(REQUEST_BYTES_MAX)
+        with trio.move_on_after(ASK_S_MAX):
+            while data := await connection.receive(RECEIVE_BYTES):
+                for frame in frames.feed(data):
+                    packet = decode_packet(frame)
+                    if not isinstance(packet, RequestEnrolment):
+                        raise Refused(RejectReason.NOT_AUTHORISED, "who has no certificate may only ask for one")
+                    return packet
+        raise Refused(RejectReason.ILL_FORMED, "no request came")
+
+    async def _on_enrolment(self, packet: RequestEnrolment, _peer: str) -> Packet:
+        if self._authority() is None:
+            raise Refused(RejectReason.NOT_READY, f"{address_of(self._me)} does not have the authority's key")
+        return await self._enrolled(packet)
+
+    async def _enrolled(self, packet: RequestEnrolment) -> Enrolled:
+        judged = self._judged(packet)
+        if isinstance(judged, IssuedBefore):
+            return self._answer(judged.card.der)
+        if (authority := self._authority()) is None:
+            return await self._of_a_trusted_node(packet)
+        try:
+            return self._answer(await self._issue(judged, authority))
+        except Refused:
+            # Somebody was faster: then what was issued to the same newcomer is the answer, and else the refusal says why.
+            judged = self._judged(packet)
+            if not isinstance(judged, IssuedBefore):
+                raise
+            return self._answer(judged.card.der)
+
+    def _judged(self, packet: RequestEnrolment) -> ToIssue | IssuedBefore:
+        if not self._registry.position:
+            raise Refused(RejectReason.NOT_READY, "this node does not know the cluster's log yet", remedy="try again in a moment")
+        return judge_form(packet.form, packet.signature, self._registry, self._facts, self._world.clock.wall())
+
+    async def _issue(self, judged: ToIssue, authority: Authority) -> bytes:
+        der = await self._certified(authority, judged.name, judged.addresses, judged)
+        await self._cluster_log.propose(Enrol(judged.invitation, der))
+        _log.info("%s is enrolled", judged.name)
+        return der
+
+    async def _certified(self, authority: Authority, name: str, addresses: tuple[str, ...], what: ToIssue | Card) -> bytes:
+        now = datetime.datetime.fromtimestamp(self._world.clock.wall(), datetime.UTC)
+
+        def certify() -> bytes:
+            pem = authority.certify(name, list(addresses), what.tls_key, keys=what.keys, now=now)
+            return Card.verified(pem, authority.certificate).der
+
+        try:
+            return await self._world.workers.run(_CERTIFY, certify)
+        except DamagedData as problem:
+            raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+
+    async def _of_a_trusted_node(self, packet: Packet) -> Enrolled:
+        """The answer of one that has the authority's key."""
+        last: ScenefoldError | None = None
+        for node in sorted(self._registry.roll.trusted - {self._me}):
+            try:
+                return await self._peers.ask(node, Priority.HIGH, packet, Enrolled, ASK_S_MAX)
+            except Unreachable as problem:
+                last = problem
+            except Refused as refusal:
+                if refusal.reason is not RejectReason.NOT_READY:
+                    raise
+                last = refusal
+        trusted = ", ".join(map(address_of, sorted(self._registry.roll.trusted)))
+        why = "" if last is None else f": {last.what}"
+        raise Refused(RejectReason.NOT_READY, f"no trusted node ({trusted}) answers{why}", remedy="start one of them, then try again")
+
+    def _answer(self, certificate: bytes) -> Enrolled:
+        return Enrolled(certificate=certificate, authority=authority_der(self._facts.authority), charter=self._facts.charter)
+
+    # ------------------------------------------------------------------------------------------------------ the authority
+
+    def _authority(self) -> Authority | None:
+        """The authority, if the cluster trusts this node with it, and its key was sealed to us."""
+        registry = self._registry
+        sealed = registry.roll.sealed.get(self._me, self._papers.sealed)
+        if not sealed or not registry.is_trusted(self._me):
+            return None
+        try:
+            key = self._secrets.sealing.open(sealed, AUTHORITY_PURPOSE, self._facts.cluster_id)
+            return Authority.from_key(self._facts.authority, key)
+        except DamagedData as problem:
+            self._quiet.say(self._world.clock.now(), "authority", "sealed", f"the authority's key cannot be opened: {problem}")
+            return None
+
+    async def share_authority(self) -> None:
+        """Seal the authority's key to whoever is trusted and does not have it yet, until cancelled."""
+        while True:
+            registry = self._registry
+            authority = self._authority()
+            for node in sorted(registry.roll.trusted - registry.roll.sealed.keys() - {*registry.voters, self._me}):
+                known = credential_of(node, registry, self._facts)
+                if authority is None or known is None:
+                    continue
+                key = authority.key_der()
+                sealed = known.sealing_key.seal(key, AUTHORITY_PURPOSE, self._facts.cluster_id, self._world.entropy.token)
+                try:
+                    await self._cluster_log.propose(Trust(node, True, sealed))
+                except (Refused, Unreachable) as problem:
+                    self._quiet.say(
+                        self._world.clock.now(), "authority", "share", f"{address_of(node)} cannot be given the authority's key: {problem}"
+                    )
+            await self._cluster_log.changed_after(registry.position)
+
+    async def _on_renewal(self, packet: RequestRenewal, peer: str) -> Packet:
+        card = check_renewable(packet.certificate, peer, self._registry, self._facts)
+        authority = self._authority()
+        if authority is None:
+            trusted = ", ".join(map(address_of, sorted(self._registry.roll.trusted)))
+            raise Refused(
+                RejectReason.NOT_READY, f"{address_of(self._me)} does not have the authority's key", remedy=f"ask one of {trusted}"
+            )
+        der = await self._certified(authority, card.name, card.addresses, card)
+        await self._cluster_log.propose(RenewCard(der))
+        return self._answer(der)
+
+    # ------------------------------------------------------------------------------------------------------------- orders
+
+    async def _on_order(self, packet: Administer, _peer: str) -> Packet:
+        voter = self._facts.voter
+        if voter != self._me:
+            return await self._peers.ask(voter, Priority.HIGH, packet, Administered, ASK_S_MAX)
+        order = judge_order(packet.order, packet.signature, self._registry, self._facts, self._world.clock.wall())
+        position = await self._cluster_log.propose(order.entry, order.request)
+        return Administered(position=position)
+
+    def _own_card(self) -> Card | None:
+        return Card.verified(self._papers.certificate, self._facts.authority) if self._papers.certificate else None
+
+    async def _on_roll(self, packet: RequestRoll, _peer: str) -> Packet:
+        registry, facts = self._registry, self._facts
+        if packet.name:
+            card = self._own_card() if packet.name == f"node:{self._me}" else card_of(packet.name, registry, facts)
+            return RespondRoll(cards=() if card is None else (card.der,), invitations=(), trusted=(), revoked=())
+        owners = [Card.read(owner).name for owner in facts.owners]
+        cards = (card_of(name, registry, facts) for name in sorted({*owners, *registry.roll.cards}))
+        return RespondRoll(
+            cards=tuple(card.der for card in cards if card is not None)[:LISTED_MAX],
+            invitations=tuple(invitation.listed() for invitation in registry.roll.invitations.values())[-LISTED_MAX:],
+            trusted=tuple(sorted(registry.roll.trusted)),
+            revoked=tuple(sorted({name for name, _ in registry.roll.revoked}))[:LISTED_MAX],
+        )

@@ -1,0 +1,23 @@
+"""What a node has from the cluster's authority: its certificate, and one of them the authority's own key, sealed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+def _nowhere(_certificate: bytes) -> None:
+    return
+
+
+@dataclass(frozen=True, slots=True)
+class Papers:
+    """`certificate`: PEM; empty where nobody looks at certificates. `sealed`: the authority's key as it was sealed to this node when the
+    cluster was made; empty of all but one. `keep`: puts a newer certificate in place of this one, on disk; it blocks."""
+
+    certificate: bytes = b""
+    sealed: bytes = b""
+    keep: Callable[[bytes], None] = _nowhere
+
+
+NO_PAPERS = Papers()

@@ -1,0 +1,154 @@
+"""The profile of who joins a cluster by a token: keys before the answer, everything else after it (specs/15-cluster-log.md, Enrolling).
+
+    .<profile>.joining-<invitation>/    keys that were made for one token; gone once the profile has them
+
+Keys are made here and go nowhere. They lie on disk before anybody is asked, so that whose answer was lost, or whose clock was wrong, may
+ask again with the same ones; the same token with other keys is refused.
+"""
+
+from __future__ import annotations
+
+import datetime
+import secrets
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.ids import NodeId, address_of
+from scenefold.crypto import (
+    ENROL_DOMAIN,
+    Card,
+    Identity,
+    MemberSecrets,
+    Token,
+    authority_pem,
+    make_private_folder,
+    mark_of,
+    new_tls_key,
+    pem_of,
+    read_secret,
+    tls_key_in,
+    write_secret,
+)
+from scenefold.wire.enrol_packets import Enrolled, RequestEnrolment
+from scenefold.wire.orders import EnrolForm
+from scenefold.world.charter import SEEDS_MAX, facts_of
+from scenefold.world.facts import ClusterFacts, Credential
+from scenefold.world.profile import ClusterProfile
+from scenefold.world.profile_making import AUTHORITY_CERTIFICATE, DEFAULT_USER, SETTINGS, write_settings
+
+USER_AT = NodeId(0)
+"""Where a user is: nowhere."""
+_TLS_KEY = "key.pem"
+
+
+@dataclass(frozen=True, slots=True)
+class Newcomer:
+    """Who asks: a token, and keys made for it. `node`: USER_AT for a user."""
+
+    profile: Path
+    token: Token
+    node: NodeId
+    tls_key: bytes
+    secrets: MemberSecrets
+
+    @classmethod
+    def at(cls, profile: Path, token: Token, address: NodeId = USER_AT, *, suite: int = 1) -> Newcomer:
+        """With new keys, or those that were made for this token before. LocalFault if the profile is another cluster's."""
+        _known_profile(profile, token)
+        folder = _draft_of(profile, token)
+        if not (folder / _TLS_KEY).exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            make_private_folder(folder)
+            MemberSecrets.generate(suite).to_files(folder)
+            write_secret(folder / _TLS_KEY, new_tls_key())
+        return cls(profile, token, address, read_secret(folder / _TLS_KEY), MemberSecrets.from_files(folder))
+
+    def request(self) -> RequestEnrolment:
+        """What to ask a node. A user is told its name by the answer."""
+        key, name = self.token.key, f"node:{self.node}" if self.node else ""
+        form = EnrolForm(key.public.raw, name, self.node, tls_key_in(self.tls_key), self.secrets.public().encode()).encode()
+        return RequestEnrolment(form=form, signature=key.sign(ENROL_DOMAIN, form))
+
+    def admitted(self, answer: Enrolled, now: datetime.datetime) -> ClusterProfile:
+        """Write the profile by what a node has answered; DamagedData if that does not verify, OutOfDate by a wrong clock."""
+        authority = authority_pem(answer.authority)
+        if mark_of(authority) != self.token.mark:
+            raise DamagedData("the answer is of another cluster than the token")
+        facts, card = facts_of(answer.charter, authority), Card.verified(answer.certificate, authority, now)
+        name = card.name if not self.node and _user_of(card.name) else f"node:{self.node}"
+        own = (name, self.secrets.signing.public, self.secrets.sealing.public, tls_key_in(self.tls_key))
+        if (card.name, card.keys.signing, card.keys.sealing, card.tls_key) != own:
+            raise DamagedData("the certificate is for somebody else, or for other keys than ours")
+        identity = Identity(name, pem_of(card.der), self.tls_key)
+        known = _known_profile(self.profile, self.token)
+        if known is None:
+            _write_new(self.profile, self._facts(facts, known), authority, identity, self.secrets)
+        else:
+            write_party(self.profile, identity, self.secrets)
+            write_settings(self.profile, self._facts(facts, known), answer.charter, user=_user_of(name) or known.user)
+        shutil.rmtree(_draft_of(self.profile, self.token), ignore_errors=True)
+        return ClusterProfile.load(self.profile)
+
+    def _facts(self, chartered: ClusterFacts, known: ClusterProfile | None) -> ClusterFacts:
+        """The cluster's facts as this machine shall know them: where to look first, and ourselves."""
+        credentials = {one.node_id: one for one in (known.members if known is not None else chartered.credentials)}
+        if self.node:
+            keys = self.secrets.public()
+            credentials[self.node] = Credential(self.node, address_of(self.node), keys.signing, keys.sealing)
+        others = [address for address in map(address_of, self.token.addresses) if address != address_of(self.node)]
+        seeds = tuple(dict.fromkeys([*others, *chartered.seeds]))[:SEEDS_MAX]
+        return replace(chartered, credentials=tuple(credentials[node] for node in sorted(credentials)), seeds=seeds)
+
+
+def write_party(profile: Path, identity: Identity, own: MemberSecrets) -> None:
+    """A node's or a user's folder in a profile, in place of what a former member of this name left there."""
+    user = _user_of(identity.name)
+    where = profile / "users" / user if user else profile / "nodes" / address_of(NodeId(int(identity.name.removeprefix("node:"))))
+    if where.exists():
+        raise LocalFault("keys of this member are in the profile already", where=str(where), remedy="move that folder away, then try again")
+    draft = where.with_name(f".{where.name}.{secrets.token_hex(6)}")
+    make_private_folder(draft)
+    identity.to_files(draft)
+    own.to_files(draft)
+    draft.rename(where)
+
+
+def _write_new(profile: Path, facts: ClusterFacts, authority: bytes, identity: Identity, own: MemberSecrets) -> None:
+    make_private_folder(profile.parent)
+    draft = profile.with_name(f".{profile.name}.{secrets.token_hex(6)}")
+    try:
+        make_private_folder(draft / AUTHORITY_CERTIFICATE.parent)
+        write_secret(draft / AUTHORITY_CERTIFICATE, authority)
+        make_private_folder(draft / "scenes")
+        write_party(draft, identity, own)
+        write_settings(draft, facts, facts.charter, user=_user_of(identity.name) or DEFAULT_USER)
+        draft.rename(profile)
+    except OSError as problem:
+        raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(profile), remedy="choose another folder") from problem
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _known_profile(profile: Path, token: Token) -> ClusterProfile | None:
+    """The profile that is there already; LocalFault if it is another cluster's, or something else is in its place."""
+    if not (profile / SETTINGS).exists():
+        if profile.exists() and (not profile.is_dir() or any(profile.iterdir())):
+            raise LocalFault("the place is taken by something else", where=str(profile), remedy="choose another folder")
+        return None
+    known = ClusterProfile.load(profile)
+    if mark_of(known.authority_certificate()) != token.mark:
+        raise LocalFault(
+            "the profile is of another cluster than the token", where=str(profile), remedy="name another folder with --profile"
+        )
+    return known
+
+
+def _draft_of(profile: Path, token: Token) -> Path:
+    return profile.with_name(f".{profile.name}.joining-{token.key.key_id:08x}")
+
+
+def _user_of(name: str) -> str:
+    """The user that a name speaks of; empty for a node."""
+    return name.removeprefix("user:") if name.startswith("user:") else ""
