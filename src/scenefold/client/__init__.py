@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scenefold.client.cards import card_of, member_name
     from scenefold.client.cluster import Cluster
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from scenefold.world.keyring import KeptScene, Keyring
 
 _HOMES = {
+    "scenefold.client.cards": "card_of member_name",
     "scenefold.client.cluster": "Cluster",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
@@ -89,8 +91,10 @@ __all__ = [
     "Space",
     "Stored",
     "Watch",
+    "card_of",
     "connect",
     "create_cluster",
+    "member_name",
     "movements",
     "open_scene_with_keys",
     "prepare_import",
