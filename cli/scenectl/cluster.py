@@ -81,9 +81,11 @@ def join(
 ) -> None:
     """Join a cluster by the token of an invitation (`cluster invite`), as the node or the user that it is for.
 
-    Its keys are those that `cluster init --spares` made. Later starts may as well use `node run`, which knows more options.
+    The profile is made, with new keys; a user is done then. A node runs, says how it gets its part, and goes on until it is told to
+    stop; later starts use `node run`, which knows more options. A node whose keys `cluster init --spares` made joins by the address
+    of one that runs.
 
-    Example: scenectl cluster join 192.168.1.11 --profile studio
+    Example: scenectl cluster join 4myt6q2a-... --profile studio
 
     Parameters
     ----------
@@ -108,9 +110,9 @@ def join(
     """
     from dataclasses import replace
 
+    from scenectl.enrolling import joined_by_token
     from scenectl.joining import Telling
     from scenectl.node import run_until_stopped
-    from scenectl.enrolling import joined_by_token
     from scenefold.base.errors import UsageFault
     from scenefold.client import profile_folder
     from scenefold.node import NodeSettings, default_extensions
@@ -176,12 +178,11 @@ def top(*, once: Annotated[bool, Parameter(negative="")] = False, output: Profil
     once
         Compare two looks a second apart, and end.
     """
-    from scenectl.running import run
+    from scenectl.running import connected, run
     from scenectl.top import watch
-    from scenefold.client import connect
 
     async def work() -> None:
-        async with connect(output.profile) as cluster:
+        async with connected(output.profile) as cluster:
             await watch(cluster, output, once=once)
 
     # Ctrl-C is how this is meant to end.
@@ -190,11 +191,10 @@ def top(*, once: Annotated[bool, Parameter(negative="")] = False, output: Profil
 
 
 def _look(profile: str | None) -> ClusterStatus:
-    from scenectl.running import run
-    from scenefold.client import connect
+    from scenectl.running import connected, run
 
     async def ask() -> ClusterStatus:
-        async with connect(profile) as cluster:
+        async with connected(profile) as cluster:
             return await cluster.status()
 
     return run(ask)

@@ -47,10 +47,10 @@ def put(
     new
         Fail if the location holds a record already.
     """
-    from scenectl.running import run
+    from scenectl.running import connected, run
     from scenefold.base.errors import LocalFault
     from scenefold.base.limits import PAYLOAD_BYTES_MAX
-    from scenefold.client import ABSENT, connect
+    from scenefold.client import ABSENT
 
     payload = _read(file, PAYLOAD_BYTES_MAX + 1)
     if len(payload) > PAYLOAD_BYTES_MAX:
@@ -59,7 +59,7 @@ def put(
         )
 
     async def work() -> int:
-        async with connect(output.profile) as cluster:
+        async with connected(output.profile) as cluster:
             target = await _space(await cluster.scenes.open(scene), space)
             await _check_fixed(target, space)
             await target.put(location.first, payload, expect=ABSENT if new else None)
@@ -95,12 +95,11 @@ def get(
     to
         File to write; by default standard output, with --json the field data_base64.
     """
-    from scenectl.running import run
+    from scenectl.running import connected, run
     from scenefold.base.errors import LocalFault
-    from scenefold.client import connect
 
     async def work() -> tuple[int, bytes | None]:
-        async with connect(output.profile) as cluster:
+        async with connected(output.profile) as cluster:
             asked = await _space(await cluster.scenes.open(scene), space)
             return asked.id, await asked.get(location.first)
 
@@ -142,12 +141,11 @@ def delete(
     scene
         Name of the scene.
     """
-    from scenectl.running import run
+    from scenectl.running import connected, run
     from scenefold.base.errors import LocalFault
-    from scenefold.client import connect
 
     async def work() -> tuple[int, bool]:
-        async with connect(output.profile) as cluster:
+        async with connected(output.profile) as cluster:
             target = await _space(await cluster.scenes.open(scene), space)
             [found] = await target.read([location.first])
             if found is None or found.deleted:
@@ -194,16 +192,15 @@ def ls(
     deleted
         List those of deleted records, too. That is faster, since who leaves them out must read all records.
     """
-    from scenectl.running import run
+    from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault
-    from scenefold.client import connect
 
     if first.first > last.last:
         raise UsageFault("the first location lies behind the last", where=f"--first {first} --last {last}", remedy="exchange them")
 
     async def work() -> tuple[int, list[str], bool]:
         found: list[str] = []
-        async with connect(output.profile) as cluster:
+        async with connected(output.profile) as cluster:
             asked = await _space(await cluster.scenes.open(scene), space)
             async for location in asked.query(first.first, last.last, deleted=deleted):
                 if len(found) == limit:

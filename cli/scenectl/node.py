@@ -146,15 +146,14 @@ def drain(
     """
     from scenectl.draining import check_known, leave
     from scenectl.progress import Progress
-    from scenectl.running import run
+    from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault
-    from scenefold.client import connect
 
     if check and cancel:
         raise UsageFault("--check and --cancel exclude each other", where="scenectl node drain", remedy="give one of them")
 
     async def ask() -> DrainReport:
-        async with connect(output.profile) as cluster:
+        async with connected(output.profile) as cluster:
             await check_known(cluster, address.text)
             if check or cancel:
                 return await cluster.drain(address.text, check_only=check, cancel=cancel)

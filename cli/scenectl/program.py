@@ -22,6 +22,7 @@ GROUPS = {
     "scene": "Make scenes and fill them.",
     "space": "Make, move and query the spaces of a scene.",
     "data": "Read and write single records of a scene.",
+    "key": "Look at your keys, lock them, back them up, and take them along.",
     "render": "Render images.",
     "bench": "Measure, as the project's own documentation does.",
     "demo": "The whole way in one go: five nodes, the sample scene, an image.",

@@ -9,9 +9,14 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from contextlib import AbstractAsyncContextManager
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from scenectl.errors import INTERRUPTED, Interrupted
+from scenectl.errors import INTERRUPTED, Interrupted, most_telling
+from scenectl.passphrases import PassphraseNeeded, ask_person, known_passphrase
+
+if TYPE_CHECKING:
+    from scenefold.client import Cluster
 
 Result = TypeVar("Result")
 
@@ -41,7 +46,15 @@ def run(function: Callable[..., Awaitable[Result]], *args: Any) -> Result:
             raise Interrupted(received[0])
         return result
 
-    return trio.run(guarded)
+    while True:
+        try:
+            return trio.run(guarded)
+        except BaseException as error:
+            needed = most_telling(error)
+            if not isinstance(needed, PassphraseNeeded):
+                raise
+        # Nothing was sent yet: the keys are read before anything else.
+        ask_person(needed)
 
 
 def _ending_signals() -> list[signal.Signals]:
@@ -54,6 +67,13 @@ def _leave_now() -> None:
     import os
 
     os._exit(INTERRUPTED)
+
+
+def connected(profile: str | None) -> AbstractAsyncContextManager[Cluster]:
+    """The cluster of a profile, its user's keys opened with a passphrase if they are locked."""
+    from scenefold.client import connect
+
+    return connect(profile, known_passphrase)
 
 
 def serve(function: Callable[..., Awaitable[None]], *args: Any) -> None:

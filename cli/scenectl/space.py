@@ -249,9 +249,9 @@ def _position_or_id(record: dict[str, Any]) -> str:
 
 
 async def _in_scene(profile: str | None, scene: str, work: Any) -> Any:
-    from scenefold.client import connect
+    from scenectl.running import connected
 
-    async with connect(profile) as cluster:
+    async with connected(profile) as cluster:
         return await work(await cluster.scenes.open(scene))
 
 

@@ -140,10 +140,11 @@ def report_text(report: dict[str, Any]) -> str:
 
 @asynccontextmanager
 async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
+    from scenectl.running import connected
     from scenefold.client import connect
 
     if job.profile is not None:
-        async with connect(job.profile) as cluster:
+        async with connected(job.profile) as cluster:
             yield cluster
         return
     from scenefold.node.local import local_cluster
