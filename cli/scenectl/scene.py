@@ -144,13 +144,13 @@ def grant(
         Certificate of the member; by default the one that the cluster knows.
     """
     from scenectl.running import connected, run
-    from scenefold.client import card_of, role_named
+    from scenefold.client import card_for, role_named
 
     wanted = role_named(role)
 
     async def do() -> Access:
         async with connected(output.profile) as cluster:
-            member = await card_of(cluster, who, card)
+            member = await card_for(cluster, who, card)
             return await (await cluster.scenes.open(scene)).grant(member, wanted)
 
     access = run(do)

@@ -9,7 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenefold.client.cards import card_of, member_name
+    from scenefold.client.cards import card_for, member_name
     from scenefold.client.cluster import Cluster
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from scenefold.world.keyring import KeptScene, Keyring
 
 _HOMES = {
-    "scenefold.client.cards": "card_of member_name",
+    "scenefold.client.cards": "card_for member_name",
     "scenefold.client.cluster": "Cluster",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
@@ -91,7 +91,7 @@ __all__ = [
     "Space",
     "Stored",
     "Watch",
-    "card_of",
+    "card_for",
     "connect",
     "create_cluster",
     "member_name",

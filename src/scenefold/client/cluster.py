@@ -46,7 +46,7 @@ class Cluster:
         self.name = profile.name
         self.links = links
         self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
-        self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0])
+        self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0], f"user:{profile.user}")
         self.membership = Membership(self.calls, profile, secrets)
 
     async def nodes(self) -> list[Owner]:

@@ -36,7 +36,7 @@ class Street:
     def watch(self) -> Watch:
         members = [SimpleNamespace(node_id=node_id_of(address), address=address) for address in ADDRESSES]
         ids = [member.node_id for member in members]
-        profile: Any = SimpleNamespace(members=members, founders=ids, voters=ids[:1], name="studio", keyring=None)
+        profile: Any = SimpleNamespace(members=members, founders=ids, voters=ids[:1], name="studio", keyring=None, user="owner")
         links: Any = self
         return Watch(Cluster(profile, make_world(), links, secrets_of(SigningKey(bytes(32)))))
 
