@@ -1,0 +1,34 @@
+"""A cluster's authority, and cards that it issued, for tests of who may become a member."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+from functools import lru_cache
+
+from scenefold.crypto import Authority, Card, MemberSecrets, SealingKey, SigningKey, new_tls_key, tls_key_in
+
+NOW = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
+AUTHORITY = Authority.create("studio", now=NOW)
+TLS_KEYS = tuple(tls_key_in(new_tls_key()) for _ in range(3))
+
+
+def _seed(text: str) -> bytes:
+    return hashlib.sha256(text.encode()).digest()
+
+
+NEWCOMERS = tuple(MemberSecrets(SigningKey(_seed(f"signing {number}")), SealingKey(_seed(f"sealing {number}"))) for number in range(3))
+
+
+@lru_cache
+def invitation_key(number: int) -> SigningKey:
+    return SigningKey(_seed(f"invitation {number}"))
+
+
+@lru_cache
+def card_for(name: str, who: int, *, admin: bool = False, since: datetime.timedelta = datetime.timedelta(0)) -> Card:
+    """A card under this name for the keys of one of NEWCOMERS."""
+    addresses = [str(int(name[5:]))] if name.startswith("node:") else []
+    where = [f"0.0.0.{number}" for number in addresses]
+    pem = AUTHORITY.certify(name, where, TLS_KEYS[who], keys=NEWCOMERS[who].public(is_administrator=admin), now=NOW + since)
+    return Card.verified(pem, AUTHORITY.certificate)

@@ -1,0 +1,254 @@
+"""If this fails, a node issues a certificate to whom nobody invited, or carries out an order that no administrator gave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, SigningKey
+from scenefold.peer.enrol_rules import (
+    ORDER_S_MAX,
+    IssuedBefore,
+    ToIssue,
+    check_issued,
+    check_renewable,
+    credential_of,
+    judge_form,
+    judge_order,
+    refusal_of,
+)
+from scenefold.peer.log_rules import check_proposer
+from scenefold.peer.registry import Registry
+from scenefold.wire import AddNode, LogEntry, MalformedPacket, Member, RemoveNode, RevokeNode
+from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.wire.log_entries import SingleEntry
+from scenefold.wire.orders import EnrolForm, Order
+from unit.peer import logs_made
+from unit.peer.logs_made import add, found, key_of, node, record
+from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, invitation_key
+
+OWNER = card_for("user:owner", 2, admin=True)
+FACTS = replace(logs_made.facts(2), authority=AUTHORITY.certificate, owners=(OWNER.der,))
+CLOCK = NOW.timestamp() + 60
+NEWCOMER = NodeId(10)
+
+
+def log(*entries: LogEntry) -> Registry:
+    registry = Registry()
+    for entry in (found(2), add(0), add(1), *entries):
+        registry = registry.apply(record(registry, entry))
+    return registry
+
+
+def invite(name: str, number: int = 1, *, admin: bool = False, by: str = "user:owner") -> Invite:
+    return Invite(invitation_key(number).public.raw, name, admin, int(NOW.timestamp()) + 3600, by)
+
+
+def form(name: str = "", who: int = 0, number: int = 1, address: int = 0) -> EnrolForm:
+    return EnrolForm(invitation_key(number).public.raw, name, NodeId(address), TLS_KEYS[who], NEWCOMERS[who].public().encode())
+
+
+def judged(registry: Registry, asked: EnrolForm, *, key: SigningKey | None = None, now: float = CLOCK) -> ToIssue | IssuedBefore:
+    data = asked.encode()
+    return judge_form(data, (key or invitation_key(1)).sign(ENROL_DOMAIN, data), registry, FACTS, now)
+
+
+def refusal_text(registry: Registry, asked: EnrolForm, **how: float) -> str:
+    with pytest.raises(Refused) as caught:
+        judged(registry, asked, **how)  # type: ignore[arg-type]
+    return str(caught.value)
+
+
+def test_an_invited_user_gets_the_name_and_the_rights_that_the_invitation_gives() -> None:
+    for admin in (False, True):
+        issue = judged(log(invite("user:ada", admin=admin)), form())
+        assert isinstance(issue, ToIssue)
+        assert (issue.name, issue.addresses, issue.keys) == ("user:ada", (), NEWCOMERS[0].public(is_administrator=admin))
+
+
+def test_a_node_that_calls_itself_administrator_is_none() -> None:
+    bold = replace(form(), keys=NEWCOMERS[0].public(is_administrator=True).encode())
+    issue = judged(log(invite("user:ada")), bold)
+    assert isinstance(issue, ToIssue) and not issue.keys.is_administrator
+
+
+def test_who_asks_again_with_the_same_keys_gets_the_same_card_and_nobody_else_does() -> None:
+    card = card_for("user:ada", 0)
+    registry = log(invite("user:ada"), Enrol(invitation_key(1).public.raw, card.der))
+    again = judged(registry, form())
+    assert isinstance(again, IssuedBefore) and again.card == card
+    assert isinstance(judged(registry, form("user:ada"), now=CLOCK + 10**7), IssuedBefore), "what was issued is no secret, however late"
+    for other in (form(who=1), replace(form(), tls_key=TLS_KEYS[1]), form("user:eve")):
+        assert "used already" in refusal_text(registry, other)
+
+
+def test_each_refusal_says_its_own_reason() -> None:
+    registry = log(invite("user:ada"))
+    assert "no such token" in refusal_text(registry, form(number=2))
+    assert "valid until 2026-03-01 01:00 UTC, and this node's clock says 2026-03-01 01:06" in refusal_text(
+        registry, form(), now=CLOCK + 3900
+    )
+    assert "for user:ada, not for user:eve" in refusal_text(registry, form("user:eve"))
+    assert "withdrawn" in refusal_text(log(invite("user:ada"), Withdraw(invitation_key(1).public.raw)), form())
+    with pytest.raises(Refused) as caught:
+        judged(registry, form(), key=invitation_key(2))
+    assert caught.value.reason == RejectReason.SIGNATURE_INVALID
+
+
+def test_a_node_gets_a_card_for_its_own_address_only() -> None:
+    registry = log(invite(ANY_NODE))
+    issue = judged(registry, form(f"node:{NEWCOMER}", address=NEWCOMER))
+    assert isinstance(issue, ToIssue) and issue.addresses == (address_of(NEWCOMER),)
+    assert "cannot be at" in refusal_text(registry, form(f"node:{NEWCOMER}", address=NEWCOMER + 1))
+    assert "from the start" in refusal_text(registry, form(f"node:{node(1)}", address=node(1)))
+    assert "for a node, not for user:ada" in refusal_text(registry, form("user:ada"))
+
+
+FORM = form().encode()
+SIGNATURE = invitation_key(1).sign(ENROL_DOMAIN, FORM)
+
+
+@given(st.integers(0, 8 * len(FORM) - 1))
+def test_no_flipped_bit_of_a_request_is_overlooked(bit: int) -> None:
+    bent = bytearray(FORM)
+    bent[bit // 8] ^= 1 << bit % 8
+    with pytest.raises((Refused, MalformedPacket)):
+        judge_form(bytes(bent), SIGNATURE, log(invite("user:ada")), FACTS, CLOCK)
+
+
+# ---------------------------------------------------------------------------------------------------------------- orders
+
+
+def order(entry: SingleEntry, by: str = "user:owner", *, issued: float = CLOCK, cluster: bytes = FACTS.cluster_id) -> Order:
+    return Order(cluster, b"r" * 16, by, int(issued), entry)
+
+
+def ordered(registry: Registry, what: Order, who: int = 2) -> Order:
+    data = what.encode()
+    return judge_order(data, NEWCOMERS[who].signing.sign(ORDER_DOMAIN, data), registry, FACTS, CLOCK)
+
+
+def forbidden(registry: Registry, what: Order, who: int = 2) -> str:
+    with pytest.raises(Refused) as caught:
+        ordered(registry, what, who)
+    assert caught.value.reason in (RejectReason.NOT_AUTHORISED, RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED)
+    return str(caught.value)
+
+
+def member(name: str, who: int, number: int = 1, *, admin: bool = False) -> Iterable[LogEntry]:
+    return invite(name, number, admin=admin), Enrol(invitation_key(number).public.raw, card_for(name, who, admin=admin).der)
+
+
+def test_only_an_administrators_own_key_gives_orders() -> None:
+    registry = log(*member("user:ada", 0), *member("user:bob", 1, 2, admin=True))
+    assert ordered(registry, order(invite("user:eve", 3))).entry == invite("user:eve", 3)
+    assert ordered(registry, order(invite("user:eve", 3, by="user:bob"), "user:bob"), 1)
+    assert "no administrator" in forbidden(registry, order(invite("user:eve", 3, by="user:ada"), "user:ada"), 0)
+    assert "no administrator" in forbidden(registry, order(invite("user:eve", 3, by="user:eve"), "user:eve"), 0)
+    assert "signature" in forbidden(registry, order(invite("user:eve", 3)), 1)
+    assert "who gave it" in forbidden(registry, order(invite("user:eve", 3, by="user:bob")))
+    assert "another cluster" in forbidden(registry, order(invite("user:eve", 3), cluster=b"c" * 16))
+
+
+def test_an_order_counts_for_an_hour_by_any_clock() -> None:
+    for off in (-ORDER_S_MAX, ORDER_S_MAX):
+        assert ordered(log(), order(invite("user:eve"), issued=CLOCK + off))
+        assert "out of date" in forbidden(log(), order(invite("user:eve"), issued=CLOCK + 1.01 * off))
+
+
+def test_a_revoked_administrator_orders_nothing_any_more() -> None:
+    registry = log(*member("user:bob", 1, admin=True), RevokeUser("user:owner", OWNER.signing_id))
+    assert "no administrator" in forbidden(registry, order(invite("user:eve", 3)))
+    assert ordered(registry, order(invite("user:eve", 3, by="user:bob"), "user:bob"), 1)
+
+
+def test_the_cluster_keeps_an_administrator_its_voter_and_a_trusted_node() -> None:
+    registry = log(*member("user:ada", 0))
+    assert "only administrator" in forbidden(registry, order(RevokeUser("user:owner", OWNER.signing_id)))
+    assert ordered(registry, order(RevokeUser("user:ada", NEWCOMERS[0].signing.key_id)))
+    assert "no member with such a key" in forbidden(registry, order(RevokeUser("user:ada", NEWCOMERS[1].signing.key_id)))
+    assert "decides the cluster's log" in forbidden(registry, order(RevokeNode(node(0), key_of(0).key_id)))
+    assert ordered(registry, order(RevokeNode(node(1), key_of(1).key_id)))
+    assert "only trusted node" in forbidden(registry, order(Trust(node(0), False)))
+    assert ordered(registry, order(Trust(node(1), True)))
+    assert "no node of this cluster" in forbidden(registry, order(Trust(NEWCOMER, True)))
+    known = registry.current(node(1))
+    assert known is not None
+    assert "leaves by itself" in forbidden(registry, order(RemoveNode(known.member, "out")))
+    assert ordered(log(RevokeNode(node(1), key_of(1).key_id)), order(RemoveNode(known.member, "its key was revoked")))
+
+
+@pytest.mark.parametrize("entry", [add(1), found(2), Enrol(bytes(32), card_for("user:ada", 0).der)])
+def test_what_nobody_orders_is_refused(entry: SingleEntry) -> None:
+    assert "nobody orders" in forbidden(log(), order(entry))
+
+
+# ----------------------------------------------------------------------------------------------------------------- cards
+
+
+def test_a_card_of_another_authority_never_gets_into_the_log() -> None:
+    other = Authority.create("studio", now=NOW).certify("user:ada", [], TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
+    for entry in (Enrol(invitation_key(1).public.raw, other), RenewCard(other), RenewCard(b"none")):
+        with pytest.raises(Refused) as caught:
+            check_issued(entry, log(invite("user:ada")), FACTS)
+        assert caught.value.reason == RejectReason.SIGNATURE_INVALID
+    check_issued(Enrol(invitation_key(1).public.raw, card_for("user:ada", 0).der), log(invite("user:ada")), FACTS)
+    with pytest.raises(Refused):
+        check_issued(Enrol(invitation_key(1).public.raw, card_for("user:owner", 0).der), log(), FACTS)
+    with pytest.raises(Refused):
+        check_issued(RenewCard(card_for("user:owner", 0).der), log(), FACTS)
+    check_issued(RenewCard(OWNER.der), log(), FACTS)
+
+
+def test_an_enrolled_node_registers_with_its_own_keys_and_a_stranger_not_at_all() -> None:
+    name = f"node:{NEWCOMER}"
+    registry = log(*member(name, 0))
+    keys = NEWCOMERS[0].public()
+
+    def entry(signing: bytes, sealing: bytes) -> AddNode:
+        return AddNode(Member(NEWCOMER, b"i" * 16), signing, sealing, address_of(NEWCOMER), node(0))
+
+    check_proposer(entry(keys.signing.raw, keys.sealing.raw), NEWCOMER, registry, FACTS)
+    for registry_then, bad in (
+        (registry, entry(NEWCOMERS[1].signing.public.raw, keys.sealing.raw)),
+        (registry, entry(keys.signing.raw, NEWCOMERS[1].sealing.public.raw)),
+        (log(), entry(keys.signing.raw, keys.sealing.raw)),
+        (registry.apply(record(registry, RevokeNode(NEWCOMER, keys.signing.key_id))), entry(keys.signing.raw, keys.sealing.raw)),
+    ):
+        with pytest.raises(Refused) as caught:
+            check_proposer(bad, NEWCOMER, registry_then, FACTS)
+        assert caught.value.reason == RejectReason.NOT_AUTHORISED
+    known = credential_of(NEWCOMER, registry, FACTS)
+    assert known is not None and known.sealing_key == keys.sealing
+
+
+def test_a_certificate_is_renewed_for_its_holder_and_while_its_keys_count() -> None:
+    card = card_for("user:ada", 0)
+    registry = log(*member("user:ada", 0))
+    assert check_renewable(card.der, "user:ada", registry, FACTS) == card
+    assert check_renewable(OWNER.der, "user:owner", registry, FACTS) == OWNER
+    revoked = registry.apply(record(registry, RevokeUser("user:ada", card.signing_id)))
+    for asked, peer, then in ((card, "user:eve", registry), (card, "user:ada", revoked), (card_for("user:ada", 1), "user:ada", registry)):
+        with pytest.raises(Refused):
+            check_renewable(asked.der, peer, then, FACTS)
+
+
+def test_a_peer_is_judged_by_the_key_in_its_certificate() -> None:
+    registry = log(RevokeNode(node(1), key_of(1).key_id), *member("user:ada", 0), RevokeUser("user:ada", NEWCOMERS[0].signing.key_id))
+    assert "revoked" in refusal_of("user:ada", NEWCOMERS[0].signing.key_id, registry)
+    assert "revoked" in refusal_of(f"node:{node(1)}", key_of(1).key_id, registry)
+    assert "revoked" in refusal_of(f"node:{node(1)}", None, registry), "it has shown no other key"
+    for name, key in (
+        ("user:ada", NEWCOMERS[1].signing.key_id),
+        ("user:ada", None),
+        (f"node:{node(1)}", key_of(7).key_id),
+        (f"node:{node(0)}", None),
+    ):
+        assert refusal_of(name, key, registry) == ""

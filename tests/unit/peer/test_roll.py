@@ -1,0 +1,135 @@
+"""If this fails, an invitation admits twice, whom it was not for, or whose key was revoked; or trust outlives the key that was trusted."""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.roll import Roll
+from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.wire.enrol_packets import InvitationState
+from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
+
+YEAR = datetime.timedelta(days=365)
+
+
+def invite(number: int, name: str, *, admin: bool = False) -> Invite:
+    return Invite(invitation_key(number).public.raw, name, admin, int(NOW.timestamp()) + 3600, "user:owner")
+
+
+def enrol(number: int, name: str, who: int = 0, *, admin: bool = False) -> Enrol:
+    return Enrol(invitation_key(number).public.raw, card_for(name, who, admin=admin).der)
+
+
+def after(*entries: EnrolEntry, roll: Roll | None = None) -> Roll:
+    roll = roll or Roll()
+    for entry in entries:
+        roll = roll.after(entry)
+    return roll
+
+
+def refusal(roll: Roll, entry: EnrolEntry) -> RejectReason:
+    with pytest.raises(Refused) as caught:
+        roll.after(entry)
+    return caught.value.reason
+
+
+def test_an_invitation_is_used_once_for_the_name_that_it_gives() -> None:
+    roll = after(invite(1, "user:ada"))
+    assert refusal(roll, enrol(1, "user:eve")) == RejectReason.NOT_AUTHORISED
+    assert refusal(roll, enrol(1, "node:5")) == RejectReason.NOT_AUTHORISED
+    assert refusal(roll, enrol(1, "user:ada", admin=True)) == RejectReason.NOT_AUTHORISED, "nobody invited an administrator"
+    assert refusal(roll, enrol(2, "user:ada")) == RejectReason.NOT_AUTHORISED, "another invitation"
+    used = after(enrol(1, "user:ada"), roll=roll)
+    assert used.invitations[invitation_key(1).public.raw].state is InvitationState.USED
+    card = used.card_of("user:ada")
+    assert card is not None and card.name == "user:ada"
+    for who in range(2):
+        assert refusal(used, enrol(1, "user:ada", who)) == RejectReason.NOT_AUTHORISED
+    assert refusal(used, invite(2, "user:ada")) == RejectReason.NOT_AUTHORISED
+    assert refusal(used, invite(1, "user:bob")) == RejectReason.ILL_FORMED
+    assert refusal(used, Withdraw(invitation_key(1).public.raw)) == RejectReason.NOT_AUTHORISED
+
+
+def test_what_was_withdrawn_admits_nobody() -> None:
+    roll = after(invite(1, ANY_NODE), Withdraw(invitation_key(1).public.raw))
+    assert refusal(roll, enrol(1, "node:5")) == RejectReason.NOT_AUTHORISED
+
+
+@pytest.mark.parametrize(
+    "entry", [invite(1, "ada"), invite(1, "user:"), invite(1, "node:1", admin=True), RevokeUser("node:5", NEWCOMERS[0].signing.key_id)]
+)
+def test_names_that_cannot_be_are_refused(entry: EnrolEntry) -> None:
+    assert refusal(Roll(), entry) == RejectReason.ILL_FORMED
+
+
+def test_a_revoked_key_never_comes_back_and_the_name_may() -> None:
+    roll = after(invite(1, "user:ada"), enrol(1, "user:ada"), RevokeUser("user:ada", NEWCOMERS[0].signing.key_id), invite(2, "user:ada"))
+    assert roll.card_of("user:ada") is None
+    assert refusal(roll, enrol(2, "user:ada")) == RejectReason.KEY_REVOKED
+    assert refusal(roll, RenewCard(card_for("user:ada", 0, since=YEAR).der)) == RejectReason.KEY_REVOKED
+    back = after(enrol(2, "user:ada", 1), roll=roll).card_of("user:ada")
+    assert back is not None and back.keys.signing == NEWCOMERS[1].signing.public
+
+
+def test_only_an_invitation_that_names_a_node_gives_it_other_keys_and_they_are_not_trusted() -> None:
+    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, b"sealed"), invite(2, ANY_NODE), invite(3, "node:5"))
+    assert refusal(roll, enrol(2, "node:5", 1)) == RejectReason.NOT_AUTHORISED
+    again = after(enrol(3, "node:5", 1), roll=roll)
+    assert NodeId(5) not in again.trusted and not again.sealed
+
+
+def test_trust_goes_with_the_key_or_when_it_is_withdrawn() -> None:
+    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True), Trust(NodeId(5), True, b"sealed"))
+    assert roll.trusted == {NodeId(5)} and roll.sealed == {NodeId(5): b"sealed"}
+    for gone in (after(Trust(NodeId(5), False), roll=roll), roll.without("node:5", NEWCOMERS[0].signing.key_id)):
+        assert not gone.trusted and not gone.sealed
+
+
+def test_a_renewed_card_has_the_same_keys_and_a_later_end() -> None:
+    roll = after(invite(1, "user:ada"), enrol(1, "user:ada"))
+    assert refusal(roll, RenewCard(card_for("user:ada", 1, since=YEAR).der)) == RejectReason.NOT_AUTHORISED
+    assert refusal(roll, RenewCard(card_for("user:ada", 0, admin=True, since=YEAR).der)) == RejectReason.NOT_AUTHORISED
+    assert refusal(roll, RenewCard(card_for("user:ada", 0).der)) == RejectReason.ILL_FORMED
+    assert refusal(roll, RenewCard(b"no card")) == RejectReason.ILL_FORMED
+    newer = after(RenewCard(card_for("user:ada", 0, since=YEAR).der), roll=roll).card_of("user:ada")
+    assert newer is not None and newer.not_after > card_for("user:ada", 0).not_after
+
+
+NAMES = ("user:ada", "user:bob", "node:5")
+ENTRIES: st.SearchStrategy[EnrolEntry] = st.one_of(
+    st.builds(invite, st.integers(0, 3), st.sampled_from((*NAMES, ANY_NODE))),
+    st.builds(enrol, st.integers(0, 3), st.sampled_from(NAMES), st.integers(0, 1)),
+    st.builds(lambda number: Withdraw(invitation_key(number).public.raw), st.integers(0, 3)),
+    st.builds(lambda name, who: RevokeUser(name, NEWCOMERS[who].signing.key_id), st.sampled_from(NAMES[:2]), st.integers(0, 1)),
+    st.builds(lambda trusted: Trust(NodeId(5), trusted, b"sealed" if trusted else b""), st.booleans()),
+    st.builds(lambda name, who: RenewCard(card_for(name, who, since=YEAR).der), st.sampled_from(NAMES), st.integers(0, 1)),
+)
+
+
+@given(st.lists(ENTRIES, max_size=25))
+def test_whatever_is_tried_each_invitation_counts_once_and_revoked_keys_never(entries: list[EnrolEntry]) -> None:
+    roll, used = Roll(), set[bytes]()
+    for entry in entries:
+        before = replace(roll)
+        try:
+            roll = roll.after(entry)
+        except Refused:
+            continue
+        assert before.revoked <= roll.revoked
+        if isinstance(entry, Enrol):
+            assert entry.invitation not in used
+            used.add(entry.invitation)
+        for name in NAMES:
+            card = roll.card_of(name)
+            assert card is None or not roll.is_revoked(name, card.signing_id)
+        assert roll.sealed.keys() <= roll.trusted
+        open_ones = {key for key, one in roll.invitations.items() if one.state is InvitationState.OPEN}
+        assert not open_ones & used
