@@ -18,7 +18,7 @@ from random import Random
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import Location, even_right_bounds
-from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES
+from scenefold.peer.datagrams import PACKET_BYTES_MAX
 from scenefold.peer.gossip import PROBE_PAUSES_S
 from scenefold.peer.odds import broadcasts_missed_max
 from scenefold.peer.roster import Roster
@@ -29,6 +29,7 @@ LOSS = 0.02
 WHOLE_MAX = 64
 WATCHED = 20
 IP_BYTES = 28
+OVERHEAD_BYTES = DATAGRAM_BYTES_MAX - PACKET_BYTES_MAX
 INCARNATION = b"i" * 16
 FIRST = node_id_of("10.0.0.1")
 
@@ -76,11 +77,11 @@ class Model:
             for status in statuses:
                 one.roster.hear(status, 0.0)
         self.status_bytes = len(encode_packet(PingBroadcast((statuses[-1],)))) - len(encode_packet(PingBroadcast(())))
-        self.room = DATAGRAM_BYTES_MAX - DATAGRAM_OVERHEAD_BYTES - self.status_bytes - 16
+        self.room = PACKET_BYTES_MAX - self.status_bytes - 16
         mini = MiniStatus(1 << 32, FIRST, self.bounds[0], 0, 0, 0, 0, 0, 9)
-        self.question_bytes = len(encode_packet(RequestState(request_id=1, mini_status=mini))) + DATAGRAM_OVERHEAD_BYTES + IP_BYTES
+        self.question_bytes = len(encode_packet(RequestState(request_id=1, mini_status=mini))) + OVERHEAD_BYTES + IP_BYTES
         full = 1 + self.room // self.status_bytes
-        self.answer_bytes = DATAGRAM_OVERHEAD_BYTES + 16 + min(full, count) * self.status_bytes + IP_BYTES
+        self.answer_bytes = OVERHEAD_BYTES + 16 + min(full, count) * self.status_bytes + IP_BYTES
 
     def status(self, node: NodeId) -> Status:
         index, self.lamports[node] = node - FIRST, self.lamports[node] + 1

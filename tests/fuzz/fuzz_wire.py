@@ -20,8 +20,9 @@ from typing import Any
 
 import msgpack
 
-from fuzz import mutations
-from fuzz.targets import TARGETS, Finding
+from fuzz import datagrams, mutations
+from fuzz.findings import Finding
+from fuzz.targets import TARGETS
 from scenefold.base.errors import ScenefoldError
 from scenefold.base.limits import FRAME_BYTES_MAX
 from scenefold.wire import encode_packet, frame, pack_value
@@ -77,6 +78,8 @@ def seeds() -> dict[str, list[bytes]]:
         "header": [pack_piece(SCENE_LOG_PUBLIC, example(SCENE_LOG_PUBLIC, salt)) for salt in range(4)],
         "record": records,
         "log": logs,
+        "datagram": datagrams.SEALED,
+        "contents": datagrams.CONTENTS,
         "document": documents,
     }
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 
+from fuzz import datagrams
+from fuzz.findings import Finding
 from scenefold.wire import (
     FrameReader,
     LogRecord,
@@ -23,11 +25,6 @@ from scenefold.wire import (
 )
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import STATUS
-
-
-class Finding(Exception):
-    """A law that did not hold."""
-
 
 Target = Callable[[bytes, random.Random], str]
 """Takes an input; gives a short text of what became of it, for telling new ways from known ones. Finding otherwise."""
@@ -120,5 +117,7 @@ TARGETS: dict[str, Target] = {
     "header": _piece(SceneLogPublic.decode, _encoded, "SceneLogPublic"),
     "record": _piece(LogRecord.decode, _encoded, "LogRecord"),
     "log": _piece(unpack_log, _packed_log, "log"),
+    "datagram": datagrams.datagram,
+    "contents": datagrams.contents,
     "document": _piece(unpack_value, pack_value, "document"),  # type: ignore[arg-type]
 }

@@ -12,17 +12,17 @@ so often.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Sequence
 from functools import partial
 
 import trio
 
-from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import Arc, tiles
-from scenefold.crypto import StrangeVersion
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.datagrams import SealedDatagrams
 from scenefold.peer.hearing import Hearing
 from scenefold.peer.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
 from scenefold.peer.pages import Pages
@@ -30,8 +30,8 @@ from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import TELL_S, OwnStatus, arc_of_status, is_news
 from scenefold.peer.waiters import Waiters
-from scenefold.wire import MalformedPacket, PingBroadcast, RequestState, Status
-from scenefold.world import Datagrams, Priority, World
+from scenefold.wire import MalformedPacket, PingBroadcast, RequestState, Status, encode_packet
+from scenefold.world import Priority, World
 from scenefold.world.facts import ClusterFacts
 
 ROUND_S = 1.0
@@ -42,6 +42,8 @@ ANSWER_S_MIN = 0.05
 """Time between two answers to one node, which asks every KNOCK_S_MIN at most."""
 PROBE_PAUSES_S = (0.3, 0.6, 1.1)
 """How long a probed node may take to answer, try by try: the last answers of a slow one still count within 2 s."""
+
+_log = logging.getLogger("scenefold.peer.gossip")
 
 
 class Gossip:
@@ -62,10 +64,12 @@ class Gossip:
         self._cluster_log = cluster_log
         self._me = address_of(own.me)
         self._seeds = {seed: node_id_of(seed) for seed in seeds if seed != self._me}
-        self._datagrams: Datagrams | None = None
         self._waiters = Waiters()
         self._members_changed = trio.Event()
         self._hearing = Hearing(world, own, roster, cluster_log, facts)
+        self._datagrams = SealedDatagrams(
+            world, own.me, facts.cluster_id, Priority.HIGH, own.secrets.sealing, self._hearing.sealing_key_of, _log
+        )
         self._pages = Pages(own, roster)
         self._answered_at: dict[NodeId, float] = {}
         self._met_at: dict[NodeId, float] = {}
@@ -74,19 +78,18 @@ class Gossip:
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Gossip until cancelled. Started once the port is open; LocalFault if it cannot be had."""
-        datagrams = self._datagrams = await self._world.network.open_datagrams(self._me, Priority.HIGH)
+        await self._datagrams.open()
         self._roster.set_members(self._cluster_log.registry, self._world.clock.now())
         try:
             async with trio.open_nursery() as nursery:
                 nursery.start_soon(self._follow_log)
-                nursery.start_soon(self._listen, datagrams)
+                nursery.start_soon(self._listen)
                 nursery.start_soon(self._speak)
                 nursery.start_soon(self._knock)
                 task_status.started()
         finally:
-            self._datagrams = None
             with trio.CancelScope(shield=True):
-                await datagrams.aclose()
+                await self._datagrams.aclose()
 
     # ------------------------------------------------------------------------------------------------- who waits
 
@@ -124,7 +127,7 @@ class Gossip:
         return sorted(self._met_at)
 
     def met_at(self, node: NodeId) -> float | None:
-        """Local time of the last datagram that a node signed, as member or not; None if there was none."""
+        """Local time of the last datagram of a node that counted, as member or not; None if there was none."""
         return self._met_at.get(node)
 
     async def probe(self, member: NodeId) -> bool:
@@ -138,7 +141,7 @@ class Gossip:
             return self._roster.proofs(member) > proofs
 
         for pause_s in PROBE_PAUSES_S:
-            await self._ask(address_of(member))
+            await self._ask(member)
             with trio.move_on_after(pause_s):
                 await self._waiters.until(has_answered)
             if has_answered():
@@ -153,8 +156,8 @@ class Gossip:
 
     @property
     def dropped(self) -> int:
-        """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
-        return self._hearing.dropped
+        """Datagrams that did not count, statuses that did not verify or claimed what is ours, since the start."""
+        return self._hearing.dropped + self._datagrams.dropped.total()
 
     # --------------------------------------------------------------------------------------------------- speaking
 
@@ -197,13 +200,15 @@ class Gossip:
                 self._own.arc != said or self._hearing.is_contested or is_news(said_used, self._own.load.disk_used_bytes)
             ):
                 # Under another request id than 0, since it is no throw of the dice.
-                data = self._pages.sealed(PingBroadcast((self._own.signed(),), request_id=1))
+                data = encode_packet(PingBroadcast((self._own.signed(),), request_id=1))
                 tell_from = now + self._roster.count * TELL_S
             else:
                 continue
             said, said_used, self._hearing.is_contested = self._own.arc, self._own.load.disk_used_bytes, False
-            for member in list(self._roster.peers):
-                await self._send(data, address_of(member))
+            members = list(self._roster.peers)
+            await self._datagrams.prepare(members)
+            for member in members:
+                await self._datagrams.send(data, member)
 
     async def _knock(self) -> None:
         """Ask who has not been heard, seeds included: they know others, even where the log names no member yet."""
@@ -211,7 +216,7 @@ class Gossip:
             members_changed = self._members_changed
             due, pause_s = self._knocks.due(self._roster.unheard(), self._silent_seeds(), self._world.clock.now())
             for address in due:
-                await self._ask(address)
+                await self._ask(node_id_of(address))
             with trio.move_on_after(pause_s):
                 await self._waiters.until(partial(self._is_to_look_again, members_changed))
             if members_changed.is_set():
@@ -225,23 +230,18 @@ class Gossip:
     def _silent_seeds(self) -> list[str]:
         return [seed for seed, node in self._seeds.items() if node not in self._met_at]
 
-    async def _ask(self, address: str) -> None:
-        await self._send(self._pages.sealed(RequestState(request_id=1, mini_status=self._own.mini())), address)
-
-    async def _send(self, data: bytes, address: str) -> None:
-        assert self._datagrams is not None, "gossip runs first"
-        await self._datagrams.send(data, address)
+    async def _ask(self, node: NodeId) -> None:
+        await self._datagrams.send(encode_packet(RequestState(request_id=1, mini_status=self._own.mini())), node)
 
     # ---------------------------------------------------------------------------------------------------- hearing
 
-    async def _listen(self, datagrams: Datagrams) -> None:
+    async def _listen(self) -> None:
         while True:
-            data, source = await datagrams.receive()
+            sender, data = await self._datagrams.receive()
             try:
-                sender, packet = self._hearing.opened(data)
-            except (DamagedData, MalformedPacket) as problem:
-                kind = "version" if isinstance(problem, StrangeVersion) else "forged"
-                self._hearing.drop(source.address, kind, f"a datagram is dropped: {problem}")
+                packet = self._hearing.packet_of(data)
+            except MalformedPacket as problem:
+                self._hearing.drop(address_of(sender), "malformed", f"a datagram is dropped: {problem}")
                 continue
             self._met_at[sender] = self._world.clock.now()
             if isinstance(packet, PingBroadcast):
@@ -249,7 +249,7 @@ class Gossip:
             elif isinstance(packet, RequestState):
                 await self._answer(packet, sender)
             else:
-                self._hearing.drop(source.address, "unexpected", f"a {type(packet).__name__} has no business here")
+                self._hearing.drop(address_of(sender), "unexpected", f"a {type(packet).__name__} has no business here")
             self._waiters.tell()
 
     async def _answer(self, packet: RequestState, sender: NodeId) -> None:
@@ -259,7 +259,7 @@ class Gossip:
         if now - self._answered_at.get(sender, -math.inf) < ANSWER_S_MIN:
             return
         self._answered_at[sender] = now
-        await self._send(self._pages.page(packet.request_id, sender), address_of(sender))
+        await self._datagrams.send(self._pages.page(packet.request_id), sender)
         if self._roster.is_unheard(sender):
             # It lives, but has said nothing of itself yet. It has heard us by then, so this ends here.
-            await self._ask(address_of(sender))
+            await self._ask(sender)

@@ -1,9 +1,8 @@
 """What a node believes of what it hears by datagram (specs/11-peers.md, Gossip).
 
-A datagram counts if it is signed with the key of its sender, and a status in it if it is signed with that of the node
-that it describes, and of the incarnation that the cluster's log names. All else is dropped, counted, and logged at
-most once a minute. There is no replay window: a status that does not rise has no effect, and an incarnation that is not
-registered is nobody. A status that names a position of the cluster's log that is not known here is a sign of life, and
+Which datagrams count is decided before (peer/datagrams). A status in one counts if it is signed with the key of the node that it
+describes, and of the incarnation that the cluster's log names. All else is dropped, counted, and logged at most once a
+minute. A status that does not rise has no effect, and an incarnation that is not registered is nobody. A status that names a position of the cluster's log that is not known here is a sign of life, and
 waits: what it claims is judged once the log has come so far.
 """
 
@@ -13,9 +12,8 @@ import logging
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, address_of
-from scenefold.crypto import EVERYBODY, PublicKey, parse_datagram, verify_datagram
+from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.peer.claims import claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.roster import Roster
@@ -63,15 +61,21 @@ class Hearing:
         self.is_contested = False
         """Somebody has claimed what is ours since this was last set to False: others may believe it until we speak."""
         self.dropped = 0
-        """Datagrams and statuses that did not verify, or claimed what is ours, since the start."""
+        """Packets and statuses that did not verify, or claimed what is ours, since the start."""
 
-    def opened(self, data: bytes) -> tuple[NodeId, Packet]:
-        """Who signed a datagram, and what is in it; DamagedData or MalformedPacket."""
-        datagram = parse_datagram(data)
-        key = self._key_of(datagram.sender)
-        if key is None or datagram.sender == self._own.me or datagram.target not in (EVERYBODY, self._own.me):
-            raise DamagedData(f"it is from {address_of(datagram.sender)} for {address_of(datagram.target)}")
-        return datagram.sender, decode_packet(verify_datagram(datagram, key))
+    def packet_of(self, data: bytes) -> Packet:
+        """The packet of a datagram that counts; MalformedPacket if it is none."""
+        return decode_packet(data)
+
+    def sealing_key_of(self, node: NodeId) -> SealingPublicKey | None:
+        """The key that datagrams of a node are sealed with, member or not; None if there is none, or the node was revoked."""
+        if self._key_of(node) is None:
+            return None
+        key = self._cluster_log.registry.sealing_key_of(node)
+        if key is None:
+            credential = self._facts.credential(node)
+            key = None if credential is None else credential.sealing_key
+        return key
 
     def _key_of(self, node: NodeId) -> PublicKey | None:
         """The key that a node signs with, member or not; None if there is none, or it counts no longer."""
@@ -87,7 +91,7 @@ class Hearing:
         heard = []
         for status in packet.statuses:
             if status.node == sender:
-                # It has signed the datagram, so this is news even of one that we do not know as a member.
+                # It has sealed the datagram, so this is news even of one that we do not know as a member.
                 self._roster.note_position(sender, status.log_position)
             if status.node == self._own.me:
                 self._hear_of_myself(status, sender)

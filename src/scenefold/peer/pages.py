@@ -1,4 +1,4 @@
-"""Datagrams of gossip, filled and signed (specs/11-peers.md, Gossip).
+"""Packets of gossip, filled (specs/11-peers.md, Gossip).
 
 A page is the own new status and behind it those of others, as many as fit one datagram. The next page goes on where
 this one ended, whoever gets it.
@@ -7,30 +7,25 @@ this one ended, whoever gets it.
 from __future__ import annotations
 
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import DATAGRAM_BYTES_MAX
-from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, EVERYBODY, sign_datagram
+from scenefold.peer.datagrams import PACKET_BYTES_MAX
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
-from scenefold.wire import Packet, PingBroadcast, Status, encode_packet
+from scenefold.wire import PingBroadcast, Status, encode_packet
 
 
 class Pages:
-    """Makes this node's datagrams."""
+    """Makes this node's broadcasts and answers."""
 
     def __init__(self, own: OwnStatus, roster: Roster) -> None:
         self._own = own
         self._roster = roster
         self._sizes: dict[NodeId, tuple[int, int]] = {}
 
-    def page(self, request_id: int, target: NodeId = EVERYBODY) -> bytes:
+    def page(self, request_id: int) -> bytes:
         """A PingBroadcast with the own status and the next part of the table."""
         own = self._own.signed()
         others = self._roster.page(_PAGE_BYTES - _size_of(own), self._known_size_of)
-        return self.sealed(PingBroadcast((own, *others), request_id=request_id), target)
-
-    def sealed(self, packet: Packet, target: NodeId = EVERYBODY) -> bytes:
-        """A datagram with this packet, signed by this node."""
-        return sign_datagram(self._own.key, self._own.me, self._own.next(), encode_packet(packet), target=target)
+        return encode_packet(PingBroadcast((own, *others), request_id=request_id))
 
     def _known_size_of(self, status: Status) -> int:
         """Statuses are passed on many times, and measured once."""
@@ -44,7 +39,7 @@ class Pages:
 _EMPTY_PING_BYTES = len(encode_packet(PingBroadcast(())))
 _HEADS_BYTES = 6
 """What the heads of a request id and of a longer array may add."""
-_PAGE_BYTES = DATAGRAM_BYTES_MAX - DATAGRAM_OVERHEAD_BYTES - _EMPTY_PING_BYTES - _HEADS_BYTES
+_PAGE_BYTES = PACKET_BYTES_MAX - _EMPTY_PING_BYTES - _HEADS_BYTES
 
 
 def _size_of(status: Status) -> int:

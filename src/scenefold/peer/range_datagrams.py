@@ -1,6 +1,6 @@
 """Range queries of other nodes in single datagrams, answered on UDP low (thesis C.4; specs/18-data.md, Ranges).
 
-For looking quickly whether anything lies in a small piece: a question and its answer are one signed packet each, with no
+For looking quickly whether anything lies in a small piece: a question and its answer are one packet each, with no
 connection. An answer that would not fit one is refused with reason 6, so that the asker halves its question. Whatever gets
 lost is asked again.
 """
@@ -14,16 +14,16 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
-from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import DATAGRAM_OVERHEAD_BYTES, ReplayWindow, StrangeVersion, parse_datagram, sign_datagram, verify_datagram
+from scenefold.crypto import SealingPublicKey
+from scenefold.peer.datagrams import PACKET_BYTES_MAX, SealedDatagrams
 from scenefold.peer.ranges import Ranges, range_rejection
 from scenefold.peer.registry import Registry
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import MalformedPacket, Packet, QueryRange, decode_packet, encode_packet
-from scenefold.world import Datagrams, Priority, QuietLog, World
+from scenefold.world import Priority, QuietLog, World
 
 ANSWER_LOCATIONS_MAX = 64
 """More than fit a datagram, so that an answer that was cut short never fits."""
@@ -31,7 +31,6 @@ QUESTIONS_MAX = 64
 """Questions that wait for their turn; beyond it they are dropped, as the network would do."""
 ANSWERERS = 4
 """Questions that are answered at a time."""
-PACKET_BYTES_MAX = DATAGRAM_BYTES_MAX - DATAGRAM_OVERHEAD_BYTES
 
 P = TypeVar("P", bound=Packet)
 
@@ -41,69 +40,54 @@ _log = logging.getLogger("scenefold.peer.ranges")
 class RangeDatagrams:
     """Answers on the low-priority UDP port of one node."""
 
-    def __init__(self, world: World, own: OwnStatus, registry: Callable[[], Registry], ranges: Ranges) -> None:
+    def __init__(self, world: World, own: OwnStatus, cluster_id: bytes, registry: Callable[[], Registry], ranges: Ranges) -> None:
         self._world = world
         self._own = own
         self._registry = registry
         self._ranges = ranges
-        self._datagrams: Datagrams | None = None
+        self._datagrams = SealedDatagrams(world, own.me, cluster_id, Priority.LOW, own.secrets.sealing, self._sealing_key_of, _log)
         self._entrance, self._questions = trio.open_memory_channel[tuple[NodeId, QueryRange]](QUESTIONS_MAX)
-        self._windows: dict[NodeId, tuple[bytes, ReplayWindow]] = {}
         self._quiet = QuietLog(_log)
-        self.dropped = 0
-        """Datagrams that did not verify, came twice, or found no room, since the start."""
+        self._dropped = 0
+
+    @property
+    def dropped(self) -> int:
+        """Datagrams that did not count, held no question, or found no room, since the start."""
+        return self._dropped + self._datagrams.dropped.total()
+
+    def _sealing_key_of(self, node: NodeId) -> SealingPublicKey | None:
+        # Unlike a status, a question costs a look at the disk, so only members may ask.
+        member = self._registry().current(node)
+        return None if member is None else member.sealing_key
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Serve until cancelled. Started once the port is open; LocalFault if it cannot be had."""
-        datagrams = self._datagrams = await self._world.network.open_datagrams(address_of(self._own.me), Priority.LOW)
+        await self._datagrams.open()
         try:
             async with trio.open_nursery() as nursery:
-                nursery.start_soon(self._listen, datagrams)
+                nursery.start_soon(self._listen)
                 for _ in range(ANSWERERS):
                     nursery.start_soon(self._answer_all)
                 task_status.started()
         finally:
-            self._datagrams = None
             with trio.CancelScope(shield=True):
-                await datagrams.aclose()
+                await self._datagrams.aclose()
 
-    async def _listen(self, datagrams: Datagrams) -> None:
+    async def _listen(self) -> None:
         while True:
-            data, source = await datagrams.receive()
+            sender, data = await self._datagrams.receive()
             try:
-                sender, packet = self._opened(data)
-            except (DamagedData, MalformedPacket) as problem:
-                self._drop(
-                    source.address, "version" if isinstance(problem, StrangeVersion) else "forged", f"a datagram is dropped: {problem}"
-                )
+                packet = decode_packet(data)
+            except MalformedPacket as problem:
+                self._drop(sender, "malformed", f"a datagram is dropped: {problem}")
                 continue
             if isinstance(packet, QueryRange):
                 try:
                     self._entrance.send_nowait((sender, packet))
                 except trio.WouldBlock:
-                    self._drop(source.address, "busy", "a range query is dropped: there are too many")
+                    self._drop(sender, "busy", "a range query is dropped: there are too many")
             else:
-                self._drop(source.address, "unexpected", f"a {type(packet).__name__} has no business here")
-
-    def _opened(self, data: bytes) -> tuple[NodeId, Packet]:
-        datagram = parse_datagram(data)
-        member = self._registry().current(datagram.sender)
-        # Unlike a status, a question costs a look at the disk, so each datagram counts once, and only if it is for us.
-        if member is None or datagram.sender == self._own.me or datagram.target != self._own.me:
-            raise DamagedData(f"it is from {address_of(datagram.sender)} for {address_of(datagram.target)}")
-        window = self._window(datagram.sender, member.incarnation)
-        if not window.is_fresh(datagram.counter):
-            raise DamagedData("it was there before")
-        payload = verify_datagram(datagram, member.key)
-        window.accept(datagram.counter)
-        return datagram.sender, decode_packet(payload)
-
-    def _window(self, sender: NodeId, incarnation: bytes) -> ReplayWindow:
-        """What was seen of a node. One that was wiped counts from the beginning, under another incarnation."""
-        known = self._windows.get(sender)
-        if known is None or known[0] != incarnation:
-            known = self._windows[sender] = incarnation, ReplayWindow()
-        return known[1]
+                self._drop(sender, "unexpected", f"a {type(packet).__name__} has no business here")
 
     async def _answer_all(self) -> None:
         while True:
@@ -120,17 +104,14 @@ class RangeDatagrams:
     # --------------------------------------------------------------------------------------------------- speaking
 
     async def _send(self, packet: Packet, target: NodeId) -> None:
-        assert self._datagrams is not None, "run comes first"
-        payload = encode_packet(self._stamped(packet))
-        data = sign_datagram(self._own.key, self._own.me, self._own.next(), payload, target=target)
-        await self._datagrams.send(data, address_of(target))
+        await self._datagrams.send(encode_packet(self._stamped(packet)), target)
 
     def _stamped(self, packet: Packet) -> Packet:
         return replace(packet, mini_status=self._own.mini())
 
-    def _drop(self, source: str, kind: str, text: str) -> None:
-        self.dropped += 1
-        self._quiet.say(self._world.clock.now(), source, kind, text)
+    def _drop(self, source: NodeId, kind: str, text: str) -> None:
+        self._dropped += 1
+        self._quiet.say(self._world.clock.now(), address_of(source), kind, text)
 
 
 def _with_id(packet: P, request_id: int) -> P:

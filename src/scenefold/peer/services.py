@@ -119,7 +119,7 @@ class PeerServices:
             enrolling.share_authority,
         )
         self._tables = Tables(world, gossip, roster, peers)
-        self._range_datagrams = RangeDatagrams(world, own, registry, data.ranges)
+        self._range_datagrams = RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges)
         self._is_seed = settings.address in seeds
         self.context = NodeContext(
             settings=settings,

@@ -130,7 +130,7 @@ class OwnStatus:
         self._lamport = max(self._lamport, lamport)
 
     def next(self) -> int:
-        """A number above all before, in this boot and earlier ones: for a status, or a datagram."""
+        """A number above all before, in this boot and earlier ones."""
         self._lamport += 1
         return self._lamport
 

@@ -13,19 +13,21 @@ from scenefold.base.location import Location
 from scenefold.crypto import (
     ED25519,
     RSA3072,
+    DatagramKey,
     PublicKey,
     Record,
     SealingKey,
     SigningKey,
+    head_of,
     open_record,
-    parse_datagram,
     seal_record,
-    sign_datagram,
-    verify_datagram,
     verify_record,
 )
+from scenefold.crypto.datagrams import derived
 
-VECTORS = json.loads((Path(__file__).resolve().parents[3] / "specs" / "vectors" / "records.json").read_text(encoding="utf-8"))
+FOLDER = Path(__file__).resolve().parents[3] / "specs" / "vectors"
+VECTORS = json.loads((FOLDER / "records.json").read_text(encoding="utf-8"))
+DATAGRAMS = json.loads((FOLDER / "datagrams.json").read_text(encoding="utf-8"))["datagrams"]
 
 
 @pytest.mark.parametrize("entry", VECTORS["records"], ids=lambda entry: entry["what"])
@@ -71,10 +73,16 @@ def test_sealings(entry: dict[str, Any]) -> None:
         assert key.public.seal(plaintext, purpose, context, lambda _: bytes.fromhex(entry["ephemeral"])) == sealed
 
 
-@pytest.mark.parametrize("entry", VECTORS["datagrams"], ids=lambda entry: entry["what"])
+@pytest.mark.parametrize("entry", DATAGRAMS, ids=lambda entry: entry["what"])
 def test_datagrams(entry: dict[str, Any]) -> None:
-    key = SigningKey.from_seed(bytes.fromhex(entry["seed"]))
-    payload = bytes.fromhex(entry["payload"])
-    data = sign_datagram(key, NodeId(entry["sender"]), entry["counter"], payload, target=NodeId(entry["target"]))
-    assert data.hex() == entry["bytes"]
-    assert verify_datagram(parse_datagram(data), key.public) == payload
+    ends = [SealingKey(bytes.fromhex(entry[f"{end}_seed"])) for end in ("sender", "target")]
+    assert [end.public.raw.hex() for end in ends] == [entry["sender_public"], entry["target_public"]]
+    secret = ends[0].agree(ends[1].public)
+    assert secret == ends[1].agree(ends[0].public) == bytes.fromhex(entry["secret"])
+    assert derived(secret, bytes.fromhex(entry["salt"]), bytes.fromhex(entry["info"])).hex() == entry["key"]
+    pair = NodeId(entry["sender"]), NodeId(entry["target"])
+    key = DatagramKey(secret, bytes.fromhex(entry["cluster_id"]), entry["port"], *pair, bytes.fromhex(entry["salt"]))
+    data = bytes.fromhex(entry["bytes"])
+    assert key.seal(entry["counter"], bytes.fromhex(entry["content"])) == data
+    assert head_of(data) == (*pair, bytes.fromhex(entry["salt"]), entry["counter"])
+    assert key.open(data).hex() == entry["content"]

@@ -9,10 +9,10 @@ import pytest
 import trio
 
 from scenefold.base.location import WHOLE_LINE, Location
-from scenefold.crypto import sign_datagram
-from scenefold.wire import Member, PingBroadcast, RemoveNode, encode_packet
+from scenefold.wire import Member, PingBroadcast, RemoveNode
 from unit.peer.test_gossip import signed
 from unit.peer.village import incarnation_of, node_at, village
+from unit.peer.voices import say
 
 
 async def test_who_knows_more_of_the_log_is_believed_once_we_know_as_much(autojump_clock: trio.testing.MockClock) -> None:
@@ -40,8 +40,7 @@ async def test_a_claim_that_came_too_early_does_not_outlive_a_later_word_of_the_
         true, other.own.arc = robbed.own.arc, None
         position = them.registry.position + 1
         early = signed(replace(robbed.own.signed(), left_fence=None, lamport=(1 << 32) + 5_000_000, log_position=position))
-        data = sign_datagram(robbed.own.key, robbed.own.me, 1, encode_packet(PingBroadcast((early,))))
-        them.ether.send(data, "127.0.0.3", "127.0.0.2")
+        await say(robbed, PingBroadcast((early,)), other.own.me)
         await trio.sleep(60)
         them.register(2)
         await trio.testing.wait_all_tasks_blocked()

@@ -7,21 +7,18 @@ from dataclasses import replace
 import pytest
 import trio
 
-from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.ids import address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import LAST, WHOLE_LINE, Location
-from scenefold.crypto import STATUS_DOMAIN, SigningKey, parse_datagram, sign_datagram, verify_datagram
+from scenefold.crypto import STATUS_DOMAIN, SealingKey, SigningKey
 from scenefold.peer.hearing import CLAIM_PATIENCE_S
 from scenefold.peer.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
 from scenefold.peer.status import arc_of_status
-from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status, decode_packet, encode_packet
-from unit.peer.village import FIRST, Village, incarnation_of, key_of, node_at, until, village
+from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status
+from unit.peer.village import Village, incarnation_of, key_of, node_at, until, village
+from unit.peer.voices import Voice, opened, say
 
 DROPPED = pytest.mark.expect_log("is dropped|has no business here")
-
-
-def opened(source: str, data: bytes) -> Packet:
-    return decode_packet(verify_datagram(parse_datagram(data), key_of(node_id_of(source)).public))
 
 
 async def test_nodes_find_each_other_at_once(autojump_clock: trio.testing.MockClock) -> None:
@@ -79,11 +76,11 @@ async def test_the_own_status_comes_first(autojump_clock: trio.testing.MockClock
         for index in range(4):
             await them.start(index)
         await trio.sleep(30)
-        for source, _target, data in them.ether.sent:
-            node, packet = node_id_of(source), opened(source, data)
+        for source, target, data in them.ether.sent:
+            node, packet = node_id_of(source), opened(source, target, data)
             if isinstance(packet, PingBroadcast):
                 assert packet.statuses[0].node == node
-            else:
+            elif packet is not None:
                 assert isinstance(packet, RequestState) and packet.mini_status is not None and packet.mini_status.node == node
 
 
@@ -96,7 +93,11 @@ async def test_a_changed_arc_is_told_at_once_but_not_as_a_throw_of_the_dice(auto
         them.of(1).own.arc = None
         with trio.fail_after(3.0):
             await until(lambda: them.of(0).roster.arcs()[node_at(1)] is None)
-        told = [opened(source, data) for source, target, data in them.ether.sent[before:] if (source, target) == ("127.0.0.3", "127.0.0.2")]
+        told = [
+            opened(source, target, data)
+            for source, target, data in them.ether.sent[before:]
+            if (source, target) == ("127.0.0.3", "127.0.0.2")
+        ]
         assert [packet.request_id for packet in told if isinstance(packet, PingBroadcast)] != []
         for changed in (arc, None) * 50:
             them.of(1).own.arc = changed
@@ -114,7 +115,9 @@ async def test_a_changed_fill_is_told_at_once_and_one_that_is_about_the_same_is_
 
         def fractions() -> set[float]:
             """What was told to one that asked for nothing."""
-            told = [opened(source, data) for source, target, data in them.ether.sent if (source, target) == ("127.0.0.3", "127.0.0.9")]
+            told = [
+                opened(source, target, data) for source, target, data in them.ether.sent if (source, target) == ("127.0.0.3", "127.0.0.9")
+            ]
             return {
                 packet.statuses[0].offline_fraction / 2**32
                 for packet in told
@@ -180,16 +183,11 @@ async def test_who_knows_more_of_the_log_is_noticed_before_it_is_known(autojump_
 async def test_an_old_datagram_does_not_depose_an_incarnation_after_a_restart(autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         old = them.of(1).own
-        before = sign_datagram(
-            old.key,
-            old.me,
-            1,
-            encode_packet(PingBroadcast((signed(replace(old.signed(), incarnation=b"o" * 16, lamport=9 << 32, boot=9)),))),
-        )
+        before = PingBroadcast((signed(replace(old.signed(), incarnation=b"o" * 16, lamport=9 << 32, boot=9)),))
         await them.start(0)
         await them.start(1)
         await them.of(0).gossip.everybody_heard()
-        them.ether.send(before, "127.0.0.3", "127.0.0.2")
+        await say(them.of(1), before, node_at(0))
         await trio.sleep(30)
         assert them.of(0).roster.incarnation(node_at(1)) == incarnation_of(1)
         status = them.of(0).roster.status(node_at(1))
@@ -203,62 +201,77 @@ def signed(status: Status, key: SigningKey | None = None) -> Status:
     return replace(status, signature=(key or key_of(status.node)).sign(STATUS_DOMAIN, status.signable()))
 
 
-def forgeries(village: Village) -> dict[str, bytes]:
-    """Datagrams for node 0 that must not change what it believes."""
-    friend, stranger = village.of(1), SigningKey.from_seed(b"?" * 32)
-    key, node = friend.own.key, friend.own.me
-    real = friend.own.signed()
-    news = replace(real, lamport=real.lamport + 1000)
-
-    def ping(status: Status, signer: SigningKey = key, sender: NodeId = node) -> bytes:
-        return sign_datagram(signer, sender, 1, encode_packet(PingBroadcast((status,))))
-
-    whole = ping(signed(real))
-    return {
-        "signed by a stranger": ping(signed(news, stranger), stranger),
-        "from a stranger": ping(signed(news, stranger), stranger, node_id_of("9.9.9.9")),
-        "from myself": ping(signed(news), key_of(FIRST), FIRST),
-        "passed on, but changed": ping(news),
-        "of another address": ping(signed(replace(news, address="10.0.0.1"))),
-        "of another boot": ping(signed(replace(news, boot=7))),
-        "truncated": whole[:-10],
-        "noise": b"\x00" * 200,
-        "empty": b"",
-        "no packet": sign_datagram(key, node, 1, b"\xc1"),
-        "another packet": sign_datagram(key, node, 1, encode_packet(RequestTable())),
-        "for another": sign_datagram(key, node, 1, encode_packet(RequestState()), target=NodeId(5)),
-    }
+FORGERIES = ["signed by a stranger", "passed on, but changed", "of another address", "of another boot", "no packet", "another packet"]
 
 
-@pytest.mark.parametrize("kind", ["signed by a stranger", "from a stranger", "from myself", "passed on, but changed", "of another address",
-                                  "of another boot", "truncated", "noise", "empty", "no packet", "another packet", "for another"])  # fmt: skip
+def forgery(village: Village, kind: str) -> Packet | bytes:
+    """What node 1 may tell node 0 that must not change what it believes."""
+    status = village.of(1).own.signed()
+    news = replace(status, lamport=status.lamport + 1000)
+    match kind:
+        case "signed by a stranger":
+            return PingBroadcast((signed(news, SigningKey.from_seed(b"?" * 32)),))
+        case "passed on, but changed":
+            return PingBroadcast((news,))
+        case "of another address":
+            return PingBroadcast((signed(replace(news, address="10.0.0.1")),))
+        case "of another boot":
+            return PingBroadcast((signed(replace(news, boot=7)),))
+        case "no packet":
+            return b"\xc1"
+        case _:
+            return RequestTable()
+
+
+@pytest.mark.parametrize("kind", FORGERIES)
 @DROPPED
 async def test_what_does_not_verify_changes_nothing(kind: str, autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         await them.start(0)
-        them.ether.send(forgeries(them)[kind], f"10.1.1.{len(kind)}", "127.0.0.2")
-        await trio.testing.wait_all_tasks_blocked()
+        await Voice(them, node_at(1)).say(forgery(them, kind), node_at(0))
         assert them.of(0).gossip.dropped == 1
         assert them.of(0).roster.unheard() == [node_at(1)]
 
 
+@pytest.mark.parametrize("kind", ["truncated", "noise", "empty", "for another", "from a stranger", "from myself", "under a stolen name"])
+@DROPPED
+async def test_what_does_not_open_is_no_datagram(kind: str, autojump_clock: trio.testing.MockClock) -> None:
+    async with village(2) as them:
+        await them.start(0)
+        news = PingBroadcast((them.of(1).own.signed(),))
+        data = Voice(them, node_at(1)).sealed(news, node_at(0))
+        forged = {
+            "truncated": data[:-10],
+            "noise": b"\x00" * 200,
+            "empty": b"",
+            "for another": Voice(them, node_at(1)).sealed(news, node_at(5)),
+            "from a stranger": Voice(them, node_id_of("9.9.9.9")).sealed(news, node_at(0)),
+            "from myself": Voice(them, node_at(0)).sealed(news, node_at(0)),
+            "under a stolen name": Voice(them, node_at(1), SealingKey(b"?" * 32)).sealed(news, node_at(0)),
+        }[kind]
+        sent = len(them.ether.sent)
+        them.ether.send(forged, f"10.1.1.{len(kind)}", "127.0.0.2")
+        await trio.testing.wait_all_tasks_blocked()
+        assert them.of(0).gossip.dropped == 1 and len(them.ether.sent) == sent + 1, "and it is not even answered"
+        assert them.of(0).roster.unheard() == [node_at(1)]
+
+
 @pytest.mark.expect_log(
-    "127.0.0.3: a datagram is dropped: (it is of version 2 of the protocol, this node takes version 1: let all nodes run|.* not ours)"
+    "127.0.0.3: a datagram is dropped: (it is of version 3, this node takes version 2: let all nodes run|.* none of ours)"
 )
 async def test_datagrams_of_a_later_version_are_dropped_counted_and_named_once(
     autojump_clock: trio.testing.MockClock, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with village(2) as them:
         await them.start(0)
-        own = them.of(1).own
-        whole = sign_datagram(own.key, own.me, 1, encode_packet(PingBroadcast((own.signed(),))))
+        whole = Voice(them, node_at(1)).sealed(PingBroadcast((them.of(1).own.signed(),)), node_at(0))
         for _ in range(5):
-            them.ether.send(b"SFD2" + whole[4:], "127.0.0.3", "127.0.0.2")
+            them.ether.send(b"SFD3" + whole[4:], "127.0.0.3", "127.0.0.2")
         them.ether.send(b"\x00" * 200, "127.0.0.3", "127.0.0.2")
         await trio.testing.wait_all_tasks_blocked()
         assert them.of(0).gossip.dropped == 6
-        assert sum("of version 2" in record.getMessage() for record in caplog.records) == 1
-        assert sum("not ours" in record.getMessage() for record in caplog.records) == 1, "one complaint hides no other"
+        assert sum("of version 3" in record.getMessage() for record in caplog.records) == 1
+        assert sum("none of ours" in record.getMessage() for record in caplog.records) == 1, "one complaint hides no other"
         assert them.of(0).roster.unheard() == [node_at(1)]
 
 
@@ -303,13 +316,12 @@ async def test_who_is_claimed_against_tells_all_where_its_arc_is(autojump_clock:
         await trio.sleep(120)
         victim, liar = them.of(0), them.of(1)
         claim = signed(replace(liar.own.signed(), left_fence=None))
-        data = sign_datagram(liar.own.key, liar.own.me, liar.own.next(), encode_packet(PingBroadcast((claim,), request_id=1)))
+        lie = PingBroadcast((claim,), request_id=1)
         third = them.of(2).roster
-        them.ether.send(data, "127.0.0.3", "127.0.0.4")
-        await trio.testing.wait_all_tasks_blocked()
+        await say(liar, lie, node_at(2))
         assert third.said_at(liar.own.me) > third.said_at(victim.own.me), "for a moment the liar has the last word"
         await trio.sleep(0.01)
-        them.ether.send(data, "127.0.0.3", "127.0.0.2")
+        await say(liar, lie, victim.own.me)
         with trio.fail_after(3.0):
             await until(lambda: third.said_at(victim.own.me) > third.said_at(liar.own.me))
 
@@ -323,9 +335,7 @@ async def test_who_hears_its_own_key_speak_has_the_last_word(autojump_clock: tri
         robbed, third = them.of(1), them.of(2).roster
         true = robbed.own.arc
         stolen = signed(replace(robbed.own.signed(), left_fence=None, lamport=(1 << 32) + 5_000_000))
-        data = sign_datagram(robbed.own.key, robbed.own.me, (1 << 32) + 6_000_000, encode_packet(PingBroadcast((stolen,))))
-        them.ether.send(data, "127.0.0.3", "127.0.0.4")
-        await trio.testing.wait_all_tasks_blocked()
+        await Voice(them, node_at(3)).say(PingBroadcast((them.of(3).own.signed(), stolen)), node_at(2))
         assert third.arcs()[robbed.own.me] != true
         with trio.fail_after(120.0):
             await until(lambda: third.arcs()[robbed.own.me] == true)
@@ -337,13 +347,12 @@ async def test_a_repeated_status_is_no_sign_of_life(autojump_clock: trio.testing
     async with village(2) as them:
         await them.start(0)
         friend, roster = them.of(1), them.of(0).roster
-        old = sign_datagram(friend.own.key, friend.own.me, 1, encode_packet(PingBroadcast((friend.own.signed(),))))
-        them.ether.send(old, "127.0.0.3", "127.0.0.2")
-        await trio.testing.wait_all_tasks_blocked()
+        voice, old = Voice(them, friend.own.me), PingBroadcast((friend.own.signed(),))
+        await voice.say(old, node_at(0))
         assert roster.is_believed_alive(friend.own.me)
         with trio.fail_after(600):
             while roster.is_believed_alive(friend.own.me):
-                them.ether.send(old, "127.0.0.3", "127.0.0.2")
+                await voice.say(old, node_at(0))
                 await trio.sleep(1.0)
         assert them.of(0).gossip.dropped == 0
 
@@ -352,21 +361,21 @@ async def test_a_repeated_question_is_no_flood_of_answers(autojump_clock: trio.t
     async with village(2) as them:
         await them.start(0)
         friend = them.of(1)
-        question = sign_datagram(friend.own.key, friend.own.me, 1, encode_packet(RequestState(request_id=1)))
-        await trio.testing.wait_all_tasks_blocked()
+        voice, question = Voice(them, friend.own.me), RequestState(request_id=1)
+        await voice.say(PingBroadcast((friend.own.signed(),)), node_at(0))
+        await trio.sleep(1.0)
 
         def answers(since: int) -> int:
-            return sum(source == "127.0.0.2" and len(data) > 2 * len(question) for source, _target, data in them.ether.sent[since:])
+            told = (opened(source, target, data) for source, target, data in them.ether.sent[since:] if source == "127.0.0.2")
+            return sum(isinstance(packet, PingBroadcast) and packet.request_id == 1 for packet in told)
 
         before = len(them.ether.sent)
         for _ in range(200):
-            them.ether.send(question, "127.0.0.3", "127.0.0.2")
-            await trio.testing.wait_all_tasks_blocked()
+            await voice.say(question, node_at(0))
         assert answers(before) == 1
         await trio.sleep(1.0)
         before = len(them.ether.sent)
-        them.ether.send(question, "127.0.0.3", "127.0.0.2")
-        await trio.testing.wait_all_tasks_blocked()
+        await voice.say(question, node_at(0))
         assert answers(before) >= 1
 
 
@@ -386,10 +395,10 @@ async def test_knocking_at_many_doors_is_no_flood(autojump_clock: trio.testing.M
     async with village(200) as them:
         await them.start(0)
         await trio.sleep(60)
-        knocks = sum(isinstance(opened(source, data), RequestState) for source, _target, data in them.ether.sent)
+        knocks = sum(isinstance(opened(source, target, data), RequestState) for source, target, data in them.ether.sent)
         rounds = KNOCK_OTHERS_S / KNOCK_S_MAX + 8
         assert knocks <= (1 + KNOCK_FEW) * rounds * (1 + 60 / KNOCK_OTHERS_S), "a few at a time, others every ten seconds"
-        asked = {target for _source, target, data in them.ether.sent if isinstance(opened(_source, data), RequestState)}
+        asked = {target for source, target, data in them.ether.sent if isinstance(opened(source, target, data), RequestState)}
         assert len(asked) > 2 * KNOCK_FEW, "and not always the same ones, should they be dead"
 
 
@@ -398,7 +407,7 @@ async def test_a_whole_cluster_that_starts_asks_each_other_only_so_often(autojum
         for index in range(60):
             await them.start(index)
         await trio.sleep(4)
-        packets = [opened(source, data) for source, _target, data in them.ether.sent]
+        packets = [opened(source, target, data) for source, target, data in them.ether.sent]
         asked = sum(isinstance(packet, RequestState) for packet in packets)
         # Nobody had a table: each node asks seeds, voter and a few others, and may be asked back by each.
         assert asked <= 60 * 4 * (KNOCK_FEW + 3), "nobody asks everybody"
@@ -414,7 +423,7 @@ async def test_a_newcomer_to_many_tells_of_itself_and_is_not_asked_by_all(autoju
         them.ether.sent.clear()
         them.register(39)
         await trio.sleep(2.5)
-        asked = [target for source, target, data in them.ether.sent if isinstance(opened(source, data), RequestState)]
+        asked = [target for source, target, data in them.ether.sent if isinstance(opened(source, target, data), RequestState)]
         assert asked.count(address_of(node_at(39))) <= 1, "it has spoken to everybody before anybody got impatient"
         await trio.sleep(1.0)
         assert not any(them.of(index).roster.unheard() for index in range(39))

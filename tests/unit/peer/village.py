@@ -101,7 +101,7 @@ def a_world(ether: Ether, random: Random) -> World:
         return Box(ether, address)
 
     network = SimpleNamespace(open_datagrams=open_datagrams)
-    entropy = SimpleNamespace(uniform=random.random)
+    entropy = SimpleNamespace(uniform=random.random, token=random.randbytes)
     return World(TrioClock(), cast(Any, entropy), cast(Any, InlineWorkers()), cast(Any, network), cast(Any, None))
 
 

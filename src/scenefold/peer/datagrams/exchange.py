@@ -1,0 +1,105 @@
+"""Sealing and judging the datagrams of one node at one port, without a network (specs/03-wire.md, Datagrams).
+
+Whom the cluster does not know has no key, so nothing of it is opened; of a known node nothing counts before it has opened, and
+nothing twice. Who is known is asked each time: a key that was revoked a moment ago counts no longer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.limits import DATAGRAM_BYTES_MAX, NODES_MAX
+from scenefold.crypto import SALT_BYTES, DatagramKey, SealingKey, SealingPublicKey, StrangeVersion, head_of
+from scenefold.peer.datagrams.contents import PACKET_BYTES_MAX
+from scenefold.peer.datagrams.pairing import Drop, Pairing, Taken
+
+PAIRINGS_MAX = 2 * NODES_MAX
+"""Beyond it, pairings with nodes that are known no longer are forgotten; there are never more than NODES_MAX members."""
+
+KeyOf = Callable[[NodeId], SealingPublicKey | None]
+"""The key that is sealed to of a node that may send datagrams and get some; None: it may not."""
+
+
+class Exchange:
+    """The datagrams of this life of a node at one port. `token` draws random bytes."""
+
+    def __init__(self, me: NodeId, cluster_id: bytes, port: int, key: SealingKey, key_of: KeyOf, token: Callable[[int], bytes]) -> None:
+        self._me = me
+        self._cluster_id = cluster_id
+        self._port = port
+        self._key = key
+        self._key_of = key_of
+        self._token = token
+        self._salt = token(SALT_BYTES)
+        self._pairings: dict[NodeId, tuple[SealingPublicKey, Pairing | None]] = {}
+        self._first_counter = 0
+        """Pairings that were forgotten may have counted so far, and come back."""
+
+    def seal(self, target: NodeId, packet: bytes) -> bytes | None:
+        """The datagram that carries a packet; None if the target may get none."""
+        assert len(packet) <= PACKET_BYTES_MAX, f"a packet of {len(packet)} bytes"
+        pairing = self._pairing(target)
+        return None if pairing is None else pairing.seal(packet)
+
+    def take(self, data: bytes, now: float) -> tuple[NodeId | None, Taken]:
+        """Who sent a datagram, and what comes of it; None if that is nobody we know."""
+        if len(data) > DATAGRAM_BYTES_MAX:
+            return None, Taken().drop(Drop.FOREIGN, f"it is too long, {len(data)} bytes")
+        try:
+            head = head_of(data)
+        except DamagedData as problem:
+            return None, Taken().drop(Drop.VERSION if isinstance(problem, StrangeVersion) else Drop.FOREIGN, str(problem))
+        if head.target != self._me:
+            return None, Taken().drop(Drop.MISDIRECTED, f"it is for {address_of(head.target)}")
+        pairing = None if head.sender == self._me else self._pairing(head.sender)
+        if pairing is None:
+            return None, Taken().drop(Drop.STRANGER, f"it is from {address_of(head.sender)}")
+        return head.sender, pairing.take(head, data, now)
+
+    def unmet(self, nodes: Iterable[NodeId]) -> list[tuple[NodeId, SealingPublicKey]]:
+        """Those of the nodes that a secret must be agreed on with first, which takes 40 microseconds each."""
+        found = ((node, self._key_of(node)) for node in nodes)
+        return [(node, key) for node, key in found if key is not None and self._pairings.get(node, (None,))[0] != key]
+
+    def agree(self, keys: Sequence[SealingPublicKey]) -> list[bytes | None]:
+        """The secrets with these keys, for `meet`. Pure, so that a worker can do it."""
+        return [self._agreed(key) for key in keys]
+
+    def meet(self, node: NodeId, key: SealingPublicKey, secret: bytes | None) -> None:
+        """Begin with a node; `secret` None: its key agrees on none, and nothing is exchanged with it."""
+        if self._pairings.get(node, (None,))[0] == key:
+            return
+        self._forget(node)
+        if len(self._pairings) >= PAIRINGS_MAX:
+            for other in [other for other, (known, _) in self._pairings.items() if self._key_of(other) != known]:
+                self._forget(other)
+        pairing = None
+        if secret is not None:
+            outgoing = DatagramKey(secret, self._cluster_id, self._port, self._me, node, self._salt)
+            incoming = partial(DatagramKey, secret, self._cluster_id, self._port, node, self._me)
+            pairing = Pairing(outgoing, incoming, self._token, self._first_counter)
+        self._pairings[node] = key, pairing
+
+    def _pairing(self, node: NodeId) -> Pairing | None:
+        key = self._key_of(node)
+        if key is None:
+            return None
+        known = self._pairings.get(node)
+        if known is None or known[0] != key:
+            self.meet(node, key, self._agreed(key))
+            known = self._pairings[node]
+        return known[1]
+
+    def _agreed(self, key: SealingPublicKey) -> bytes | None:
+        try:
+            return self._key.agree(key)
+        except DamagedData:
+            return None
+
+    def _forget(self, node: NodeId) -> None:
+        _, pairing = self._pairings.pop(node, (None, None))
+        if pairing is not None:
+            self._first_counter = max(self._first_counter, pairing.counter)
