@@ -55,6 +55,7 @@ from scenefold.crypto.records import (
     verify_records,
 )
 from scenefold.crypto.sealing_keys import AUTHORITY_PURPOSE, LOCKBOX_PURPOSE, SealingKey, SealingPublicKey
+from scenefold.crypto.secret_folder import SecretFolder, refuse_to_ask
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES, SUITES, Suite, UnknownSuite, suite_named, suite_of
 from scenefold.crypto.tls import client_context, newcomer_context, peer_certificate, peer_key, peer_name, renew, server_context
@@ -107,6 +108,7 @@ __all__ = [
     "ReplayWindow",
     "SealingKey",
     "SealingPublicKey",
+    "SecretFolder",
     "SigningKey",
     "StrangeVersion",
     "Suite",
