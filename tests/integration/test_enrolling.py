@@ -136,3 +136,44 @@ def test_a_mistyped_token_is_told_so(profile: str, tmp_path: Path, spoil: Any, c
     token = token_for(profile, "--user", f"user{time.monotonic_ns()}")
     done = scenectl("cluster", "join", spoil(token), profile=tmp_path / "mine")
     assert done.code == code and "token" in done.error, done.err
+
+
+def test_a_revoked_user_is_shown_out_and_told_why(profile: str, tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    assert scenectl("cluster", "join", token_for(profile, "--user", "dora"), profile=mine).code == 0
+    with running("cluster", "top", "--json", profile=mine) as (process, first):
+        assert all(node["alive"] for node in first["nodes"])
+        assert scenectl("cluster", "revoke", "user:dora", profile=profile).code == 0
+        assert process.stdout is not None
+        # Its connections end, and no node answers it any more.
+        for line in process.stdout:
+            if not any(node["alive"] for node in json.loads(line)["nodes"]):
+                break
+    asked = scenectl("cluster", "users", profile=mine)
+    assert asked.code == 4 and "the key of user:dora is revoked" in asked.error
+    listed = scenectl("cluster", "users", "--json", profile=profile).json
+    assert "user:dora" in listed["revoked"] and "dora" not in [user["name"] for user in listed["users"]]
+    # The name may be given again; the old keys stay revoked.
+    again = tmp_path / "again"
+    assert scenectl("cluster", "join", token_for(profile, "--user", "dora"), profile=again).code == 0
+    assert scenectl("cluster", "users", profile=again).code == 0
+    assert scenectl("cluster", "users", profile=mine).code == 4
+    last = scenectl("cluster", "revoke", "user:owner", profile=profile)
+    assert last.code == 4 and "only administrator" in last.error
+
+
+def test_a_revoked_node_leaves_at_once_and_its_address_may_come_back_under_new_keys(profile: str, tmp_path: Path) -> None:
+    with joining(token_for(profile, "--node"), tmp_path / "node", tmp_path / "data", "--address", LATER, "--capacity", "4096") as process:
+        events(process, "member")
+        assert scenectl("cluster", "revoke", f"node:{LATER}", profile=profile).code == 0
+        assert process.stderr is not None
+        _, err = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 1 and b"the key of this node was revoked" in err
+    assert LATER not in [node["address"] for node in scenectl("cluster", "nodes", "--json", profile=profile).json["nodes"]]
+    started = scenectl("node", "run", "--address", LATER, "--data", str(tmp_path / "data"), "--seed-wait", "8", profile=tmp_path / "node")
+    assert started.code != 0 and "revoked" in started.err
+    token = token_for(profile, "--address", LATER)
+    with joining(token, tmp_path / "again", tmp_path / "fresh", "--address", LATER, "--capacity", "4096") as process:
+        assert events(process, "member")["members"] == 3
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=LIMIT_S)

@@ -114,7 +114,7 @@ def judge_form(data: bytes, signature: bytes, registry: Registry, facts: Cluster
         return ToIssue(form.name, (), form.tls_key, keys, form.invitation)
     if form.address != node:
         raise Refused(RejectReason.ILL_FORMED, f"{form.name} cannot be at {address_of(form.address)}")
-    if facts.credential(node) is not None:
+    if _is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
     if (keys.signing.suite, keys.sealing.suite) != (_SUITE_OF_NODES, _SUITE_OF_NODES):
         raise Refused(RejectReason.ILL_FORMED, "a node's keys are of suite 1")
@@ -138,7 +138,7 @@ def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFac
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
     if isinstance(entry, Enrol):
         node = node_named(card.name)
-        if _owner(card.name, facts) is not None or (node is not None and facts.credential(node) is not None):
+        if _owner(card.name, facts) is not None or (node is not None and _is_original(node, registry, facts)):
             raise _forbidden(f"{card.name} was not enrolled, it was there from the start")
         return
     if _keys_of(card.name, registry, facts) != (card.keys.signing, card.keys.sealing):
@@ -211,7 +211,7 @@ def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFact
         raise _forbidden("an invitation names who gave it")
     if node is None and card_of(entry.name, registry, facts) is not None:
         raise _forbidden(f"{entry.name} is a member already", "choose another name")
-    if node is not None and facts.credential(node) is not None:
+    if node is not None and _is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
 
 
@@ -237,6 +237,12 @@ def _keys_of(name: str, registry: Registry, facts: ClusterFacts) -> tuple[object
         return None if known is None else (known.public_key, known.sealing_key)
     card = card_of(name, registry, facts)
     return None if card is None else (card.keys.signing, card.keys.sealing)
+
+
+def _is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:
+    """Whether a node has keys that count since the cluster was made: those are given no others."""
+    known = facts.credential(node)
+    return known is not None and not registry.is_revoked(node, known.public_key.key_id)
 
 
 def _owner(name: str, facts: ClusterFacts) -> Card | None:

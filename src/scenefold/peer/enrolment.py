@@ -103,6 +103,8 @@ class Enrolment:
         """Become a member, and look after that, until cancelled. IdentityRenewed or LocalFault end the node."""
         while True:
             registry = self._cluster_log.registry
+            if self._lease.revoked.is_set() or registry.is_barred(self._own.me):
+                raise self._revoked()
             match next_step(registry, self._own.member, is_rolled_back=self._lease.rolled_back.is_set()):
                 case Step.WAIT:
                     await self._cluster_log.changed_after(registry.position)
@@ -126,8 +128,8 @@ class Enrolment:
                     )
 
     async def _until_concerned(self, registry: Registry) -> None:
-        """Wait for the next record, or for the word of the voter that this disk is an old one."""
-        await first_of(self._lease.rolled_back.wait, partial(self._cluster_log.changed_after, registry.position))
+        """Wait for the next record, or for the word of the voter that this disk is an old one, or our key revoked."""
+        await first_of(self._lease.rolled_back.wait, self._lease.revoked.wait, partial(self._cluster_log.changed_after, registry.position))
 
     async def _renew(self, registry: Registry) -> None:
         removal = registry.removal(self._own.incarnation)
@@ -150,8 +152,18 @@ class Enrolment:
         try:
             await way()
         except (Refused, Unreachable, PeerFault) as problem:
+            if isinstance(problem, Refused) and problem.reason is RejectReason.KEY_REVOKED:
+                raise self._revoked() from problem
             self._say(problem)
             await self._world.clock.sleep(ENROL_RETRY_S)
+
+    def _revoked(self) -> LocalFault:
+        address = address_of(self._own.me)
+        return LocalFault(
+            "the key of this node was revoked: it is no part of the cluster any more",
+            where=address,
+            remedy=f"to take it in again, under new keys: scenectl cluster invite --address {address}",
+        )
 
     def _say(self, problem: ScenefoldError) -> None:
         waiting = isinstance(problem, Refused) and problem.reason is RejectReason.BUSY

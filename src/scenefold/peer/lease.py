@@ -39,6 +39,8 @@ class OwnerLease:
         self._quiet = QuietLog(_log)
         self.rolled_back = trio.Event()
         """Set once the voter has said that it granted this incarnation a life that our disk does not know."""
+        self.revoked = trio.Event()
+        """Set once the voter has said that the key of this node counts no longer."""
 
     def holds(self) -> bool:
         """Whether this node may speak for its arc at this moment."""
@@ -89,6 +91,9 @@ class OwnerLease:
         except Refused as refusal:
             if refusal.reason is RejectReason.WRONG_INCARNATION:
                 await self._no_longer(refusal)
+            elif refusal.reason is RejectReason.KEY_REVOKED:
+                self._until = -math.inf
+                self.revoked.set()
             else:
                 self._complain(f"the voter grants no lease: {refusal}")
         except (Unreachable, PeerFault) as problem:

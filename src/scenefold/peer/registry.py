@@ -140,7 +140,9 @@ class Registry:
         return (node, key) in self._revoked
 
     def is_barred(self, node: NodeId) -> bool:
-        """Whether a node's key was revoked and it is no member under another one: nobody talks to it."""
+        """Whether a node's key was revoked and it has no other one that counts: nobody talks to it."""
+        if self.roll.card_of(f"node:{node}") is not None:
+            return False
         known = self._registered.get(node)
         if known is not None:
             return self.is_revoked(node, known.key.key_id)
