@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 from scenectl.output import table
 
 if TYPE_CHECKING:
-    from scenefold.curve import Curve, Rate, Work
+    from scenefold.base.measuring import Rate, Work
+    from scenefold.curve import Curve
 
 DIMENSIONS = (2, 3, 4)
 NUMPY_BITS_MAX = 64
@@ -39,7 +40,8 @@ class CurveBench:
 
 def bench_curve(bench: CurveBench) -> dict[str, Any]:
     """Measure and return the report (docs/reference/scenectl.md)."""
-    from scenefold.curve import Curve, curve_works, measure_in_turns
+    from scenefold.base.measuring import measure_in_turns
+    from scenefold.curve import Curve, curve_works
 
     missing: list[str] = []
     results: list[dict[str, Any]] = []
@@ -114,7 +116,8 @@ def _rivals(curve: Curve, points: int, missing: list[str]) -> dict[str, tuple[in
 def _numpy_works(curve: Curve, points: int) -> tuple[int, list[Work]]:
     import numpy as np
 
-    from scenefold.curve import Work, random_cells
+    from scenefold.base.measuring import Work
+    from scenefold.curve import random_cells
 
     rival = importlib.import_module("hilbert")
     bits = NUMPY_BITS_MAX // curve.dimensions
@@ -128,7 +131,8 @@ def _numpy_works(curve: Curve, points: int) -> tuple[int, list[Work]]:
 
 
 def _python_works(curve: Curve, points: int) -> tuple[int, list[Work]]:
-    from scenefold.curve import Work, random_cells
+    from scenefold.base.measuring import Work
+    from scenefold.curve import random_cells
 
     rival = importlib.import_module("hilbertcurve.hilbertcurve").HilbertCurve(curve.cell_bits, curve.dimensions)
     count = max(points // _PYTHON_SHARE, 64)

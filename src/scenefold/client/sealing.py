@@ -26,10 +26,11 @@ from scenefold.crypto import (
     RecordHeader,
     RecordPlace,
     SigningKey,
+    check_claim,
+    check_signature,
     open_record,
     seal_records,
     signed_place,
-    verify_record,
 )
 from scenefold.crypto.record_header import TAG_BYTES
 from scenefold.scene.log import FOR_EVER, EpochKeys
@@ -249,27 +250,31 @@ def _content_position(identity: SceneIdentity, draft: Draft) -> int:
 
 
 def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id: bytes, found: RecordBytes) -> Opened:
-    where = f"scene {identity.scene:08x}, space {space}, {location.hex()}"
     record = Record(found.header, found.signature, found.ciphertext)
     try:
-        claimed = record.header
-        if claimed.genesis != identity.genesis:
+        header = record.header
+        if header.genesis != identity.genesis:
             raise DamagedData("a node answered with the record of another scene")
-        writer = identity.writers.get(claimed.writer)
-        if writer is None or not writer.may_write_at(claimed.epoch):
-            when = "" if writer is None else f" at position {claimed.epoch}"
-            raise _newer(f"a record by key {claimed.writer:08x}, which is no writer of the scene{when}", claimed.epoch)
+        writer = identity.writers.get(header.writer)
+        if writer is None or not writer.may_write_at(header.epoch):
+            when = "" if writer is None else f" at position {header.epoch}"
+            raise _newer(f"a record by key {header.writer:08x}, which is no writer of the scene{when}", header.epoch)
         # A node-managed record may lie anywhere; that it is this object is what its writer signed.
         place = signed_place(object_id) if object_id else location
-        header = verify_record(record, writer.key, RecordPlace(identity.scene, space, place))
+        check_claim(record, header, writer.key, RecordPlace(identity.scene, space, place))
+        check_signature(record, header, writer.key)
         if header.placement != (PLACED_BY_NODE if object_id else PLACED_BY_CLIENT):
             raise DamagedData("a node answered with a record of another kind of space")
         key = identity.keys.get(header.key_epoch)
         if key is None:
             raise _newer(f"the record is sealed under key epoch {header.key_epoch} of the scene", header.epoch, header.key_epoch)
-        return Opened(open_record(record, key), header.seq, header.digest, header.content_position, header.key_epoch)
+        return Opened(open_record(record, key, header), header.seq, header.digest, header.content_position, header.key_epoch)
     except NewerThanKnown as error:
-        error.where = where
+        error.where = _where(identity, space, location)
         raise
     except DamagedData as error:
-        raise DamagedData(error.what, where=where, remedy=error.remedy) from error
+        raise DamagedData(error.what, where=_where(identity, space, location), remedy=error.remedy) from error
+
+
+def _where(identity: SceneIdentity, space: SpaceId, location: Location) -> str:
+    return f"scene {identity.scene:08x}, space {space}, {location.hex()}"

@@ -52,7 +52,7 @@ def key_id_of(raw: bytes) -> KeyId:
 def signed_bytes(domain: bytes, message: bytes) -> bytes:
     """What is really signed: no message of one domain is one of another."""
     assert 0 < len(domain) < 256
-    return b"".join((bytes((len(domain),)), domain, message))
+    return b"%c%b%b" % (len(domain), domain, message)
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,9 +198,12 @@ def _complaint(record: Record, public_key: PublicKey, place: RecordPlace | None)
     return None
 
 
-def open_record(record: Record, symmetric_key: bytes) -> bytes:
-    """The payload. DamagedData if this key did not seal this record. Says nothing of the writer: verify first."""
-    header = record.header
+def open_record(record: Record, symmetric_key: bytes, header: RecordHeader | None = None) -> bytes:
+    """The payload. DamagedData if this key did not seal this record. Says nothing of the writer: verify first.
+
+    `header`: the record's own, where it is decoded already.
+    """
+    header = record.header if header is None else header
     try:
         return _cipher(symmetric_key).decrypt(header.nonce, record.ciphertext, record.header_bytes[:ASSOCIATED_BYTES])
     except InvalidTag:

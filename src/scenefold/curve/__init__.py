@@ -12,17 +12,14 @@ from scenefold.curve.curves import Curve, CurveFault, CurveKind
 
 if TYPE_CHECKING:
     from scenefold.curve.lattice import Lattice
-    from scenefold.curve.measure import Rate, Work, curve_works, measure_in_turns, random_cells
+    from scenefold.curve.measure import curve_works, random_cells
 
 __all__ = [
     "Curve",
     "CurveFault",
     "CurveKind",
     "Lattice",
-    "Rate",
-    "Work",
     "curve_works",
-    "measure_in_turns",
     "random_cells",
 ]
 
@@ -32,7 +29,7 @@ def __getattr__(name: str) -> Any:
         from scenefold.curve.lattice import Lattice
 
         return Lattice
-    if name in {"Rate", "Work", "curve_works", "measure_in_turns", "random_cells"}:
+    if name in {"curve_works", "random_cells"}:
         from scenefold.curve import measure
 
         return getattr(measure, name)

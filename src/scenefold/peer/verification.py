@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import NamedTuple, TypeVar
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, SceneId, SpaceId
@@ -37,8 +37,6 @@ from scenefold.store import Put
 from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
 
 Item = TypeVar("Item", PutItem, HandItem)
-Result = TypeVar("Result")
-Arguments = ParamSpec("Arguments")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +66,10 @@ class KnownScene:
         key = self.keys.get(header.writer)
         if key is None or not entries:
             raise Refused(RejectReason.NOT_AUTHORISED, f"key {header.writer:08x} is no writer of the scene")
-        if not any(entry.from_position <= header.epoch <= entry.until_position for entry in entries):
-            raise Refused(RejectReason.KEY_REVOKED, f"key {header.writer:08x} may not write at position {header.epoch}")
-        return key
+        for entry in entries:
+            if entry.from_position <= header.epoch <= entry.until_position:
+                return key
+        raise Refused(RejectReason.KEY_REVOKED, f"key {header.writer:08x} may not write at position {header.epoch}")
 
 
 class Claim(NamedTuple):
@@ -184,12 +183,16 @@ def verify_copies(claims: Sequence[tuple[HandItem, KnownScene]]) -> list[Put | R
 def _verdicts(claimed: Callable[[Item, KnownScene], Claim], claims: Sequence[tuple[Item, KnownScene]]) -> list[Put | Refused]:
     # First all that Python does, then all that the library does: in turns, each would drive the other's code and data out of
     # the processor's caches, which costs a tenth (docs/benchmarks.md, Sealing).
-    judged = [_verdict(claimed, item, scene) for item, scene in claims]
-    return [claim if isinstance(claim, Refused) else _verdict(_signed, claim) for claim in judged]
-
-
-def _verdict(judge: Callable[Arguments, Result], *arguments: Arguments.args, **named: Arguments.kwargs) -> Result | Refused:
-    try:
-        return judge(*arguments, **named)
-    except Refused as refusal:
-        return refusal
+    judged: list[Claim | Refused] = []
+    for item, scene in claims:
+        try:
+            judged.append(claimed(item, scene))
+        except Refused as refusal:
+            judged.append(refusal)
+    verdicts: list[Put | Refused] = []
+    for claim in judged:
+        try:
+            verdicts.append(claim if isinstance(claim, Refused) else _signed(claim))
+        except Refused as refusal:
+            verdicts.append(refusal)
+    return verdicts

@@ -44,6 +44,7 @@ VERBS = [
     "key import",
     "render still",
     "bench curve",
+    "bench seal",
     "bench store",
     "bench render",
     "demo",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 
-from scenefold.curve import Curve, Rate, Work, curve_works, measure_in_turns
+from scenefold.base.measuring import Rate, Work, measure_in_turns
+from scenefold.curve import Curve, curve_works
 
 
 def test_rates_are_work_by_the_clock() -> None:
