@@ -22,7 +22,7 @@ def status_text(found: ClusterStatus) -> str:
         (
             node.address,
             "alive" if node.alive else "missing",
-            node.role,
+            role_text(node),
             arc_text(node.arc),
             f"{node.share:.1%}",
             UNKNOWN if node.report is None else size_text(node.report.used_bytes),
@@ -50,7 +50,7 @@ def _node_row(node: NodeState) -> Sequence[object]:
     return (
         node.address,
         document["id"],
-        node.role,
+        role_text(node),
         arc_text(node.arc),
         f"{node.share:.1%}",
         UNKNOWN if report is None else size_text(report.used_bytes),
@@ -60,6 +60,11 @@ def _node_row(node: NodeState) -> Sequence[object]:
         document["incarnation"][:INCARNATION_DIGITS],
         UNKNOWN if report is None else report.boot,
     )
+
+
+def role_text(node: NodeState) -> str:
+    """What the node is, and whether it is trusted with the authority's key."""
+    return f"{node.role}, trusted" if node.report is not None and node.report.trusted else node.role
 
 
 def _blacklists(found: ClusterStatus) -> Sequence[str]:

@@ -177,3 +177,25 @@ def test_a_revoked_node_leaves_at_once_and_its_address_may_come_back_under_new_k
         assert events(process, "member")["members"] == 3
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=LIMIT_S)
+
+
+def test_a_trusted_node_enrols_without_the_one_that_was_trusted_first(
+    profile: str, local: tuple[str, dict[str, int]], tmp_path: Path
+) -> None:
+    # Who administers need not have the authority's key: then a trusted node seals it to the next one.
+    office = Path(shutil.copytree(profile, tmp_path / "office"))
+    (office / "authority" / "key.pem").unlink()
+    trusted = scenectl("cluster", "trust", FOUNDERS[1], profile=office)
+    assert trusted.code == 0, trusted.err
+    roles = {node["address"]: node["trusted"] for node in scenectl("cluster", "nodes", "--json", profile=profile).json["nodes"]}
+    assert roles[FOUNDERS[0]] and roles[FOUNDERS[1]]
+    assert "voter, trusted" in scenectl("cluster", "status", profile=profile).out.decode()
+    # From now on the first one may lose its trust, and the key that was sealed to it serves for nothing.
+    withdrawn = scenectl("cluster", "trust", FOUNDERS[0], "--withdraw", profile=profile)
+    assert withdrawn.code == 0, withdrawn.err
+    assert scenectl("cluster", "join", token_for(profile, "--user", "fred"), profile=tmp_path / "fred").code == 0
+    last = scenectl("cluster", "trust", FOUNDERS[1], "--withdraw", profile=profile)
+    assert last.code == 4 and "only trusted node" in last.error
+    assert scenectl("cluster", "trust", FOUNDERS[0], profile=profile).code == 0
+    storing = scenectl("cluster", "trust", "127.0.0.99", profile=profile)
+    assert storing.code == 1 and "no node of this cluster" in storing.error

@@ -86,6 +86,7 @@ class NodeState:
             "id": int(node_id_of(self.address)),
             "alive": self.alive,
             "role": self.role,
+            "trusted": None if report is None else report.trusted,
             "arc": None if self.arc is None else {"first": self.arc.first.hex(), "last": self.arc.last.hex()},
             "right_bound": None if self.arc is None else self.arc.last.hex(),
             "share": self.share,

@@ -66,7 +66,10 @@ class Membership:
         answer = await self._calls.ask_any(RequestRoll(name=name), RespondRoll, first=self._profile.voters[0])
         if not answer.cards and name.startswith("node:"):
             # It was there from the start, so the log has no card of it: it shows its own.
-            answer = await self._calls.ask(address_of(NodeId(int(name[5:]))), RequestRoll(name=name), RespondRoll, priority=Priority.HIGH)
+            address = address_of(NodeId(int(name[5:])))
+            if NodeId(int(name[5:])) not in [status.node for status in (await self._calls.refresh(self._profile.voters[0])).statuses]:
+                raise LocalFault("no node of this cluster has this address", where=address, remedy="see `scenectl cluster nodes`")
+            answer = await self._calls.ask(address, RequestRoll(name=name), RespondRoll, priority=Priority.HIGH)
         if not answer.cards:
             raise LocalFault(f"{name} is no member of {self._profile.name}", where=name, remedy="see `scenectl cluster users`")
         return self._believed(answer.cards[0], name)

@@ -56,6 +56,8 @@ class NodeReport:
     seconds_up: float
     role: str
     """voter, member, joining or draining."""
+    trusted: bool
+    """With the authority's key: it may enrol newcomers."""
     lease_s: float
     """For how long it may still speak for its arc; 0: it may not."""
     log_position: int
@@ -124,6 +126,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             boot=int(found["boot"]),
             seconds_up=float(found["seconds_up"]),
             role=str(found["role"]),
+            trusted=bool(found.get("trusted", False)),
             lease_s=float(found["lease_s"]),
             log_position=int(found["log_position"]),
             arc=_arc(found["arc"]),

@@ -39,6 +39,8 @@ from scenefold.world.facts import ClusterFacts
 
 ASK_S_MAX = 10.0
 """A newcomer has so long to say what it wants; another node, to answer for us."""
+SHARE_AGAIN_S = 10.0
+"""After the authority's key could not be sealed to a node."""
 REQUEST_BYTES_MAX = 8192
 RECEIVE_BYTES = 4096
 _CERTIFY = "crypto"
@@ -179,20 +181,28 @@ class Enrolling:
         """Seal the authority's key to whoever is trusted and does not have it yet, until cancelled."""
         while True:
             registry = self._registry
-            authority = self._authority()
-            for node in sorted(registry.roll.trusted - registry.roll.sealed.keys() - {*registry.voters, self._me}):
+            if await self._shared(registry):
+                await self._cluster_log.changed_after(registry.position)
+            else:
+                await self._world.clock.sleep(SHARE_AGAIN_S)
+
+    async def _shared(self, registry: Registry) -> bool:
+        """Whether nothing is left to do."""
+        authority = self._authority()
+        wanting = registry.roll.trusted - registry.roll.sealed.keys() - {*registry.voters, self._me}
+        if authority is None or not wanting:
+            return True
+        try:
+            for node in sorted(wanting):
                 known = credential_of(node, registry, self._facts)
-                if authority is None or known is None:
-                    continue
-                key = authority.key_der()
-                sealed = known.sealing_key.seal(key, AUTHORITY_PURPOSE, self._facts.cluster_id, self._world.entropy.token)
-                try:
+                if known is not None:
+                    key, cluster = authority.key_der(), self._facts.cluster_id
+                    sealed = known.sealing_key.seal(key, AUTHORITY_PURPOSE, cluster, self._world.entropy.token)
                     await self._cluster_log.propose(Trust(node, True, sealed))
-                except (Refused, Unreachable) as problem:
-                    self._quiet.say(
-                        self._world.clock.now(), "authority", "share", f"{address_of(node)} cannot be given the authority's key: {problem}"
-                    )
-            await self._cluster_log.changed_after(registry.position)
+        except (Refused, Unreachable) as problem:
+            self._quiet.say(self._world.clock.now(), "authority", "share", f"the authority's key cannot be shared: {problem}")
+            return False
+        return True
 
     async def _on_renewal(self, packet: RequestRenewal, peer: str) -> Packet:
         card = check_renewable(packet.certificate, peer, self._registry, self._facts)

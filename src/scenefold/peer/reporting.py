@@ -91,6 +91,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "boot": moment.boot,
         "seconds_up": moment.now - memory.begun,
         "role": role_of(registry, moment.member, moment.arc, is_draining=moment.is_draining),
+        "trusted": registry.is_trusted(moment.member.node),
         "lease_s": moment.lease_s,
         "log_position": registry.position,
         "log_head": registry.head.hex()[:16],
