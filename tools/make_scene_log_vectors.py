@@ -91,15 +91,16 @@ def document() -> dict[str, Any]:
 
 def lockbox(header_key: SigningKey) -> dict[str, Any]:
     """What the owner is given of the newest epoch, sealed with an ephemeral key of fixed bytes."""
-    contents = Contents(Role.OWNER, 1, NEW_SYMMETRIC_KEY, header_key.public, "kitchen", header_key.seed)
+    contents = Contents(Role.OWNER, 1, NEW_SYMMETRIC_KEY, header_key.public, "kitchen", "user:m1", header_key.seed)
     sealing = SealingKey(bytes([101]) * 32)
-    sealed = locked(contents, KeyEntry(1, sealing.public.raw), GENESIS, lambda count: bytes(range(count)))
+    sealed = locked(contents, KeyEntry(1, sealing.public.raw), GENESIS, SigningKey(bytes([1]) * 32), lambda count: bytes(range(count)))
     return {
         "sealing_seed": sealing.seed.hex(),
         "recipient": sealed.recipient,
         "key_epoch": 1,
         "contents": contents.encode().hex(),
         "sealed": sealed.sealed.hex(),
+        "signature": sealed.signature.hex(),
     }
 
 

@@ -50,9 +50,9 @@ def list_(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
             return await cluster.scenes.list()
 
     found = run(ask)
-    rows = [(scene.name or "-", f"{scene.id:08x}", "yes" if scene.has_key else "no") for scene in found]
+    rows = [(scene.name or "-", f"{scene.id:08x}", "yes" if scene.has_key else "no", scene.granted_by or "") for scene in found]
     document = {"scenes": [scene.document() for scene in found]}
-    emit(output, document, table(("name", "id", "key held"), rows) if rows else "No scene yet.")
+    emit(output, document, table(("name", "id", "key held", "granted by"), rows) if rows else "No scene yet.")
 
 
 @app.command

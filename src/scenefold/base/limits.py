@@ -53,7 +53,7 @@ WRITERS_PER_SCENE_MAX = 128
 """Writer keys that a public scene header lists, retired ones included. With the two bounds beside it, a hostile
 list of scenes decodes in a second at most."""
 LOCKBOX_BYTES_MAX = 1024
-"""A scene's keys, sealed to one member: 207 bytes under X25519, 384 under RSA-3072."""
+"""A scene's keys, sealed to one member: 272 bytes under X25519, 384 under RSA-3072."""
 HEADER_KEYS_MAX = 64
 """How often a scene's header key may change: once for each owner that is revoked."""
 MEMBER_NAME_BYTES_MAX = 64

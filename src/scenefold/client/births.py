@@ -50,14 +50,14 @@ def maker_of(member: str, secrets: MemberSecrets) -> Grant:
     return grant_of(member, Role.OWNER, secrets.signing.public, secrets.sealing.public)
 
 
-def born(name: str, maker: Grant, origin: NodeId, token: Callable[[int], bytes]) -> KeptScene:
-    """A new scene: what its maker keeps of it. `token` draws random bytes (world.entropy.token)."""
+def born(name: str, maker: Grant, author: SigningKey, origin: NodeId, token: Callable[[int], bytes]) -> KeptScene:
+    """A new scene: what its maker keeps of it. `author`: the maker's signing key; `token` draws random bytes (world.entropy.token)."""
     header_key = SigningKey.from_seed(token(_SEED_BYTES))
     genesis = _first_header(header_key.public, maker, origin).genesis
     epochs = EpochKeys.only(new_symmetric_key(token), FIRST_EPOCH)
     keys = SceneKeys(name, genesis, epochs, header_key.public, Role.OWNER, header_key.seed)
     owner = first_log(genesis, origin, maker).grants.named(maker.name)
-    return KeptScene(name, genesis, header_key.key_id, FIRST_EPOCH, lockbox_for(owner, keys, FIRST_EPOCH, token))
+    return KeptScene(name, genesis, header_key.key_id, FIRST_EPOCH, lockbox_for(owner, keys, FIRST_EPOCH, maker.name, author, token))
 
 
 def kept_keys(kept: KeptScene, sealing: SealingKey) -> SceneKeys:

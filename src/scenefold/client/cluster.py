@@ -46,8 +46,9 @@ class Cluster:
         self.name = profile.name
         self.links = links
         self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
-        self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0], f"user:{profile.user}")
         self.membership = Membership(self.calls, profile, secrets)
+        member = f"user:{profile.user}"
+        self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0], member, card_of=self.membership.card_of)
 
     async def nodes(self) -> list[Owner]:
         """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""

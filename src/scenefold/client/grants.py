@@ -9,13 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from scenefold.base.errors import UsageFault
+from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import grant_of
 from scenefold.crypto import Card
 from scenefold.scene.log import Granted, SceneLog
 from scenefold.wire import Batch, KeyEpoch, Revoke, Role
 
+USER = "user:"
 ROLES = {role.name.lower(): role for role in Role}
 
 
@@ -58,8 +59,12 @@ async def access_of(access: SceneAccess) -> Access:
 async def grant(access: SceneAccess, card: Card, role: Role) -> Access:
     """Let the holder of a card, verified by the caller, use the scene; or give a member a higher role.
 
-    LocalFault if he has that role or a higher one, or has access with other keys.
+    LocalFault if he has that role or a higher one, or has access with other keys, and for a node that shall be an owner: those who open
+    a scene for the first time believe the word of users.
     """
+    if role is Role.OWNER and not card.name.startswith(USER):
+        remedy = "make it a reader or a writer"
+        raise LocalFault("only users can own a scene", where=card.name, remedy=remedy)
     entry = grant_of(card.name, role, card.keys.signing, card.keys.sealing)
     return _access((await access.change_log(lambda _: entry)).state)
 

@@ -21,7 +21,7 @@ from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, is_passing
 from scenefold.client.sealing import key_withheld
-from scenefold.crypto import NONCE_BYTES, PublicKey, SealingKey
+from scenefold.crypto import NONCE_BYTES, MemberSecrets, PublicKey, SigningKey
 from scenefold.scene.log import (
     EpochKeys,
     Followed,
@@ -73,12 +73,12 @@ class ReadLog:
 class LogAccess:
     """The log of one scene. `keys`: what we have of the scene's, by all headers and logs that were met."""
 
-    def __init__(self, calls: Calls, keys: SceneKeys, sealing: SealingKey | None = None) -> None:
-        """`sealing`: opens what newer headers hold for us; None: nothing does."""
+    def __init__(self, calls: Calls, keys: SceneKeys, secrets: MemberSecrets | None = None) -> None:
+        """`secrets`: open what newer headers hold for us, and sign what we grant; None: nothing does."""
         self._calls = calls
         self._name = keys.name
         self.keys = keys
-        self._sealing = sealing
+        self._secrets = secrets
         self._followed: SceneLogPublic | None = None
         """The header that `keys` were taken from last."""
         self._read: ReadLog | None = None
@@ -137,15 +137,15 @@ class LogAccess:
         """
         if self.keys.header_seed is None:
             await self.header()  # it may have been given since
-        if self.keys.header_seed is None:
+        if self.keys.header_seed is None or self._secrets is None:
             raise LocalFault("only an owner of the scene may change this", where=f"scene {self._name}", remedy="ask one of them")
         doubt = self._doubt(
             "a change", "see with `scenectl space list` or `scenectl scene access` whether it was made, before you repeat it"
         )
         with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, doubt)
+            return await self._proposed(entry_of, self._secrets.signing, doubt)
 
-    async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], doubt: Doubt) -> ReadLog:
+    async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], author: SigningKey, doubt: Doubt) -> ReadLog:
         request_id = self._calls.world.entropy.token(_REQUEST_ID_BYTES)
         patience = Patience()
         offered = 0
@@ -163,7 +163,7 @@ class LogAccess:
                 problem = None
             if attempt == CLIENT_LOG_TRIES_MAX:
                 break
-            after = self._following(before, entry_of(before.state), request_id)
+            after = self._following(before, entry_of(before.state), request_id, author)
             offered = after.header.position
             try:
                 reason = await self._offer(await self._proposal(after.header, after.log.records, after.keys.epochs), doubt)
@@ -228,13 +228,13 @@ class LogAccess:
             mac=b"",
         )
 
-    def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes) -> Followed:
+    def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes, author: SigningKey) -> Followed:
         """The log with one more entry, its header signed."""
         record = before.state.next_record(entry, request_id, before.header.origin)
         try:
             # Encoding first: its complaints about single numbers are plainer than what follows from them.
             record.encode()
-            return follow(before.header, before.log, record, self.keys, self._calls.world.entropy.token)
+            return follow(before.header, before.log, record, self.keys, author, self._calls.world.entropy.token)
         except Refused as refusal:
             remedy = refusal.remedy or "`scenectl space list` and `scenectl scene access` show what there is"
             raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal
@@ -245,7 +245,7 @@ class LogAccess:
         if known is not None and self._is_older(header):
             return known
         if header != known:
-            self._take(header, keys_after(header, self.keys, self._sealing))
+            self._take(header, keys_after(header, self.keys, None if self._secrets is None else self._secrets.sealing))
         return header
 
     def _is_older(self, header: SceneLogPublic) -> bool:

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import born, first_header, first_records, kept_keys, maker_of
 from scenefold.client.calls import Calls
+from scenefold.client.gifts import Gift, gifts_in
+from scenefold.client.grants import USER
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.sealing import SceneIdentity, writers_of
-from scenefold.crypto import MemberSecrets, SealingKey
-from scenefold.scene.log import SceneKeys, keys_after, keys_in, own_lockbox
+from scenefold.crypto import Card, MemberSecrets
+from scenefold.scene.log import check_granter
 from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed
 from scenefold.world.keyring import KeptScene, Keyring, checked_name
 
@@ -32,11 +34,12 @@ _log = logging.getLogger("scenefold.client")
 
 @dataclass(frozen=True, slots=True)
 class SceneListing:
-    """A scene that the cluster holds; `name` is None if this profile has no keys of it."""
+    """A scene that the cluster holds; `name` is None if this profile has no keys of it. `granted_by`: of one that was never opened here."""
 
     id: SceneId
     genesis: bytes
     name: str | None
+    granted_by: str | None = None
 
     @property
     def has_key(self) -> bool:
@@ -44,22 +47,39 @@ class SceneListing:
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
-        return {"name": self.name, "scene": f"{self.id:08x}", "genesis": self.genesis.hex(), "has_key": self.has_key}
+        return {
+            "name": self.name,
+            "scene": f"{self.id:08x}",
+            "genesis": self.genesis.hex(),
+            "has_key": self.has_key,
+            "granted_by": self.granted_by,
+        }
 
 
 class Scenes:
     """`cluster.scenes`."""
 
-    def __init__(self, calls: Calls, keyring: Keyring, secrets: MemberSecrets, origin: NodeId, member: str = "user:owner") -> None:
+    def __init__(
+        self,
+        calls: Calls,
+        keyring: Keyring,
+        secrets: MemberSecrets,
+        origin: NodeId,
+        member: str = "user:owner",
+        *,
+        card_of: Callable[[str], Awaitable[Card]] | None = None,
+    ) -> None:
         """`origin`: the node that new scenes name as theirs; always the same, so that a header can be made again.
 
-        `secrets` and `member`: who we are, by our keys and by the name in our certificate.
+        `secrets` and `member`: who we are, by our keys and by the name in our certificate. `card_of`: verified cards, by which we
+        know who grants us a scene; None: whoever it is, is believed.
         """
         self._calls = calls
         self._origin = origin
         self._keyring = keyring
         self._secrets = secrets
         self._maker = maker_of(member, secrets)
+        self._card_of = card_of
 
     async def create(self, name: str) -> Scene:
         """Make an empty scene. Its keys are on disk, durably, before any node hears of it.
@@ -74,7 +94,7 @@ class Scenes:
                 what, where = f"a scene {name!r} exists already", f"id {kept.scene_id:08x}"
                 raise LocalFault(what, where=where, remedy="choose another name, or open it")
             return await self._announce(kept, log)
-        kept = born(name, self._maker, self._origin, self._calls.world.entropy.token)
+        kept = born(name, self._maker, self._secrets.signing, self._origin, self._calls.world.entropy.token)
         await self._on_disk(self._keyring.save, kept)
         return await self._announce(kept, await self._log(kept), is_new=True)
 
@@ -85,6 +105,8 @@ class Scenes:
         """
         checked_name(name, "scene")
         kept = await self._kept(name) or await self._granted(name)
+        if kept is None:
+            kept = await self._on_disk(self._keyring.load, name)  # says what there is
         log = await self._log(kept)
         header = await log.header()
         if header is None:
@@ -93,9 +115,9 @@ class Scenes:
         return self._scene(log, header)
 
     async def open_or_create(self, name: str) -> Scene:
-        """Open the scene, or make it if there is none."""
+        """Open the scene, or make it if there is none, nor has anybody granted one."""
         checked_name(name, "scene")
-        kept = await self._kept(name)
+        kept = await self._kept(name) or await self._granted(name)
         if kept is not None:
             log = await self._log(kept)
             header = await log.header()
@@ -123,11 +145,12 @@ class Scenes:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
         reply = await self._calls.ask_any(ListScenes(), ScenesListed)
         names = await self._on_disk(_names_by_genesis, self._keyring)
-        given = await self._given(reply.scenes)
-        found = [
-            SceneListing(header.scene, header.genesis, names.get(header.genesis) or (None if keys is None else keys.name))
-            for header, keys in zip(reply.scenes, given, strict=True)
-        ]
+        given = await self._given([header for header in reply.scenes if header.genesis not in names])
+        found = []
+        for header in reply.scenes:
+            gift = given.get(header.genesis)
+            name = names.get(header.genesis) or (None if gift is None else gift.contents.name)
+            found.append(SceneListing(header.scene, header.genesis, name, None if gift is None else gift.contents.granter))
         return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
 
     async def _on_disk(self, function: Callable[..., Result], *arguments: object) -> Result:
@@ -138,25 +161,47 @@ class Scenes:
         names = await self._on_disk(self._keyring.names)
         return await self._on_disk(self._keyring.load, name) if name in names else None
 
-    async def _granted(self, name: str) -> KeptScene:
-        """The entry of a scene that was granted to us under this name or id, kept from now on; LocalFault if there is not one."""
+    async def _granted(self, name: str) -> KeptScene | None:
+        """The entry of a scene that was granted to us under this name or id, kept from now on; None if there is none."""
         reply = await self._calls.ask_any(ListScenes(), ScenesListed)
-        given = zip(reply.scenes, await self._given(reply.scenes), strict=True)
-        fitting = [(header, keys) for header, keys in given if keys is not None and name in (keys.name, f"{header.scene:08x}")]
-        if not fitting:
-            await self._on_disk(self._keyring.load, name)  # says what there is
+        given = await self._given(reply.scenes)
+        fitting = [gift for gift in given.values() if name in (gift.contents.name, f"{gift.header.scene:08x}")]
         if len(fitting) > 1:
-            ids = ", ".join(f"{header.scene:08x}" for header, _ in fitting)
+            ids = ", ".join(f"{gift.header.scene:08x}" for gift in fitting)
             raise LocalFault(f"several scenes {name!r} were granted to you", where=f"ids {ids}", remedy="give the id in place of the name")
-        header, keys = fitting[0]
-        own = next(box for box in header.lockboxes if box.recipient == self._secrets.sealing.public.key_id)
-        kept = KeptScene(name, header.genesis, keys.header_key.key_id, header.key_epoch, own)
+        if not fitting:
+            return None
+        header, lockbox, contents = fitting[0]
+        kept = KeptScene(name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox)
         await self._on_disk(self._keyring.save, kept)
         return kept
 
-    async def _given(self, headers: Sequence[SceneLogPublic]) -> Sequence[SceneKeys | None]:
-        """What each header holds for us."""
-        return await self._calls.world.workers.run("crypto", _opened_for, headers, self._secrets.sealing)
+    async def _given(self, headers: Sequence[SceneLogPublic]) -> dict[bytes, Gift]:
+        """What headers hold for us, by genesis: what a user of this cluster has sealed, as his card shows."""
+        gifts = await self._calls.world.workers.run("crypto", gifts_in, headers, self._secrets.sealing)
+        known: dict[str, Card | None] = {self._maker.name: None}
+        believed = {}
+        for gift in gifts:
+            try:
+                if self._card_of is not None:
+                    await self._check_granter(gift, known)
+                believed[gift.header.genesis] = gift
+            except (DamagedData, LocalFault, Refused, PeerFault) as problem:
+                _log.warning("scene %08x: what it holds for us is not believed: %s", gift.header.scene, problem)
+        return believed
+
+    async def _check_granter(self, gift: Gift, known: dict[str, Card | None]) -> None:
+        assert self._card_of is not None
+        granter = gift.contents.granter
+        if not granter.startswith(USER):
+            raise DamagedData(f"{granter or 'nobody'} grants it, and is no user")
+        if granter == self._maker.name:
+            key = self._secrets.signing.public
+        else:
+            card = known.get(granter) or await self._card_of(granter)
+            known[granter] = card
+            key = card.keys.signing
+        check_granter(gift.lockbox, gift.contents, gift.header.genesis, key)
 
     async def _announce(self, kept: KeptScene, log: LogAccess, *, is_new: bool = False) -> Scene:
         """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""
@@ -181,21 +226,7 @@ class Scenes:
 
     async def _log(self, kept: KeptScene) -> LogAccess:
         keys = await self._calls.world.workers.run("crypto", kept_keys, kept, self._secrets.sealing)
-        return LogAccess(self._calls, keys, self._secrets.sealing)
-
-
-def _opened_for(headers: Sequence[SceneLogPublic], sealing: SealingKey) -> list[SceneKeys | None]:
-    return [_keys_in(header, sealing) for header in headers]
-
-
-def _keys_in(header: SceneLogPublic, sealing: SealingKey) -> SceneKeys | None:
-    """None, too, for what is damaged, or not signed by the key that its lockbox speaks of: a list shows the others."""
-    try:
-        contents = own_lockbox(header, sealing)
-        return None if contents is None else keys_after(header, keys_in(contents, header.genesis), None)
-    except DamagedData as problem:
-        _log.warning("scene %08x: what it holds for us is not believed: %s", header.scene, problem)
-        return None
+        return LogAccess(self._calls, keys, self._secrets)
 
 
 def _names_by_genesis(keyring: Keyring) -> dict[bytes, str]:

@@ -68,10 +68,11 @@ class KeyEntry:
 
 @dataclass(frozen=True, slots=True)
 class Lockbox:
-    """The scene's keys, sealed to the member whose sealing key has this id (specs/04-records.md, Lockboxes)."""
+    """The scene's keys, sealed to the member whose sealing key has this id, and signed by who granted them (specs/04-records.md, Lockboxes)."""
 
     recipient: KeyId
     sealed: bytes
+    signature: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +96,7 @@ SPACE_ENTRY = Struct(
 )
 WRITER_ENTRY = Struct(WriterEntry, ("key", U32), ("from_position", U64), ("until_position", U64))
 KEY_ENTRY = Struct(KeyEntry, ("suite", U8), ("raw", Bin(lengths=(32, 384))))
-LOCKBOX = Struct(Lockbox, ("recipient", U32), ("sealed", Bin(LOCKBOX_BYTES_MAX)))
+LOCKBOX = Struct(Lockbox, ("recipient", U32), ("sealed", Bin(LOCKBOX_BYTES_MAX)), ("signature", SIGNATURE))
 SUCCESSION = Struct(Succession, ("position", U64), ("key", Bin(lengths=(32,))), ("signature", Bin(lengths=(64,))))
 
 

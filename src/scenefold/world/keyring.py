@@ -3,6 +3,7 @@
     name, id, genesis        which scene (id = the first 32 bits of genesis, consensus.md section 3)
     header_key, key_epoch    the id of the key that signed its header when this was written, the epoch of its symmetric key
     recipient, lockbox       its keys, sealed to the user's own key (specs/04-records.md, Lockboxes)
+    signature                of who granted it
 
 No key stands here in the clear: whoever has the file and not the user's sealing key has nothing. The file says which scene is
 meant by a name, so an existing entry is never overwritten by another scene of the same name.
@@ -97,6 +98,7 @@ class Keyring:
                 "key_epoch": kept.key_epoch,
                 "recipient": kept.lockbox.recipient,
                 "lockbox": kept.lockbox.sealed.hex(),
+                "signature": kept.lockbox.signature.hex(),
             },
         )
 
@@ -115,7 +117,7 @@ def _decoded(path: Path, document: dict[str, Any]) -> KeptScene:
             genesis=bytes.fromhex(document["genesis"]),
             header_key=KeyId(int(document["header_key"])),
             key_epoch=int(document["key_epoch"]),
-            lockbox=Lockbox(KeyId(int(document["recipient"])), bytes.fromhex(document["lockbox"])),
+            lockbox=Lockbox(KeyId(int(document["recipient"])), bytes.fromhex(document["lockbox"]), bytes.fromhex(document["signature"])),
         )
     except (KeyError, TypeError, ValueError) as problem:
         raise damaged(path, f"{problem}") from problem

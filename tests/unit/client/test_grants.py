@@ -14,7 +14,7 @@ from scenefold.base.location import FIRST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
-from scenefold.crypto import Card, MemberSecrets
+from scenefold.crypto import RSA3072, Card, MemberSecrets, SealingKey, SigningKey
 from scenefold.scene.layout import GEOMETRY
 from scenefold.wire import Role
 from scenefold.world.keyring import Keyring
@@ -37,11 +37,12 @@ class Studio:
 
     def __init__(self, folder: Path) -> None:
         self.nodes = FakeNodes()
-        self._folder = folder
+        self.folder = folder
 
-    def scenes(self, number: int, secrets: MemberSecrets | None = None) -> Scenes:
-        keyring = Keyring(self._folder / NAMES[number].partition(":")[2])
-        return Scenes(self.nodes.calls(), keyring, secrets or secrets_of(number), node_id_of("127.0.0.2"), NAMES[number])
+    def scenes(self, number: int, secrets: MemberSecrets | None = None, known: Known | None = None) -> Scenes:
+        keyring = Keyring(self.folder / NAMES[number].partition(":")[2])
+        calls = self.nodes.calls()
+        return Scenes(calls, keyring, secrets or secrets_of(number), node_id_of("127.0.0.2"), NAMES[number], card_of=known)
 
     async def kitchen(self, number: int) -> Scene:
         return await self.scenes(number).open("kitchen")
@@ -213,3 +214,73 @@ async def test_a_lockbox_in_a_forged_header_opens_nothing(autojump_clock: MockCl
     await scene.grant(card_of(2), Role.READER)
     studio.nodes.headers[scene.id] = replace(studio.nodes.headers[scene.id], write_floor=9)
     assert [listing.name for listing in await studio.scenes(2).list()] == [None]
+
+
+class Known:
+    """Cards as the cluster shows them."""
+
+    def __init__(self, *numbers: int) -> None:
+        self._cards = {NAMES[number]: card_of(number) for number in numbers}
+
+    async def __call__(self, name: str) -> Card:
+        if name not in self._cards:
+            raise LocalFault(f"{name} is no member")
+        return self._cards[name]
+
+
+async def test_a_scene_is_believed_if_a_user_of_the_cluster_granted_it(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.READER)
+    known = studio.scenes(2, known=Known(1))
+    assert [(listing.name, listing.granted_by) for listing in await known.list()] == [("kitchen", "user:owner")]
+    assert (await known.open("kitchen")).genesis == scene.genesis
+    assert [listing.granted_by for listing in await known.list()] == [None], "from now on it is ours"
+
+
+@pytest.mark.expect_log(r"what it holds for us is not believed")
+@pytest.mark.parametrize("forger", ["node:7", "user:ben", "user:nobody"])
+async def test_a_scene_that_somebody_made_up_is_not_believed(autojump_clock: MockClock, studio: Studio, forger: str) -> None:
+    """By a node that is known as such, in another user's name, in nobody's: its keys are sealed rightly, and it could read all that is written."""
+    keyring = Keyring(studio.folder / "forger")
+    forging = Scenes(studio.nodes.calls(), keyring, secrets_of(9), node_id_of("127.0.0.2"), forger)
+    scene = await forging.create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    known = Known(1, 3)
+    known._cards["node:7"] = Card("node:7", (), secrets_of(9).public(), 1, card_of(1).not_before, card_of(1).not_after, b"")
+    ada = studio.scenes(2, known=known)
+    assert [listing.name for listing in await ada.list()] == [None]
+    with pytest.raises(LocalFault, match="no scene 'kitchen'"):
+        await ada.open("kitchen")
+    assert (await ada.open_or_create("kitchen")).genesis != scene.genesis
+
+
+async def test_what_is_imported_under_a_granted_name_goes_into_that_scene(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    assert (await studio.scenes(2).open_or_create("kitchen")).genesis == scene.genesis
+
+
+async def test_a_node_owns_no_scene(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    card = Card("node:7", (), secrets_of(9).public(), 1, card_of(1).not_before, card_of(1).not_after, b"")
+    with pytest.raises(LocalFault, match="only users"):
+        await scene.grant(card, Role.OWNER)
+    await scene.grant(card, Role.READER)
+
+
+async def test_keys_of_the_other_suite_work_alike(autojump_clock: MockClock, studio: Studio) -> None:
+    rsa = MemberSecrets(SigningKey.generate(RSA3072), SealingKey.generate(RSA3072))
+    scene = await studio.scenes(1).create("kitchen")
+    card = Card("user:ada", (), rsa.public(), 1, card_of(1).not_before, card_of(1).not_after, b"")
+    await scene.grant(card, Role.OWNER)
+    ada = await studio.scenes(2, rsa, known=Known(1)).open("kitchen")
+    await ada.space(GEOMETRY).put(FIRST, b"signed by RSA")
+    assert await scene.space(GEOMETRY).get(FIRST) == b"signed by RSA"
+    await ada.grant(card_of(3), Role.READER)
+    await ada.rotate_key()
+    known = Known(1)
+    known._cards["user:ada"] = card
+    assert [listing.granted_by for listing in await studio.scenes(3, known=known).list()] == ["user:ada"]
+    await ada.reencrypt()
+    await scene.revoke("user:ada")
+    assert await (await studio.kitchen(3)).space(GEOMETRY).get(FIRST) == b"signed by RSA"

@@ -199,7 +199,7 @@ async def test_with_keys_alone_a_scene_can_be_read_and_not_written(autojump_cloc
     nodes = FakeNodes()
     secrets = secrets_of(WRITER)
     maker, origin = maker_of("user:owner", secrets), node_id_of("127.0.0.2")
-    kept = born("kitchen", maker, origin, nodes.calls().world.entropy.token)
+    kept = born("kitchen", maker, secrets.signing, origin, nodes.calls().world.entropy.token)
     keys = kept_keys(kept, secrets.sealing)
     header = first_header(kept, keys, maker, origin)
     assert header is not None

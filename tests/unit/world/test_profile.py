@@ -29,7 +29,7 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> ClusterProfile:
 
 
 def keys_of(name: str, first: int = 1) -> KeptScene:
-    return KeptScene(name, bytes([first] * 32), KeyId(7), 3, Lockbox(KeyId(9), b"sealed" * 30))
+    return KeptScene(name, bytes([first] * 32), KeyId(7), 3, Lockbox(KeyId(9), b"sealed" * 30, bytes(64)))
 
 
 def test_what_is_created_is_what_is_loaded(profile: ClusterProfile) -> None:

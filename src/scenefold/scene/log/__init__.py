@@ -10,7 +10,7 @@ from scenefold.scene.log.first import first_entry, first_log, first_record
 from scenefold.scene.log.following import Followed, follow, header_keys, keys_after, keys_with_log, lockbox_for
 from scenefold.scene.log.grants import FOR_EVER, Granted, Grants
 from scenefold.scene.log.keys import EpochKeys, SceneKeys
-from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox, unlocked
+from scenefold.scene.log.lockboxes import Contents, check_granter, keys_in, locked, own_lockbox, unlocked
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
 from scenefold.scene.log.succession import header_key_now, succeeded
 
@@ -28,6 +28,7 @@ __all__ = [
     "SceneKeys",
     "SceneLog",
     "SpaceFault",
+    "check_granter",
     "first_entry",
     "first_log",
     "first_record",

@@ -31,9 +31,10 @@ class Followed:
     keys: SceneKeys
 
 
-def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: SceneKeys, token: Token) -> Followed:
+def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: SceneKeys, author: SigningKey, token: Token) -> Followed:
     """The next position. Refused if the record does not fit; LocalFault if the author is no owner.
 
+    `author`: signs the lockboxes, so that whoever opens one for the first time knows by whose word.
     Where the record begins a key epoch, or takes an owner's role away, the new keys are drawn here.
     """
     seed = keys.header_seed
@@ -57,7 +58,7 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         public_key=signer.key_id,
         keys=header_keys(signer.public, state),
         key_epoch=state.grants.key_epoch,
-        lockboxes=_lockboxes(header, before, state, keys, token),
+        lockboxes=_lockboxes(header, before, state, keys, author, token),
         succession=succession,
     )
     public = replace(public, signature=signer.sign(HEADER_DOMAIN, public.signable()))
@@ -70,21 +71,24 @@ def header_keys(header_key: PublicKey, state: SceneLog) -> tuple[KeyEntry, ...]:
     return (own, *(entry for entry in state.grants.writer_keys if entry != own))
 
 
-def lockbox_for(member: Granted, keys: SceneKeys, key_epoch: int, token: Token) -> Lockbox:
-    """What a member of this role is given of the scene's keys."""
+def lockbox_for(member: Granted, keys: SceneKeys, key_epoch: int, granter: str, author: SigningKey, token: Token) -> Lockbox:
+    """What a member of this role is given of the scene's keys, by whom."""
     seed = keys.header_seed if member.role is Role.OWNER else None
-    contents = Contents(member.role, key_epoch, keys.epochs[key_epoch], keys.header_key, keys.name, seed)
-    return locked(contents, member.sealing, keys.genesis, token)
+    contents = Contents(member.role, key_epoch, keys.epochs[key_epoch], keys.header_key, keys.name, granter, seed)
+    return locked(contents, member.sealing, keys.genesis, author, token)
 
 
-def _lockboxes(header: SceneLogPublic, before: SceneLog, state: SceneLog, keys: SceneKeys, token: Token) -> tuple[Lockbox, ...]:
+def _lockboxes(
+    header: SceneLogPublic, before: SceneLog, state: SceneLog, keys: SceneKeys, author: SigningKey, token: Token
+) -> tuple[Lockbox, ...]:
     """In the order of the members; those whose contents stay are left as they are."""
     epoch = state.grants.key_epoch
     stay: dict[KeyId, Lockbox] = {}
     if epoch == before.grants.key_epoch:
         changed = {member.recipient for member in newly_granted(before.grants, state.grants)}
         stay = {lockbox.recipient: lockbox for lockbox in header.lockboxes if lockbox.recipient not in changed}
-    return tuple(stay.get(member.recipient) or lockbox_for(member, keys, epoch, token) for member in state.grants.members)
+    granter = next((member.name for member in before.grants.members if member.key == author.key_id), "")
+    return tuple(stay.get(member.recipient) or lockbox_for(member, keys, epoch, granter, author, token) for member in state.grants.members)
 
 
 def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | None) -> SceneKeys:
@@ -98,9 +102,10 @@ def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | No
     header_key = header_key_now(header, keys.header_key)
     header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
     is_known = header_key == keys.header_key and header.key_epoch in keys.epochs
-    contents = None if sealing is None or (is_known and keys.role is Role.OWNER) else own_lockbox(header, sealing)
-    if contents is None:
+    found = None if sealing is None or (is_known and keys.role is Role.OWNER) else own_lockbox(header, sealing)
+    if found is None:
         return replace(keys, header_key=header_key, header_seed=keys.header_seed if header_key == keys.header_key else None)
+    contents = found[1]
     if contents.header_key != header_key:
         raise DamagedData("a lockbox speaks of another header key than its header", where=where)
     given = keys_in(contents, keys.genesis)

@@ -14,7 +14,7 @@ from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.births import born, first_header, first_records, kept_keys
-from scenefold.crypto import HEADER_DOMAIN, SealingKey, SigningKey
+from scenefold.crypto import HEADER_DOMAIN, InvalidSignature, SealingKey, SigningKey
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
 from scenefold.scene.log import (
@@ -23,6 +23,7 @@ from scenefold.scene.log import (
     OpenedLog,
     SceneKeys,
     SceneLog,
+    check_granter,
     follow,
     keys_after,
     keys_in,
@@ -33,7 +34,7 @@ from scenefold.scene.log import (
     seal_private,
     unlocked,
 )
-from scenefold.wire import Batch, KeyEntry, KeyEpoch, Lockbox, LogEntry, Revoke, Role, SceneLogPublic
+from scenefold.wire import Batch, KeyEntry, KeyEpoch, LogEntry, Revoke, Role, SceneLogPublic
 from unit.scene.log.members import MAKER, grant, secrets_of
 
 ORIGIN = NodeId(7)
@@ -47,7 +48,7 @@ class Story:
     counter: Any = field(default_factory=lambda: itertools.count(1))
 
     def __post_init__(self) -> None:
-        kept = born("kitchen", MAKER, ORIGIN, self.token)
+        kept = born("kitchen", MAKER, secrets_of(MAKER_NUMBER).signing, ORIGIN, self.token)
         self.keys = self.first_keys = kept_keys(kept, secrets_of(MAKER_NUMBER).sealing)
         header = first_header(kept, self.keys, MAKER, ORIGIN)
         assert header is not None
@@ -66,7 +67,7 @@ class Story:
     def do(self, entry: LogEntry, keys: SceneKeys | None = None) -> None:
         """By an owner; nodes are told, and believe it."""
         record = self.state.next_record(entry, self.token(16), ORIGIN)
-        followed = follow(self.header, self.log, record, keys or self.keys, self.token)
+        followed = follow(self.header, self.log, record, keys or self.keys, secrets_of(MAKER_NUMBER).signing, self.token)
         self.header, self.log, self.keys = followed.header, followed.log, followed.keys
         self.known = checked_header(self.header, self.known)
 
@@ -79,8 +80,14 @@ class Story:
 
     def given(self, number: int) -> SceneKeys | None:
         """What the newest header alone gives a member."""
-        contents = own_lockbox(self.header, secrets_of(number).sealing)
-        return None if contents is None else keys_in(contents, self.header.genesis)
+        found = own_lockbox(self.header, secrets_of(number).sealing)
+        if found is None:
+            return None
+        assert found[1].granter == MAKER.name
+        check_granter(*found, self.header.genesis, secrets_of(MAKER_NUMBER).signing.public)
+        with pytest.raises(InvalidSignature):
+            check_granter(*found, self.header.genesis, secrets_of(1).signing.public)
+        return keys_in(found[1], self.header.genesis)
 
     def read(self, keys: SceneKeys) -> SceneKeys:
         """Open the log with these keys; gives them with the former ones."""
@@ -157,7 +164,9 @@ def test_a_revoked_owner_signs_nothing_that_counts() -> None:
     before = story.header, story.log
     story.revoke(1)
     assert story.header.write_floor == story.header.position == 3
-    forged = follow(*before, before[1].state.next_record(grant(9, Role.OWNER), bytes(16), ORIGIN), former, story.token)
+    forged = follow(
+        *before, before[1].state.next_record(grant(9, Role.OWNER), bytes(16), ORIGIN), former, secrets_of(1).signing, story.token
+    )
     older = forged.header
     for header in (older, _signed(replace(older, position=9), former), _signed(replace(story.header, position=4), former)):
         with pytest.raises(Refused) as refused:
@@ -167,7 +176,9 @@ def test_a_revoked_owner_signs_nothing_that_counts() -> None:
             keys_after(header, story.keys, secrets_of(MAKER_NUMBER).sealing)
     # He can make a key follow the old one, but not the new one.
     heir = SigningKey(bytes(31) + b"\x63")
-    taken = follow(*before, before[1].state.next_record(KeyEpoch(1, bytes(24)), bytes(16), ORIGIN), former, story.token)
+    taken = follow(
+        *before, before[1].state.next_record(KeyEpoch(1, bytes(24)), bytes(16), ORIGIN), former, secrets_of(1).signing, story.token
+    )
     from scenefold.scene.log import succeeded
 
     step = succeeded(SigningKey(former.header_seed), heir.public, story.header.genesis, 4)
@@ -245,20 +256,21 @@ def test_a_role_is_lowered_by_taking_it_and_granting_less() -> None:
     assert keys is not None and keys.role is Role.READER
 
 
-CONTENTS = Contents(Role.OWNER, 3, bytes(24), SigningKey(b"h" * 32).public, "kitchen", b"h" * 32)
+SIGNER = secrets_of(MAKER_NUMBER).signing
+CONTENTS = Contents(Role.OWNER, 3, bytes(24), SigningKey(b"h" * 32).public, "kitchen", "user:owner", b"h" * 32)
 
 
 def test_lockboxes_are_alike_from_outside() -> None:
     reader = replace(CONTENTS, role=Role.READER, header_seed=None, name="k")
     recipient = KeyEntry(1, SealingKey(bytes(32)).public.raw)
-    one, other = (locked(contents, recipient, bytes(32), Story().token) for contents in (CONTENTS, reader))
+    one, other = (locked(contents, recipient, bytes(32), SIGNER, Story().token) for contents in (CONTENTS, reader))
     assert len(one.sealed) == len(other.sealed)
 
 
 @given(st.data())
 def test_a_lockbox_opens_for_its_member_scene_and_epoch_only(data: st.DataObject) -> None:
     key = SealingKey(bytes(31) + b"\x05")
-    lockbox = locked(CONTENTS, KeyEntry(1, key.public.raw), b"g" * 32, Story().token)
+    lockbox = locked(CONTENTS, KeyEntry(1, key.public.raw), b"g" * 32, SIGNER, Story().token)
     assert unlocked(lockbox, key, b"g" * 32, 3) == CONTENTS
     for other in ((SealingKey(bytes(32)), b"g" * 32, 3), (key, b"h" * 32, 3), (key, b"g" * 32, 2)):
         with pytest.raises(DamagedData):
@@ -267,7 +279,7 @@ def test_a_lockbox_opens_for_its_member_scene_and_epoch_only(data: st.DataObject
     flipped = bytearray(lockbox.sealed)
     flipped[at] ^= 1 << bit
     with pytest.raises(DamagedData):
-        unlocked(Lockbox(lockbox.recipient, bytes(flipped)), key, b"g" * 32, 3)
+        unlocked(replace(lockbox, sealed=bytes(flipped)), key, b"g" * 32, 3)
 
 
 @given(st.binary(max_size=200))

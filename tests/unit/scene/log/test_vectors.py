@@ -8,7 +8,7 @@ from make_scene_log_vectors import TARGET, document
 
 from house.sources import ROOT
 from scenefold.crypto import SealingKey, SigningKey
-from scenefold.scene.log import open_private, unlocked
+from scenefold.scene.log import check_granter, open_private, unlocked
 from scenefold.wire import Lockbox, Role
 
 
@@ -41,7 +41,8 @@ def test_the_golden_log_is_read() -> None:
 def test_the_golden_lockbox_is_opened() -> None:
     golden = json.loads(TARGET.read_text(encoding="utf-8"))
     row = golden["lockbox"]
-    lockbox = Lockbox(row["recipient"], bytes.fromhex(row["sealed"]))
+    lockbox = Lockbox(row["recipient"], bytes.fromhex(row["sealed"]), bytes.fromhex(row["signature"]))
     found = unlocked(lockbox, SealingKey(bytes.fromhex(row["sealing_seed"])), bytes.fromhex(golden["genesis"]), row["key_epoch"])
     assert found.encode().hex() == row["contents"]
+    check_granter(lockbox, found, bytes.fromhex(golden["genesis"]), SigningKey(bytes([1]) * 32).public)
     assert (found.symmetric_key.hex(), found.name) == (golden["symmetric_key"], "kitchen")

@@ -1,0 +1,40 @@
+"""What the headers of a cluster hold for one member: scenes that somebody granted. Plain functions for a worker thread.
+
+A gift says of itself what it is called and who gave it. That it is so must be checked with the giver's card (Scenes): every public key is
+known to all, and whoever has one can seal something to it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from scenefold.base.errors import DamagedData
+from scenefold.crypto import SealingKey
+from scenefold.scene.log import Contents, keys_after, keys_in, own_lockbox
+from scenefold.wire import Lockbox, SceneLogPublic
+
+_log = logging.getLogger("scenefold.client")
+
+
+class Gift(NamedTuple):
+    """A lockbox that opens for us, and the header that it lies in."""
+
+    header: SceneLogPublic
+    lockbox: Lockbox
+    contents: Contents
+
+
+def gifts_in(headers: Sequence[SceneLogPublic], sealing: SealingKey) -> list[Gift]:
+    """What opens. What is damaged, or not signed by the header key that it speaks of, is left out: a list shows the others."""
+    gifts = []
+    for header in headers:
+        try:
+            found = own_lockbox(header, sealing)
+            if found is not None:
+                keys_after(header, keys_in(found[1], header.genesis), None)
+                gifts.append(Gift(header, *found))
+        except DamagedData as problem:
+            _log.warning("scene %08x: what it holds for us is not believed: %s", header.scene, problem)
+    return gifts
