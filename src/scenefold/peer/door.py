@@ -16,7 +16,7 @@ from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.enrol_rules import refusal_of
 from scenefold.peer.handlers import Handlers
 from scenefold.wire import Packet
-from scenefold.world import Connection, Links, QuietLog, World, serve_connection
+from scenefold.world import Connection, Guests, Links, Priority, QuietLog, World, serve_connection
 
 LAST_WORD_S = 3.0
 """One that is not let in may ask that long, and is told why at each request."""
@@ -33,16 +33,17 @@ class Door:
         self._handlers = handlers
         self._links = links
         self._quiet = QuietLog(_log)
+        self._at = {priority: Guests() for priority in Priority}
         self._guests: dict[trio.CancelScope, tuple[str, KeyId | None]] = {}
 
-    async def serve(self, connection: Connection) -> None:
-        """One connection, until its end or that of its peer's membership."""
+    async def serve(self, priority: Priority, connection: Connection) -> None:
+        """One connection to a port, until its end or that of its peer's membership."""
         refusal = refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry)
         if not refusal:
             with trio.CancelScope() as scope:
                 self._guests[scope] = (connection.peer, connection.peer_key)
                 try:
-                    await serve_connection(connection, self._handlers.handle, self._quiet)
+                    await serve_connection(connection, self._handlers.handle, self._quiet, self._at[priority])
                 finally:
                     del self._guests[scope]
             return
@@ -52,7 +53,7 @@ class Door:
             raise Refused(RejectReason.KEY_REVOKED, refusal)
 
         with trio.move_on_after(LAST_WORD_S):
-            await serve_connection(connection, refuse, self._quiet)
+            await serve_connection(connection, refuse, self._quiet, self._at[priority])
 
     async def run(self) -> None:
         """Close what a newer log forbids, until cancelled."""

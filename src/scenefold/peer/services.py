@@ -163,7 +163,9 @@ class PeerServices:
             await nursery.start(self._range_datagrams.run)
             for priority in Priority:
                 newcomers = self._newcomers if priority is Priority.HIGH else None
-                listen = partial(context.world.network.listen, context.address, priority, self._door.serve, newcomers=newcomers)
+                listen = partial(
+                    context.world.network.listen, context.address, priority, partial(self._door.serve, priority), newcomers=newcomers
+                )
                 await nursery.start(listen)
             await nursery.start(context.cluster_log.run)
             await nursery.start(context.line.run)

@@ -39,6 +39,11 @@ class FrameReader:
         """Whether the stream may end here; if not, a frame was truncated."""
         return not self._held and not self._length
 
+    @property
+    def awaited_bytes(self) -> int:
+        """Size of the packet that has begun to arrive; 0 between two, and while its length is still incomplete."""
+        return self._length
+
     def feed(self, data: bytes) -> list[bytes]:
         """Takes what arrived, gives the frames that it completes; MalformedPacket for a length out of bounds."""
         held = self._held

@@ -31,6 +31,7 @@ from scenefold.world.ports import (
 
 if TYPE_CHECKING:
     from scenefold.world.channel import Channel, open_channel
+    from scenefold.world.guests import Guests
     from scenefold.world.links import Links, open_links
     from scenefold.world.quiet import QuietLog
     from scenefold.world.real import DEFAULT_LANES, offline_world, real_world
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 _LATE = {
     "Channel": "channel",
     "open_channel": "channel",
+    "Guests": "guests",
     "Links": "links",
     "open_links": "links",
     "QuietLog": "quiet",
@@ -66,6 +68,7 @@ __all__ = [
     "Endpoint",
     "Entropy",
     "Environment",
+    "Guests",
     "Handler",
     "Links",
     "Network",

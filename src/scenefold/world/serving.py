@@ -1,7 +1,7 @@
 """Many requests on one connection, the answering side.
 
-Each packet that arrives is handled in a task of its own, a bounded number and a bounded volume at a time; beyond that
-nothing more is read, so the peer's sending stops by itself. Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault;
+Each packet that arrives is handled in a task of its own, a bounded number and a bounded volume at a time, of a connection and of
+all of a peer's (guests.py); beyond that nothing more is read, so the peer's sending stops by itself. Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault;
 what breaks the framing ends the connection, after a Fault that says so.
 """
 
@@ -15,9 +15,10 @@ from dataclasses import replace
 import trio
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
-from scenefold.base.limits import BULK_ANSWERS_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
+from scenefold.base.limits import BULK_ANSWERS_MAX, FRAME_S_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, UnsupportedPacket, decode_packet, encode_frame
+from scenefold.world.guests import Budget, Guests, Share
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost
 from scenefold.world.quiet import QuietLog
@@ -28,6 +29,8 @@ Handler = Callable[[Packet, str], Awaitable[Packet | None]]
 RECEIVE_BYTES = 256 * 1024
 LINGER_S_MAX = 10.0
 """What a request may still take after its sender has closed the connection in order."""
+BEGUN_BYTES_FREE = 64 * 1024
+"""A larger frame counts against its peer's share from its first byte on."""
 MALFORMED_MAX = 8
 """Malformed packets on one connection before it is closed."""
 DRAIN_S_MAX = 1.0
@@ -36,25 +39,34 @@ FAULT_TEXT_CHARACTERS_MAX = 400
 _log = logging.getLogger("scenefold.world.serving")
 
 
-async def serve_connection(connection: Connection, handler: Handler, quiet: QuietLog | None = None) -> None:
+async def serve_connection(connection: Connection, handler: Handler, quiet: QuietLog | None = None, guests: Guests | None = None) -> None:
     """Answer a peer's packets until it closes the connection or breaks the framing. The caller closes it.
 
-    `quiet`, shared by a node's connections, keeps a peer that comes again and again from flooding the log.
+    `quiet`, shared by a node's connections, keeps a peer that comes again and again from flooding the log; `guests`, shared
+    by those to one port, bounds what all connections of a peer bind together.
     """
-    await _Serving(connection, handler, quiet or QuietLog(_log)).run()
+    quiet = quiet or QuietLog(_log)
+    with (guests or Guests()).admitted(connection.peer) as (share, scope):
+        await _Serving(connection, handler, quiet, share).run()
+    if scope.cancelled_caught:
+        quiet.say(trio.current_time(), connection.peer, "many", "its oldest connection is closed: it has too many")
 
 
 class _Serving:
     """One connection being served."""
 
-    def __init__(self, connection: Connection, handler: Handler, quiet: QuietLog) -> None:
+    def __init__(self, connection: Connection, handler: Handler, quiet: QuietLog, share: Share) -> None:
         self._quiet = quiet
         self._connection = connection
         self._handler = handler
         self._outbox = Outbox(connection)
         self._budget = Budget(REQUESTS_HANDLED_MAX, REQUEST_BYTES_HANDLED_MAX)
         self._bulk_slots = trio.CapacityLimiter(BULK_ANSWERS_MAX)
+        self._share = share
         self._malformed = 0
+        self._patience_s = FRAME_S_MAX
+        self._begun_bytes = 0
+        """Of the peer's share: a large frame that has begun to arrive."""
 
     async def run(self) -> None:
         async with trio.open_nursery() as everything:
@@ -65,6 +77,9 @@ class _Serving:
                 except ConnectionLost as error:
                     self._complain("lost", str(error))
                     everything.cancel_scope.cancel()
+                finally:
+                    if self._begun_bytes:
+                        self._share.budget.give_back(self._begun_bytes)
                 requests.cancel_scope.deadline = trio.current_time() + LINGER_S_MAX
             await self._outbox.finish()
 
@@ -78,7 +93,7 @@ class _Serving:
     async def _receive(self, requests: trio.Nursery) -> None:
         """Start a task for each packet; returns at the end of the stream or of our patience."""
         reader = FrameReader()
-        while data := await self._connection.receive(RECEIVE_BYTES):
+        while data := await self._more(reader):
             try:
                 frames = reader.feed(data)
             except MalformedPacket as error:
@@ -88,12 +103,31 @@ class _Serving:
                 return
             for frame in frames:
                 await self._budget.take(len(frame))
+                if self._begun_bytes:
+                    self._begun_bytes = 0
+                else:
+                    await self._share.budget.take(len(frame))
+                self._patience_s = FRAME_S_MAX
                 requests.start_soon(self._handle, frame)
+            if reader.awaited_bytes > BEGUN_BYTES_FREE and not self._begun_bytes:
+                await self._share.budget.take(reader.awaited_bytes)
+                self._begun_bytes = reader.awaited_bytes
             if self._malformed > MALFORMED_MAX:
                 self._complain("patience", f"closed after {self._malformed} malformed packets")
                 return
         if not reader.at_boundary:
             self._complain("truncated", "the connection ended within a frame")
+
+    async def _more(self, reader: FrameReader) -> bytes:
+        """What arrives next. Who has begun a frame has to end it; time in which we do not read is ours."""
+        if reader.at_boundary:
+            return await self._connection.receive(RECEIVE_BYTES)
+        began_at = trio.current_time()
+        with trio.move_on_after(self._patience_s):
+            data = await self._connection.receive(RECEIVE_BYTES)
+            self._patience_s -= trio.current_time() - began_at
+            return data
+        raise ConnectionLost(f"a frame did not arrive whole within {FRAME_S_MAX:g} s")
 
     async def _drain(self) -> None:
         """Let the peer read our last words: closing over unread bytes would reset the connection under them."""
@@ -104,6 +138,7 @@ class _Serving:
     async def _handle(self, frame: bytes) -> None:
         async with AsyncExitStack() as held:
             held.callback(self._budget.give_back, len(frame))
+            held.callback(self._share.budget.give_back, len(frame))
             answer = await self._answer_to(frame, held)
             if answer is not None:
                 await self._answer(answer)
@@ -116,6 +151,7 @@ class _Serving:
             number = packet.request_id
             if packet.BULK_ANSWER:
                 await held.enter_async_context(self._bulk_slots)
+                await held.enter_async_context(self._share.bulk_slots)
             answer = await self._handler(packet, self._connection.peer)
         except MalformedPacket as error:
             # A packet of a later version is no sign of a broken peer.
@@ -144,27 +180,6 @@ class _Serving:
 
     def _complain(self, kind: str, text: str) -> None:
         self._quiet.say(trio.current_time(), self._connection.peer, kind, text)
-
-
-class Budget:
-    """A number of requests and of bytes that may be under way. One task takes; any gives back."""
-
-    def __init__(self, count_max: int, bytes_max: int) -> None:
-        self._count_left = count_max
-        self._bytes_left = bytes_max
-        self._changed = trio.lowlevel.ParkingLot()
-
-    async def take(self, size_bytes: int) -> None:
-        """Wait until there is room. `size_bytes` must not exceed the whole budget."""
-        while self._count_left < 1 or self._bytes_left < size_bytes:
-            await self._changed.park()
-        self._count_left -= 1
-        self._bytes_left -= size_bytes
-
-    def give_back(self, size_bytes: int) -> None:
-        self._count_left += 1
-        self._bytes_left += size_bytes
-        self._changed.unpark_all()
 
 
 def _reason(error: ScenefoldError) -> RejectReason:

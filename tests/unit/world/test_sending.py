@@ -9,9 +9,9 @@ import trio
 import trio.testing
 
 from scenefold.base.limits import SEND_STALL_S_MAX
+from scenefold.world.guests import Budget
 from scenefold.world.outbox import PIECE_BYTES, Outbox
 from scenefold.world.ports import ConnectionLost
-from scenefold.world.serving import Budget
 
 
 class Wire:

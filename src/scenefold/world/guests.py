@@ -1,0 +1,74 @@
+"""What all connections of one peer at one port may bind together (specs/03-wire.md, Limits).
+
+A member may open as many connections as it likes, so a bound for each connection is none for the peer. Connections beyond the
+number that a peer may have push out its own oldest, which may be one that its machine has forgotten; nobody else's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import trio
+
+from scenefold.base.limits import (
+    CONNECTIONS_PER_PEER_MAX,
+    PEER_BULK_ANSWERS_MAX,
+    PEER_REQUEST_BYTES_HANDLED_MAX,
+    PEER_REQUESTS_HANDLED_MAX,
+)
+
+
+class Budget:
+    """A number of requests and of bytes that may be under way. Any task takes; any gives back."""
+
+    def __init__(self, count_max: int, bytes_max: int) -> None:
+        self._count_left = count_max
+        self._bytes_left = bytes_max
+        self._changed = trio.lowlevel.ParkingLot()
+
+    async def take(self, size_bytes: int) -> None:
+        """Wait until there is room. `size_bytes` must not exceed the whole budget."""
+        while self._count_left < 1 or self._bytes_left < size_bytes:
+            await self._changed.park()
+        self._count_left -= 1
+        self._bytes_left -= size_bytes
+
+    def give_back(self, size_bytes: int) -> None:
+        self._count_left += 1
+        self._bytes_left += size_bytes
+        self._changed.unpark_all()
+
+
+class Share:
+    """One peer's."""
+
+    def __init__(self) -> None:
+        self.budget = Budget(PEER_REQUESTS_HANDLED_MAX, PEER_REQUEST_BYTES_HANDLED_MAX)
+        self.bulk_slots = trio.CapacityLimiter(PEER_BULK_ANSWERS_MAX)
+        self.connections: dict[trio.CancelScope, None] = {}
+        """Those that are served, oldest first."""
+
+
+class Guests:
+    """The peers that are connected to one port."""
+
+    def __init__(self) -> None:
+        self._shares: dict[str, Share] = {}
+
+    @contextmanager
+    def admitted(self, peer: str) -> Iterator[tuple[Share, trio.CancelScope]]:
+        """Serve a connection of a peer within this; the scope is cancelled when the peer opens too many after it."""
+        share = self._shares.setdefault(peer, Share())
+        if len(share.connections) >= CONNECTIONS_PER_PEER_MAX:
+            oldest = next(iter(share.connections))
+            del share.connections[oldest]
+            oldest.cancel()
+        with trio.CancelScope() as scope:
+            share.connections[scope] = None
+            try:
+                yield share, scope
+            finally:
+                share.connections.pop(scope, None)
+                if not share.connections and self._shares.get(peer) is share:
+                    del self._shares[peer]
