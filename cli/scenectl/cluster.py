@@ -12,7 +12,7 @@ from cyclopts.validators import Number
 from scenectl.errors import DEGRADED, DONE, Interrupted
 from scenectl.member_values import TokenOption
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
-from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
+from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
 
 if TYPE_CHECKING:
     from scenefold.client import ClusterStatus
@@ -31,6 +31,7 @@ def init(
     spares: AddressesOption | None = None,
     name: str | None = None,
     ports: PortsOption | None = None,
+    suite: SuiteOption = DEFAULT_SUITE,
     output: Output = PLAIN,
 ) -> None:
     """Make the authority and the keys of a new cluster.
@@ -51,11 +52,14 @@ def init(
         Name of the cluster; by default that of the folder.
     ports
         Ports for low and high priority, LOW,HIGH; by default 17349,17350.
+    suite
+        Algorithms of the keys of the user who makes the cluster; nodes' keys are always of the first.
     """
     from scenefold.client import create_cluster
+    from scenefold.crypto import suite_named
 
-    more = () if spares is None else spares.all
-    profile = create_cluster(folder, folder.resolve().name if name is None else name, nodes.all, spares=more, ports=cluster_ports(ports))
+    more, title, number = () if spares is None else spares.all, folder.resolve().name if name is None else name, suite_named(suite).number
+    profile = create_cluster(folder, title, nodes.all, spares=more, ports=cluster_ports(ports), suite=number)
     document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more)}
     first = nodes.all[0]
     text = (
@@ -76,6 +80,7 @@ def join(
     capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
     seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
+    suite: SuiteOption = DEFAULT_SUITE,
     log_level: Literal["debug", "info", "warning", "error"] = "info",
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -105,6 +110,8 @@ def join(
         Seconds until it is an error that the seed does not answer.
     threads
         Threads that may render; by default as many as there are processors.
+    suite
+        Algorithms of the keys of a user who joins; nodes' keys are always of the first.
     log_level
         Least important lines that are logged.
     """
@@ -127,7 +134,7 @@ def join(
         if token.text == own:
             raise UsageFault("a node cannot join through itself", where=token.text, remedy="name a node that is a member already")
     else:
-        folder, own = joined_by_token(token.text, None if address is None else address.text, output)
+        folder, own = joined_by_token(token.text, None if address is None else address.text, suite, output)
     if own is None:
         return
     set_up_logs("json" if output.json else "console", log_level)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from scenectl.member_values import Duration, DurationOption, MemberOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, emit_event, table
-from scenectl.values import AddressOption
+from scenectl.values import DEFAULT_SUITE, AddressOption, SuiteOption
 
 if TYPE_CHECKING:
     from scenefold.client.membership import Roll
@@ -76,20 +76,24 @@ def invite(
     emit(output, document, f"{token.word()}\n\nFor {whom}, once, until {until}: scenectl cluster join TOKEN")
 
 
-def joined_by_token(text: str, address: str | None, output: ProfileOutput) -> tuple[Path, str | None]:
+def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: ProfileOutput) -> tuple[Path, str | None]:
     """Enrol by a token and say so; the profile, and the address of the node that may run now (None: it was a user)."""
     from scenectl.running import run
+    from scenefold.base.errors import UsageFault
     from scenefold.base.ids import NodeId, address_of, node_id_of
     from scenefold.client.connecting import profile_place
     from scenefold.client.enrolling import enrol, own_address
-    from scenefold.crypto import InvitedKind, Token
+    from scenefold.crypto import InvitedKind, Token, suite_named
     from scenefold.world.profile import ClusterProfile
 
     token, folder = Token.read(text), profile_place(output.profile)
+    is_user = token.kind is InvitedKind.USER and address is None
+    if suite != DEFAULT_SUITE and not is_user:
+        raise UsageFault(f"a node's keys are of {DEFAULT_SUITE}", where="--suite", remedy="leave it out")
 
     async def work() -> tuple[ClusterProfile, NodeId]:
-        if token.kind is InvitedKind.USER and address is None:
-            return await enrol(folder, token), NodeId(0)
+        if is_user:
+            return await enrol(folder, token, suite=suite_named(suite).number), NodeId(0)
         node = await own_address(token) if address is None else node_id_of(address)
         return await enrol(folder, token, node), node
 

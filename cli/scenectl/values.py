@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
 
 from cyclopts import Parameter, Token
 from cyclopts.validators import Number
@@ -242,6 +242,8 @@ AddressOption = Annotated[Address, ONE_WORD]
 AddressesOption = Annotated[Addresses, ONE_WORD]
 PortsOption = Annotated[PortPair, ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
 NodeCountsOption = Annotated[NodeCounts, ONE_WORD]
+SuiteOption = Literal["ed25519-aes192gcm", "rsa3072-aes192gcm"]
+DEFAULT_SUITE: SuiteOption = "ed25519-aes192gcm"
 PlaceOption = Annotated[Place, ONE_WORD]
 SpaceOption = Annotated[SpaceName, ONE_WORD]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
-from scenefold.crypto import MemberSecrets, SecretFolder, refuse_to_ask
+from scenefold.crypto import DEFAULT_SUITE, MemberSecrets, SecretFolder, refuse_to_ask
 from scenefold.crypto.secret_folder import AskPassphrase
 from scenefold.world import Ports, World, offline_world, open_links, real_world
 from scenefold.world.profile import ClusterProfile
@@ -66,7 +66,13 @@ def profile_place(profile: str | Path | None) -> Path:
 
 
 def create_cluster(
-    folder: Path, name: str, node_addresses: Sequence[str], *, spares: Sequence[str] = (), ports: Ports | None = None
+    folder: Path,
+    name: str,
+    node_addresses: Sequence[str],
+    *,
+    spares: Sequence[str] = (),
+    ports: Ports | None = None,
+    suite: int = DEFAULT_SUITE,
 ) -> ClusterProfile:
-    """Make authority and keys of a new cluster in a folder, whole or not at all. `spares` may join it later."""
-    return ClusterProfile.create(folder, name, node_addresses, spares=spares, ports=ports)
+    """Make authority and keys of a new cluster in a folder, whole or not at all. `spares` may join it later. `suite`: of the user's keys."""
+    return ClusterProfile.create(folder, name, node_addresses, spares=spares, ports=ports, suite=suite)

@@ -31,6 +31,7 @@ from scenefold.base.errors import DamagedData, LocalFault, UsageFault
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
+    DEFAULT_SUITE,
     Authority,
     Identity,
     MemberSecrets,
@@ -81,12 +82,19 @@ class ClusterProfile:
 
     @classmethod
     def create(
-        cls, folder: Path, name: str, node_addresses: Sequence[str], *, spares: Sequence[str] = (), ports: Ports | None = None
+        cls,
+        folder: Path,
+        name: str,
+        node_addresses: Sequence[str],
+        *,
+        spares: Sequence[str] = (),
+        ports: Ports | None = None,
+        suite: int = DEFAULT_SUITE,
     ) -> ClusterProfile:
         """Make a new cluster with these nodes and the user "owner" in `folder`, whole or not at all.
 
         The nodes found the cluster; `spares` get credentials, so that they can join it later. `folder` must not
-        exist, or be empty. Takes some ten milliseconds a node.
+        exist, or be empty. `suite` is that of the user's keys. Takes some ten milliseconds a node.
         """
         checked_name(name, "cluster")
         founders, addresses = checked_addresses(node_addresses), checked_addresses([*node_addresses, *spares])
@@ -95,7 +103,7 @@ class ClusterProfile:
         make_private_folder(folder.parent)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
         try:
-            write_cluster(draft, name, addresses, founders, ports)
+            write_cluster(draft, name, addresses, founders, ports, suite)
             draft.rename(folder)  # fails if somebody filled `folder` meanwhile
         except OSError as problem:
             raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder") from problem

@@ -12,7 +12,7 @@ from typing import Any
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import address_of, checked_node_id, node_id_of
 from scenefold.base.limits import NODES_MAX
-from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, SigningKey, make_private_folder, write_secret
+from scenefold.crypto import AUTHORITY_PURPOSE, DEFAULT_SUITE, Authority, Card, MemberSecrets, SigningKey, make_private_folder, write_secret
 from scenefold.world.charter import SEEDS_MAX, Charter
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import checked_name
@@ -56,8 +56,8 @@ def refuse_taken(folder: Path) -> None:
         raise LocalFault("the place is taken by something else", where=str(folder), remedy="choose another folder")
 
 
-def write_cluster(folder: Path, name: str, addresses: Sequence[str], founders: Sequence[str], ports: Ports) -> None:
-    """Authority, keys and settings of a new cluster. The first founder votes, and is trusted with the authority's key."""
+def write_cluster(folder: Path, name: str, addresses: Sequence[str], founders: Sequence[str], ports: Ports, suite: int) -> None:
+    """Authority, keys and settings of a new cluster. The first founder votes, and is trusted with the authority's key. `suite`: the owner's."""
     authority = Authority.create(name)
     make_private_folder(folder)
     authority.to_files(folder / "authority")
@@ -65,7 +65,7 @@ def write_cluster(folder: Path, name: str, addresses: Sequence[str], founders: S
     for address in addresses:
         card = _write_party(authority, folder / "nodes" / address, f"node:{node_id_of(address)}", [address])
         members.append(Credential(node_id_of(address), address, card.keys.signing, card.keys.sealing))
-    owner = _write_party(authority, folder / "users" / DEFAULT_USER, f"user:{DEFAULT_USER}", [], is_administrator=True)
+    owner = _write_party(authority, folder / "users" / DEFAULT_USER, f"user:{DEFAULT_USER}", [], suite=suite, is_administrator=True)
     make_private_folder(folder / "scenes")
     voter, log_key = members[addresses.index(founders[0])], SigningKey.generate()
     facts = ClusterFacts(
@@ -108,8 +108,10 @@ def _member(credential: Credential) -> dict[str, Any]:
     return {"id": int(credential.node_id), "address": credential.address, **public}
 
 
-def _write_party(authority: Authority, folder: Path, name: str, addresses: list[str], *, is_administrator: bool = False) -> Card:
-    own = MemberSecrets.generate()
+def _write_party(
+    authority: Authority, folder: Path, name: str, addresses: list[str], *, suite: int = DEFAULT_SUITE, is_administrator: bool = False
+) -> Card:
+    own = MemberSecrets.generate(suite)
     identity = authority.issue(name, addresses, keys=own.public(is_administrator=is_administrator))
     identity.to_files(folder)
     own.to_files(folder)

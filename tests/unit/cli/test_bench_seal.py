@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from typing import get_args
 
 import pytest
 from cryptography.exceptions import InvalidSignature
 
 from scenectl.bench_seal import WORKS, _works
 from scenectl.program import main
-from scenefold.crypto import ED25519, RSA3072
+from scenectl.values import DEFAULT_SUITE, SuiteOption
+from scenefold.crypto import ED25519, RSA3072, SUITE_NAMES, suite_named
 from unit.crypto.suites_made import SIGNING
 
 TINY = ["bench", "seal", "--records", "2", "--rounds", "1"]
@@ -49,3 +51,7 @@ def test_bare_verifying_does_verify() -> None:
     bare._signed = [(header[:-1] + b"\0", *others) for header, *others in bare._signed]
     with pytest.raises(InvalidSignature):
         works["bare verify"].run()
+
+
+def test_the_suites_that_can_be_chosen_are_those_of_the_registry() -> None:
+    assert get_args(SuiteOption) == SUITE_NAMES and suite_named(DEFAULT_SUITE).number == ED25519

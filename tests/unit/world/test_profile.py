@@ -11,7 +11,7 @@ import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import KeyId, address_of
-from scenefold.crypto import Card
+from scenefold.crypto import ED25519, RSA3072, Card
 from scenefold.wire import Lockbox
 from scenefold.world import Ports
 from scenefold.world.keyring import KeptScene
@@ -78,6 +78,16 @@ def test_every_party_has_keys_of_its_own(profile: ClusterProfile) -> None:
     assert [card.keys for card in cards] == [one.public() for one in secrets[:-1]]
     owner = Card.verified(profile.user_identity().certificate, profile.authority_certificate())
     assert owner.keys == secrets[-1].public(is_administrator=True), "who makes a cluster administers it"
+
+
+def test_the_user_may_have_keys_of_another_suite_and_nodes_have_not(tmp_path: Path) -> None:
+    made = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2"], suite=RSA3072)
+    own = made.user_secrets()
+    assert (own.signing.suite, own.sealing.suite) == (RSA3072, RSA3072)
+    assert sorted(path.name for path in made.user_folder().glob("s*")) == ["sealing.pem", "signing.pem"]
+    card = Card.verified(made.user_identity().certificate, made.authority_certificate())
+    assert card.keys == own.public(is_administrator=True)
+    assert made.node_secrets("127.0.0.2").signing.suite == ED25519
 
 
 def test_a_machine_needs_no_more_than_its_part(profile: ClusterProfile, tmp_path: Path) -> None:
