@@ -61,9 +61,11 @@ class Nodes:
 
 
 @asynccontextmanager
-async def nodes_here(folder: Path, count: int = 3, *, start: Sequence[int] | None = None) -> AsyncIterator[Nodes]:
-    """A new cluster in `folder`, of which the nodes of these numbers (all) run and have joined."""
-    profile = ClusterProfile.create(folder / "profile", "trial", addresses(count), ports=free_ports(addresses(count)))
+async def nodes_here(
+    folder: Path, count: int = 3, *, start: Sequence[int] | None = None, profile: ClusterProfile | None = None
+) -> AsyncIterator[Nodes]:
+    """A new cluster in `folder`, or that of a profile, of which the nodes of these numbers (all) run and have joined."""
+    profile = profile or ClusterProfile.create(folder / "profile", "trial", addresses(count), ports=free_ports(addresses(count)))
     async with background_tasks() as nursery:
         nodes = Nodes(folder, profile, nursery)
         await nodes.start(*(range(count) if start is None else start))

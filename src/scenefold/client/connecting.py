@@ -8,6 +8,7 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
+from scenefold.client.renewal import renew_if_due
 from scenefold.crypto import DEFAULT_SUITE, MemberSecrets, SecretFolder, refuse_to_ask
 from scenefold.crypto.secret_folder import AskPassphrase
 from scenefold.world import Ports, World, offline_world, open_links, real_world
@@ -23,19 +24,23 @@ async def connect(profile: str | Path | None = None, ask: AskPassphrase = refuse
     `ask`: called in a worker thread, if a passphrase locks the user's keys, with the place where they lie; returns the passphrase.
 
     Nothing is sent before the first call; that one finds the nodes by those that the profile lists, and takes the
-    table of who is there from the first that answers.
-    LocalFault if there is no such profile.
+    table of who is there from the first that answers. Only if the user's certificate is due to be renewed, that comes first.
+    LocalFault if there is no such profile, OutOfDate if the certificate does not count by this computer's clock.
     """
     known, world, secrets = await offline_world().workers.run("import", _read, profile, ask)
     async with open_links(world) as links:
-        yield Cluster(known, world, links, secrets)
+        cluster = Cluster(known, world, links, secrets)
+        await renew_if_due(cluster.membership)
+        yield cluster
 
 
 def _read(profile: str | Path | None, ask: AskPassphrase) -> tuple[ClusterProfile, World, MemberSecrets]:
     """What of a profile lies on disk, and the world that its user's identity opens."""
     known = ClusterProfile.load(profile_folder(profile))
     opened = SecretFolder(known.user_folder(), ask)
-    world = real_world(known.user_identity(secrets=opened), known.authority_certificate(), ports=known.ports)
+    identity = known.user_identity(secrets=opened)
+    known.check_date(identity)
+    world = real_world(identity, known.authority_certificate(), ports=known.ports)
     return known, world, known.user_secrets(secrets=opened)
 
 

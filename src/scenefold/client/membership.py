@@ -10,17 +10,19 @@ import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenefold.base.errors import DamagedData, LocalFault, UsageFault
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.client.calls import Calls
-from scenefold.crypto import AUTHORITY_PURPOSE, ORDER_DOMAIN, Card, InvitedKind, MemberSecrets, SigningKey, Token, mark_of
+from scenefold.crypto import AUTHORITY_PURPOSE, ORDER_DOMAIN, Card, InvitedKind, MemberSecrets, SigningKey, Token, mark_of, pem_of
 from scenefold.wire import RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import (
     Administer,
     Administered,
+    Enrolled,
     InvitationState,
     KnownInvitation,
+    RequestRenewal,
     RequestRoll,
     RespondRoll,
 )
@@ -128,6 +130,28 @@ class Membership:
             key = self._profile.authority().key_der()
             sealed = card.keys.sealing.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
         await self._order(Trust(node, trusted, sealed))
+
+    async def renew(self) -> Card | None:
+        """Have this user's certificate renewed, if two thirds of its time are over, and keep it; the newer one's card, None if none is due."""
+        authority = self._profile.authority_certificate()
+        card = Card.verified(self._profile.user_certificate(), authority)
+        if self._now() < card.renew_from:
+            return None
+        trusted = (await self._calls.ask_any(RequestRoll(name=""), RespondRoll, first=self._profile.voters[0])).trusted
+        last: ScenefoldError | None = None
+        for node in trusted:
+            try:
+                packet = RequestRenewal(certificate=card.der)
+                answer = await self._calls.ask(address_of(node), packet, Enrolled, priority=Priority.HIGH)
+            except (Refused, Unreachable, PeerFault) as problem:
+                last = problem
+                continue
+            newer = card.check_renewed(answer.certificate, authority)
+            pem = pem_of(newer.der)
+            await self._calls.world.workers.run("import", self._profile.keep_user_certificate, pem)
+            self._calls.world.network.show(pem)
+            return newer
+        raise last or LocalFault("no node is trusted to renew certificates", remedy="see `scenectl cluster nodes`")
 
     async def _signing_id(self, node: NodeId) -> KeyId:
         known = next((member for member in self._profile.members if member.node_id == node), None)

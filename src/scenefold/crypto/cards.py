@@ -102,6 +102,19 @@ class Card:
         return self.keys.signing.key_id
 
     @property
+    def renew_from(self) -> datetime.datetime:
+        """When two thirds of its time are over: from then on its holder asks for a newer one."""
+        return self.not_after - (self.not_after - self.not_before) / 3
+
+    def check_renewed(self, certificate: bytes, authority: bytes) -> Card:
+        """The card in a newer certificate of the same member; DamagedData if it is anything else."""
+        newer = Card.verified(certificate, authority)
+        same = (newer.name, newer.addresses, newer.keys, newer.tls_key) == (self.name, self.addresses, self.keys, self.tls_key)
+        if not same or newer.not_after <= self.not_after:
+            raise DamagedData("what came in place of the certificate is no newer one of the same member", where=self.name)
+        return newer
+
+    @property
     def tls_key(self) -> bytes:
         """The public key that the certificate is for (DER)."""
         return _parsed(self.der).public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)

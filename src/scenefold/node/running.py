@@ -48,6 +48,7 @@ async def run_node(
     me = profile.member(settings.address)
     secrets, log_key = profile.node_secrets(me.address), profile.log_signing_key(me.address)
     identity = profile.node_identity(me.address)
+    profile.check_date(identity)
     papers = Papers(identity.certificate, profile.sealed_authority(me.address) or b"", partial(profile.keep_node_certificate, me.address))
     world = real_world(
         identity,

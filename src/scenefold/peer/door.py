@@ -1,4 +1,4 @@
-"""Who is let in, and shown out again when its key is revoked (specs/15-cluster-log.md, Revocation).
+"""Who is let in, and shown out again when its key is revoked (specs/15-cluster-log.md, Enrolling).
 
 A certificate stays valid after its keys were revoked, so TLS lets its holder in; here its connection ends. It is told why, once.
 """

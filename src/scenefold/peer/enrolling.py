@@ -60,7 +60,8 @@ class Enrolling:
         self._secrets = secrets
         self._cluster_log = cluster_log
         self._peers = peers
-        self._papers = papers
+        self.papers = papers
+        """Replaced by who renews the certificate."""
         self._quiet = QuietLog(_log)
 
     @property
@@ -167,7 +168,7 @@ class Enrolling:
     def _authority(self) -> Authority | None:
         """The authority, if the cluster trusts this node with it, and its key was sealed to us."""
         registry = self._registry
-        sealed = registry.roll.sealed.get(self._me, self._papers.sealed)
+        sealed = registry.roll.sealed.get(self._me, self.papers.sealed)
         if not sealed or not registry.is_trusted(self._me):
             return None
         try:
@@ -206,15 +207,21 @@ class Enrolling:
 
     async def _on_renewal(self, packet: RequestRenewal, peer: str) -> Packet:
         card = check_renewable(packet.certificate, peer, self._registry, self._facts)
+        der = await self.renewed(card)
+        if der is None:
+            trusted = ", ".join(map(address_of, sorted(self._registry.roll.trusted)))
+            what = f"{address_of(self._me)} does not have the authority's key"
+            raise Refused(RejectReason.NOT_READY, what, remedy=f"ask one of {trusted}")
+        return self._answer(der)
+
+    async def renewed(self, card: Card) -> bytes | None:
+        """A newer certificate (DER) of a member, which the log knows from now on; None if this node cannot make one."""
         authority = self._authority()
         if authority is None:
-            trusted = ", ".join(map(address_of, sorted(self._registry.roll.trusted)))
-            raise Refused(
-                RejectReason.NOT_READY, f"{address_of(self._me)} does not have the authority's key", remedy=f"ask one of {trusted}"
-            )
+            return None
         der = await self._certified(authority, card.name, card.addresses, card)
         await self._cluster_log.propose(RenewCard(der))
-        return self._answer(der)
+        return der
 
     # ------------------------------------------------------------------------------------------------------------- orders
 
@@ -227,7 +234,7 @@ class Enrolling:
         return Administered(position=position)
 
     def _own_card(self) -> Card | None:
-        return Card.verified(self._papers.certificate, self._facts.authority) if self._papers.certificate else None
+        return Card.verified(self.papers.certificate, self._facts.authority) if self.papers.certificate else None
 
     async def _on_roll(self, packet: RequestRoll, _peer: str) -> Packet:
         registry, facts = self._registry, self._facts

@@ -35,6 +35,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.probing import Probing
 from scenefold.peer.range_datagrams import RangeDatagrams
 from scenefold.peer.registry import Registry
+from scenefold.peer.renewal import Renewal
 from scenefold.peer.reporting import Reporting
 from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
@@ -108,6 +109,7 @@ class PeerServices:
         enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
         for service in (scenes, line, data, probing, sharing, draining, enrolling, Members(own, roster, registry, scenes)):
             service.register(handlers)
+        renewal = Renewal(world, facts, cluster_log, peers, enrolling, papers)
         self._door = Door(world, cluster_log, handlers, links)
         self._newcomers = enrolling.serve_newcomer
         self._background: tuple[Callable[[], Awaitable[None]], ...] = (
@@ -117,6 +119,7 @@ class PeerServices:
             draining.run,
             self._door.run,
             enrolling.share_authority,
+        renewal.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
         self._range_datagrams = RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges)

@@ -1,4 +1,4 @@
-"""A cluster's charter: what a newcomer must believe of it, signed by its authority (specs/15-cluster-log.md, Charter).
+"""A cluster's charter: what a newcomer must believe of it, signed by its authority (specs/15-cluster-log.md, Enrolling).
 
 Made once, by `cluster init`; whoever hands it over, its signature tells that it is the cluster's own. The cluster's facts follow from it
 and from the authority's certificate alone.

@@ -19,6 +19,7 @@ be removed, and all that stands in the cluster's log. The lowest of the founders
 from __future__ import annotations
 
 import base64
+import datetime
 import ipaddress
 import secrets
 import shutil
@@ -33,6 +34,7 @@ from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
     DEFAULT_SUITE,
     Authority,
+    Card,
     Identity,
     MemberSecrets,
     PublicKey,
@@ -45,6 +47,7 @@ from scenefold.crypto import (
     write_secret,
 )
 from scenefold.crypto.authority import CERTIFICATE_FILE
+from scenefold.crypto.secrets_on_disk import read_certificate
 from scenefold.world.charter import facts_of
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import Keyring, checked_name
@@ -184,6 +187,14 @@ class ClusterProfile:
     def node_identity(self, address: str) -> Identity:
         return Identity.from_files(self._node_folder(address))
 
+    def check_date(self, identity: Identity) -> None:
+        """OutOfDate, with both dates, if a certificate does not count by this computer's clock; NotOfThisCluster if it is another's."""
+        Card.verified(identity.certificate, self.authority_certificate(), datetime.datetime.now(datetime.UTC))
+
+    def keep_user_certificate(self, certificate: bytes) -> None:
+        """Put a newer certificate (PEM) for the same keys in place of the user's."""
+        write_secret(self.user_folder() / CERTIFICATE_FILE, certificate, replace=True)
+
     def keep_node_certificate(self, address: str, certificate: bytes) -> None:
         """Put a newer certificate (PEM) for the same keys in place of a node's."""
         write_secret(self._node_folder(address) / CERTIFICATE_FILE, certificate, replace=True)
@@ -214,6 +225,10 @@ class ClusterProfile:
     def user_identity(self, user: str | None = None, secrets: SecretFolder | None = None) -> Identity:
         """`secrets`: the user's folder, opened, if a passphrase locks it."""
         return Identity.from_files(self.user_folder(user), secrets)
+
+    def user_certificate(self) -> bytes:
+        """The certificate (PEM) of the user, which is no secret."""
+        return read_certificate(self.user_folder() / CERTIFICATE_FILE)
 
     def user_secrets(self, user: str | None = None, secrets: SecretFolder | None = None) -> MemberSecrets:
         """`secrets`: the user's folder, opened, if a passphrase locks it."""
