@@ -56,6 +56,10 @@ LOCKBOX_BYTES_MAX = 1024
 """A scene's keys, sealed to one member: 272 bytes under X25519, 384 under RSA-3072."""
 HEADER_KEYS_MAX = 64
 """How often a scene's header key may change: once for each owner that is revoked."""
+FORMER_KEYS_MAX = 128
+"""Keys of former epochs in a scene's header; those before them stand in its log alone."""
+FORMER_KEYS_BYTES_MAX = 12 + 24 * FORMER_KEYS_MAX + 16
+"""Sealed, with nonce and tag."""
 MEMBER_NAME_BYTES_MAX = 64
 """A member's name, as in "user:ada": at most 55 bytes of a certificate's common name."""
 PARTICIPANTS_MAX = 127

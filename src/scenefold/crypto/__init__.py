@@ -12,6 +12,7 @@ from scenefold.crypto.datagrams import (
     StrangeVersion,
     head_of,
 )
+from scenefold.crypto.former_keys import open_former, seal_former
 from scenefold.crypto.invitations import ENROL_DOMAIN, ORDER_DOMAIN, InvitedKind, Token, authority_der, authority_pem, mark_of, pem_of
 from scenefold.crypto.keys import (
     HEADER_DOMAIN,
@@ -129,6 +130,7 @@ __all__ = [
     "new_tls_key",
     "newcomer_context",
     "object_of",
+    "open_former",
     "open_log",
     "open_record",
     "peer_certificate",
@@ -139,6 +141,7 @@ __all__ = [
     "read_secret",
     "refuse_to_ask",
     "renew",
+    "seal_former",
     "seal_log",
     "seal_record",
     "seal_records",

@@ -98,6 +98,8 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
         raise Refused(RejectReason.ILL_FORMED, "nodes choose the places in this space, and the record names one")
     if header.epoch < scene.public.write_floor:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
+    if header.key_epoch < scene.public.key_epoch:
+        raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
     return Claim(Put(record, item.expect), header, key)
 
 

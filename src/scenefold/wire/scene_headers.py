@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from scenefold.base.limits import HEADER_KEYS_MAX, LOCKBOX_BYTES_MAX, SPACES_PER_SCENE_MAX, WRITERS_PER_SCENE_MAX
+from scenefold.base.limits import (
+    FORMER_KEYS_BYTES_MAX,
+    HEADER_KEYS_MAX,
+    LOCKBOX_BYTES_MAX,
+    SPACES_PER_SCENE_MAX,
+    WRITERS_PER_SCENE_MAX,
+)
 from scenefold.wire.common import (
     BOOL,
     DIGEST,
@@ -105,7 +111,8 @@ class SceneLogPublic:
     """The public header of a scene: all that nodes without its key need, signed by its participants.
 
     `keys` holds in full every key that is named by an id, so that whoever has the header can verify the
-    header and every record without asking further. `key_epoch`: of the symmetric key that new records are sealed under.
+    header and every record without asking further. `key_epoch`: of the symmetric key that new records are sealed under;
+    `former_keys`: those before it, sealed under it.
     """
 
     scene: SceneId
@@ -120,6 +127,7 @@ class SceneLogPublic:
     private_key: KeyId
     keys: tuple[KeyEntry, ...]
     key_epoch: int = 0
+    former_keys: bytes = b""
     lockboxes: tuple[Lockbox, ...] = ()
     succession: tuple[Succession, ...] = ()
     signature: bytes = UNSIGNED
@@ -160,6 +168,7 @@ SCENE_LOG_PUBLIC = Struct(
     ("private_key", U32),
     ("keys", Many(KEY_ENTRY, WRITERS_PER_SCENE_MAX)),
     ("key_epoch", U32),
+    ("former_keys", Bin(FORMER_KEYS_BYTES_MAX)),
     ("lockboxes", Many(LOCKBOX, WRITERS_PER_SCENE_MAX)),
     ("succession", Many(SUCCESSION, HEADER_KEYS_MAX)),
     ("signature", SIGNATURE),

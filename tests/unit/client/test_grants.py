@@ -130,6 +130,17 @@ async def test_a_rotation_is_no_matter_to_those_who_have_the_scene_open(autojump
         assert await reader.space(GEOMETRY).get_many(PLACES[:4]) == everything
 
 
+async def test_what_lies_under_former_keys_is_read_where_the_log_is_lost(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    for epoch in range(3):
+        await scene.space(GEOMETRY).put(PLACES[epoch], b"%d" % epoch)
+        await scene.rotate_key()
+    await scene.grant(card_of(2), Role.READER)
+    studio.nodes.logs.clear()
+    ada = await studio.kitchen(2)
+    assert await ada.space(GEOMETRY).get_many(PLACES[:3]) == [b"0", b"1", b"2"]
+
+
 async def test_whoever_was_revoked_keeps_what_he_had_and_no_more(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.WRITER)

@@ -12,11 +12,13 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PROPOSAL_DOMAIN
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
+from scenefold.scene.log import succeeded
 from scenefold.wire import KeyEntry, SceneLogPublic
 from unit.peer.scenes_made import HEADER_KEY, STRANGER, WRITER, first_header, later_header, signed
 
 FIRST = first_header()
 OTHER = first_header(write_floor=1)
+STEPS = (succeeded(STRANGER, STRANGER.public, FIRST.genesis, 3),)
 
 
 def refusal(header: SceneLogPublic, known: KnownScene | None = None) -> RejectReason:
@@ -61,14 +63,30 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
     "header, reason",
     [
         (FIRST, RejectReason.POSITION_BEHIND),
-        (later_header(FIRST, write_floor=3), RejectReason.POSITION_TAKEN),
+        (later_header(FIRST, write_floor=3, key_epoch=1), RejectReason.POSITION_TAKEN),
         (later_header(FIRST, position=3, write_floor=0), RejectReason.POSITION_BEHIND),
         (later_header(FIRST, STRANGER, position=3, public_key=STRANGER.key_id), RejectReason.NOT_AUTHORISED),
         (later_header(FIRST, position=3, origin=NodeId(2)), RejectReason.NOT_AUTHORISED),
         (later_header(FIRST, position=3, genesis=FIRST.genesis[:4] + bytes(28)), RejectReason.POSITION_TAKEN),
+        (later_header(FIRST, position=3, write_floor=2, key_epoch=0), RejectReason.POSITION_BEHIND),
+        (
+            later_header(FIRST, STRANGER, position=3, write_floor=2, key_epoch=1, public_key=STRANGER.key_id, succession=STEPS),
+            RejectReason.NOT_AUTHORISED,
+        ),
+        (later_header(FIRST, position=3, write_floor=2, key_epoch=1, succession=STEPS), RejectReason.NOT_AUTHORISED),
     ],
-    ids=["older", "same position otherwise", "floor sinks", "another header key", "another origin", "another genesis"],
+    ids=[
+        "older",
+        "same position otherwise",
+        "floor sinks",
+        "another header key",
+        "another origin",
+        "another genesis",
+        "key epoch sinks",
+        "a forged heir",
+        "another heir than it says",
+    ],
 )
 def test_what_does_not_follow_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:
-    known = KnownScene.of(later_header(FIRST, write_floor=2, mode=FIRST.mode))
+    known = KnownScene.of(later_header(FIRST, write_floor=2, mode=FIRST.mode, key_epoch=1))
     assert refusal(header, known) == reason

@@ -11,10 +11,10 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ED25519, RECORD_DOMAIN, RSA3072
-from scenefold.peer.verification import KnownScene, epochs_of, verified_put, verify_all
-from scenefold.wire import KeyEntry, PutItem, WriterEntry
+from scenefold.peer.verification import KnownScene, epochs_of, verified_copy, verified_put, verify_all
+from scenefold.wire import HandItem, KeyEntry, PutItem, WriterEntry
 from unit.crypto.suites_made import SIGNING
-from unit.peer.scenes_made import FOR_EVER, HEADER_KEY, STRANGER, WRITER, first_header, later_header, offered, sealed
+from unit.peer.scenes_made import FOR_EVER, HEADER_KEY, PLACE, SPACE, STRANGER, WRITER, first_header, later_header, offered, sealed
 
 SCENE = first_header()
 KNOWN = KnownScene.of(SCENE)
@@ -89,6 +89,19 @@ def test_an_epoch_below_the_floor_is_refused() -> None:
     with pytest.raises(Refused) as caught:
         verified_put(offered(sealed(scene, epoch=3)), KnownScene.of(scene))
     assert caught.value.reason == RejectReason.MODE_FORBIDS
+
+
+def test_a_record_under_a_former_key_is_refused_and_a_copy_of_it_is_not() -> None:
+    scene = KnownScene.of(later_header(SCENE, key_epoch=2))
+    for key_epoch in (0, 1):
+        with pytest.raises(Refused) as caught:
+            verified_put(offered(sealed(SCENE, epoch=2, key_epoch=key_epoch)), scene)
+        assert caught.value.reason == RejectReason.MODE_FORBIDS
+    for key_epoch in (2, 3):
+        verified_put(offered(sealed(SCENE, epoch=2, key_epoch=key_epoch)), scene)
+    old = sealed(SCENE, epoch=1)
+    copy = HandItem(SCENE.scene, SPACE, PLACE, b"", old.signature, old.header_bytes, old.ciphertext)
+    verified_copy(copy, scene)
 
 
 def test_each_record_has_a_verdict_of_its_own() -> None:

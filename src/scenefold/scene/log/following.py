@@ -10,7 +10,16 @@ from dataclasses import dataclass, replace
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId
-from scenefold.crypto import HEADER_DOMAIN, PublicKey, SealingKey, SigningKey, new_symmetric_key
+from scenefold.crypto import (
+    HEADER_DOMAIN,
+    NONCE_BYTES,
+    PublicKey,
+    SealingKey,
+    SigningKey,
+    new_symmetric_key,
+    open_former,
+    seal_former,
+)
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.bytes import OpenedLog, sign_record
 from scenefold.scene.log.grants import Granted, newly_granted
@@ -41,8 +50,11 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
     if seed is None:
         raise LocalFault("these keys do not sign for the scene", where=f"scene {keys.name}", remedy="ask one of its owners")
     before, state = log.state, log.state.apply(record)
-    if state.grants.key_epoch != before.grants.key_epoch:
-        keys = replace(keys, epochs=keys.epochs.merged({state.grants.key_epoch: new_symmetric_key(token)}))
+    former, epoch = header.former_keys, state.grants.key_epoch
+    if epoch != before.grants.key_epoch:
+        keys = replace(keys, epochs=keys.epochs.merged({epoch: new_symmetric_key(token)}))
+        key, nonce = keys.epochs[epoch], token(NONCE_BYTES)
+        former = seal_former(state.grants.former_keys, genesis=header.genesis, key_epoch=epoch, symmetric_key=key, nonce=nonce)
     signer, succession = SigningKey.from_seed(seed), header.succession
     if state.grants.header_keyed_at != before.grants.header_keyed_at:
         heir = SigningKey.from_seed(token(HEADER_SEED_BYTES))
@@ -57,7 +69,8 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         writers=state.grants.writers,
         public_key=signer.key_id,
         keys=header_keys(signer.public, state),
-        key_epoch=state.grants.key_epoch,
+        key_epoch=epoch,
+        former_keys=former,
         lockboxes=_lockboxes(header, before, state, keys, author, token),
         succession=succession,
     )
@@ -104,12 +117,22 @@ def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | No
     is_known = header_key == keys.header_key and header.key_epoch in keys.epochs
     found = None if sealing is None or (is_known and keys.role is Role.OWNER) else own_lockbox(header, sealing)
     if found is None:
-        return replace(keys, header_key=header_key, header_seed=keys.header_seed if header_key == keys.header_key else None)
+        seed = keys.header_seed if header_key == keys.header_key else None
+        return _with_former(replace(keys, header_key=header_key, header_seed=seed), header)
     contents = found[1]
     if contents.header_key != header_key:
         raise DamagedData("a lockbox speaks of another header key than its header", where=where)
     given = keys_in(contents, keys.genesis)
-    return replace(given, name=keys.name, epochs=given.epochs.merged(keys.epochs))
+    return _with_former(replace(given, name=keys.name, epochs=given.epochs.merged(keys.epochs)), header)
+
+
+def _with_former(keys: SceneKeys, header: SceneLogPublic) -> SceneKeys:
+    """With the keys of the epochs before the header's, if we have the one that they are sealed under."""
+    key = keys.epochs.get(header.key_epoch)
+    if key is None or not header.former_keys or all(epoch in keys.epochs for epoch in range(header.key_epoch)):
+        return keys
+    former = open_former(header.former_keys, genesis=header.genesis, key_epoch=header.key_epoch, symmetric_key=key)
+    return replace(keys, epochs=keys.epochs.merged(former))
 
 
 def keys_with_log(keys: SceneKeys, state: SceneLog) -> SceneKeys:

@@ -149,6 +149,7 @@ def test_who_may_use_a_scene_has_its_keys_and_nobody_else(acts: list[tuple[str, 
             # From the first header key on, or from any later one, the newest is found.
             followed = keys_after(story.header, replace(story.first_keys, role=Role.READER), secrets_of(member).sealing)
             assert followed.header_key == story.keys.header_key
+            assert dict(followed.epochs) == dict(story.keys.epochs), "without the log, too"
         grants = story.state.grants
         assert {m.name: m.role for m in grants.members} == {f"user:m{n}" if n != MAKER_NUMBER else MAKER.name: r for n, r in roles.items()}
         writing = {term.key for term in story.header.writers if term.from_position <= story.header.position <= term.until_position}
