@@ -9,18 +9,19 @@ from typing import TypeVar
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
 from scenefold.client.calls import Calls, no_answer
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
 from scenefold.client.membership import Membership
+from scenefold.client.public_keys import find_public_key
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
-from scenefold.crypto import Card, MemberSecrets
+from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
@@ -58,6 +59,10 @@ class Cluster:
     async def card_of(self, name: str) -> Card:
         """The card of a member, "user:<name>" or "node:<id>", verified. LocalFault if there is no such member."""
         return await self.membership.card_of(name)
+
+    async def public_key(self, key_id: KeyId) -> PublicKey | None:
+        """The public key with this id, of a member or of a scene, from any node that knows it; None if none does."""
+        return await find_public_key(self.calls, [owner.address for owner in await self.nodes()], key_id)
 
     async def status(self) -> ClusterStatus:
         """Ask every node on the line itself, all at once, and lay what they say side by side. Unreachable if none answers.

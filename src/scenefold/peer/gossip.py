@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import trio
@@ -30,7 +31,7 @@ from scenefold.peer.registry import Registry
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import TELL_S, OwnStatus, arc_of_status, is_news
 from scenefold.peer.waiters import Waiters
-from scenefold.wire import MalformedPacket, PingBroadcast, RequestState, Status, encode_packet
+from scenefold.wire import MalformedPacket, PingBroadcast, RequestPublicKey, RequestState, RespondPublicKey, Status, encode_packet
 from scenefold.world import Priority, World
 from scenefold.world.facts import ClusterFacts
 
@@ -74,6 +75,9 @@ class Gossip:
         self._answered_at: dict[NodeId, float] = {}
         self._met_at: dict[NodeId, float] = {}
         self._knocks = Knocks(facts.voter, world.entropy.uniform)
+        self.key_answer: Callable[[RequestPublicKey], RespondPublicKey] | None = None
+        """What a node is told that asks for a key; None: nothing."""
+        self._key_told_at: dict[NodeId, float] = {}
         roster.tell_position = cluster_log.heard_of
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
@@ -248,6 +252,8 @@ class Gossip:
                 self._hearing.hear(packet, sender)
             elif isinstance(packet, RequestState):
                 await self._answer(packet, sender)
+            elif isinstance(packet, RequestPublicKey):
+                await self._tell_key(packet, sender)
             else:
                 self._hearing.drop(address_of(sender), "unexpected", f"a {type(packet).__name__} has no business here")
             self._waiters.tell()
@@ -263,3 +269,11 @@ class Gossip:
         if self._roster.is_unheard(sender):
             # It lives, but has said nothing of itself yet. It has heard us by then, so this ends here.
             await self._ask(sender)
+
+    async def _tell_key(self, packet: RequestPublicKey, sender: NodeId) -> None:
+        now = self._world.clock.now()
+        if self.key_answer is None or now - self._key_told_at.get(sender, -math.inf) < ANSWER_S_MIN:
+            return
+        self._key_told_at[sender] = now
+        answer = replace(self.key_answer(packet), mini_status=self._own.mini())
+        await self._datagrams.send(encode_packet(answer), sender)

@@ -33,6 +33,7 @@ from scenefold.peer.members import Members
 from scenefold.peer.papers import NO_PAPERS, Papers
 from scenefold.peer.peers import Peers
 from scenefold.peer.probing import Probing
+from scenefold.peer.public_keys import PublicKeys
 from scenefold.peer.range_datagrams import RangeDatagrams
 from scenefold.peer.registry import Registry
 from scenefold.peer.renewal import Renewal
@@ -100,14 +101,16 @@ class PeerServices:
         draining = Draining(world, store, line, roster, cluster_log, own, lambda: scenes.decided_by(me), has_lease=lease.holds)
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
+        public_keys = PublicKeys(facts, registry, scenes)
         seeds = settings.seeds or facts.seeds
         gossip = Gossip(world, own, roster, cluster_log, facts, seeds)
+        gossip.key_answer = public_keys.answer
         probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
         cluster_log.veto = probing.veto
         handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
         cluster_log.register(handlers, scenes)
         enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
-        for service in (scenes, line, data, probing, sharing, draining, enrolling, Members(own, roster, registry, scenes)):
+        for service in (scenes, line, data, probing, sharing, draining, enrolling, Members(own, roster, registry), public_keys):
             service.register(handlers)
         renewal = Renewal(world, facts, cluster_log, peers, enrolling, papers)
         self._door = Door(world, cluster_log, handlers, links)

@@ -136,7 +136,7 @@ class RespondPublicKey(Packet):
 ROWS = (
     row(PingBroadcast, Carrier.UDP_HIGH, ("statuses", Many(STATUS, NODES_MAX))),
     row(RequestState, Carrier.UDP_HIGH),
-    row(RequestPublicKey, Carrier.UDP_HIGH, ("key", U32)),
-    row(RespondPublicKey, Carrier.UDP_HIGH, ("answer", Maybe(PUBLIC_KEY_INFO))),
+    row(RequestPublicKey, Carrier.BOTH_HIGH, ("key", U32)),
+    row(RespondPublicKey, Carrier.BOTH_HIGH, ("answer", Maybe(PUBLIC_KEY_INFO))),
 )
 STRUCTS = (STATUS, PUBLIC_KEY_INFO)

@@ -20,7 +20,7 @@ async def test_users_are_told_of_all_and_nodes_of_who_was_heard(autojump_clock: 
         node = them.of(0)
         handlers: dict[Any, Any] = {}
         table = SimpleNamespace(add=lambda packet, handler: handlers.update({packet: handler}))
-        Members(node.own, node.roster, lambda: node.log.registry, cast(Any, None)).register(cast(Any, table))
+        Members(node.own, node.roster, lambda: node.log.registry).register(cast(Any, table))
         ask = handlers[RequestTable]
         for_users = await ask(RequestTable(), "user:ada")
         for_nodes = await ask(RequestTable(), f"node:{node_at(3)}")
