@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
+from scenectl.enrolling import invitations, invite, joined_by_token, revoke, trust, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
 from scenectl.member_values import TokenOption
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from scenefold.client import ClusterStatus
 
 app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
-for name in ("invite", "invitations", "users", "trust", "revoke"):
-    app.command(f"scenectl.enrolling:{name}", name=name)
+for verb in (invite, invitations, users, trust, revoke):
+    app.command(verb)
 
 
 @app.command
@@ -117,7 +118,6 @@ def join(
     """
     from dataclasses import replace
 
-    from scenectl.enrolling import joined_by_token
     from scenectl.joining import Telling
     from scenectl.node import run_until_stopped
     from scenefold.base.errors import UsageFault
