@@ -52,6 +52,8 @@ SPACES_PER_SCENE_MAX = 256
 WRITERS_PER_SCENE_MAX = 128
 """Writer keys that a public scene header lists, retired ones included. With the two bounds beside it, a hostile
 list of scenes decodes in a second at most."""
+SCENES_PAGE_BYTES_MAX = 2 * 1024 * 1024
+"""Scene headers in one answer, but for one that is larger alone: with many members each, all of them do not fit a frame."""
 LOCKBOX_BYTES_MAX = 1024
 """A scene's keys, sealed to one member: 272 bytes under X25519, 384 under RSA-3072."""
 HEADER_KEYS_MAX = 64

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import born, first_header, first_records, kept_keys, maker_of
 from scenefold.client.calls import Calls
@@ -23,7 +24,7 @@ from scenefold.client.scene_log import LogAccess
 from scenefold.client.sealing import SceneIdentity, writers_of
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import check_granter
-from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed
+from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed, check_page
 from scenefold.world.keyring import KeptScene, Keyring, checked_name
 
 Result = TypeVar("Result")
@@ -143,11 +144,11 @@ class Scenes:
 
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
-        reply = await self._calls.ask_any(ListScenes(), ScenesListed)
+        headers = await self._headers()
         names = await self._on_disk(_names_by_genesis, self._keyring)
-        given = await self._given([header for header in reply.scenes if header.genesis not in names])
+        given = await self._given([header for header in headers if header.genesis not in names])
         found = []
-        for header in reply.scenes:
+        for header in headers:
             gift = given.get(header.genesis)
             name = names.get(header.genesis) or (None if gift is None else gift.contents.name)
             found.append(SceneListing(header.scene, header.genesis, name, None if gift is None else gift.contents.granter))
@@ -163,8 +164,8 @@ class Scenes:
 
     async def _granted(self, name: str) -> KeptScene | None:
         """The entry of a scene that was granted to us under this name or id, kept from now on; None if there is none."""
-        reply = await self._calls.ask_any(ListScenes(), ScenesListed)
-        given = await self._given(reply.scenes)
+        headers = await self._headers()
+        given = await self._given(headers)
         fitting = [gift for gift in given.values() if name in (gift.contents.name, f"{gift.header.scene:08x}")]
         if len(fitting) > 1:
             ids = ", ".join(f"{gift.header.scene:08x}" for gift in fitting)
@@ -175,6 +176,17 @@ class Scenes:
         kept = KeptScene(name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox)
         await self._on_disk(self._keyring.save, kept)
         return kept
+
+    async def _headers(self) -> Sequence[SceneLogPublic]:
+        """The headers of all scenes of the cluster."""
+        headers: list[SceneLogPublic] = []
+        while len(headers) < SCENES_LISTED_MAX:
+            after = headers[-1].scene if headers else 0
+            page = await self._calls.ask_any(ListScenes(after), ScenesListed)
+            headers += check_page(page, after, "any node")
+            if not page.more:
+                break
+        return headers
 
     async def _given(self, headers: Sequence[SceneLogPublic]) -> dict[bytes, Gift]:
         """What headers hold for us, by genesis: what a user of this cluster has sealed, as his card shows."""

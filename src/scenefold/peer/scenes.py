@@ -39,7 +39,9 @@ from scenefold.wire import (
     SceneLogPublic,
     ScenesListed,
     Want,
+    check_page,
     hash_of_record,
+    page_of,
 )
 from scenefold.world import Priority, World
 
@@ -90,18 +92,29 @@ class Scenes:
         """Take the list of scenes of the first other member that answers; tell what this node decided and that list lacks."""
         for member in self._peers.others():
             try:
-                answer = await self._peers.ask(member, Priority.HIGH, ListScenes(), ScenesListed, ASK_S_MAX)
+                listed = await self._listed_by(member)
             except (Unreachable, Refused, PeerFault):
                 continue
-            for public in answer.scenes:
+            for public in listed:
                 await self._try_adopt(public, address_of(member))
-            told = {public.scene: public.position for public in answer.scenes}
+            told = {public.scene: public.position for public in listed}
             for scene in self.decided_by(self._own.me):
                 # It may have died between deciding and telling.
                 public = self._known[scene].public
                 if told.get(scene, 0) < public.position:
                     await self._push(public)
             return
+
+    async def _listed_by(self, member: NodeId) -> list[SceneLogPublic]:
+        """All scenes that a member knows, page by page."""
+        listed: list[SceneLogPublic] = []
+        while len(listed) < SCENES_LISTED_MAX:
+            after = listed[-1].scene if listed else 0
+            answer = await self._peers.ask(member, Priority.HIGH, ListScenes(after), ScenesListed, ASK_S_MAX)
+            listed += check_page(answer, after, address_of(member))
+            if not answer.more:
+                break
+        return listed
 
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene:
         """The scene, at this log position or later if anybody is so far; Refused (19) if nobody knows it."""
@@ -204,8 +217,8 @@ class Scenes:
         if packet.answer is not None:
             await self._try_adopt(packet.answer.public, peer)
 
-    async def _on_list(self, _packet: ListScenes, _peer: str) -> Packet:
-        return ScenesListed(scenes=tuple(self.all()))
+    async def _on_list(self, packet: ListScenes, _peer: str) -> Packet:
+        return page_of(self.all(), packet.after)
 
     # ------------------------------------------------------------------------------------------------ the others
 

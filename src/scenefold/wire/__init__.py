@@ -143,6 +143,7 @@ if TYPE_CHECKING:
         SceneLogAnswer,
         Want,
     )
+    from scenefold.wire.scene_pages import check_page, page_of
     from scenefold.wire.status_packets import (
         UNSIGNED,
         PingBroadcast,
@@ -170,6 +171,7 @@ _HOMES = {
     "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "render_packets": "CancelJob CollectPass FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
     "scene_headers": "KeyEntry Lockbox NO_GENESIS SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
+    "scene_pages": "check_page page_of",
     "scene_log_packets": "AcceptSceneProposal Ballot Highest Member Phase ProposalId ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
     "table": "RESERVED ROWS",
@@ -308,6 +310,7 @@ __all__ = [
     "Value",
     "Want",
     "WriterEntry",
+    "check_page",
     "decode_packet",
     "encode_frame",
     "encode_packet",
@@ -315,6 +318,7 @@ __all__ = [
     "hash_of_record",
     "pack_log",
     "pack_value",
+    "page_of",
     "unpack_log",
     "unpack_value",
 ]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from scenefold.base.limits import NODES_MAX, SCENES_LISTED_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.wire.common import MESSAGE, REASON, Carrier, Packet, row
+from scenefold.wire.common import BOOL, MESSAGE, REASON, U32, Carrier, Packet, row
 from scenefold.wire.containers import Many
 from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
 from scenefold.wire.status_packets import STATUS, Status
@@ -24,14 +24,20 @@ class Fault(Packet):
 
 @dataclass(frozen=True, slots=True)
 class ListScenes(Packet):
+    """Asks for the scenes with higher ids than `after`."""
+
     TYPE: ClassVar[int] = 37
     BULK_ANSWER: ClassVar[bool] = True
+    after: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class ScenesListed(Packet):
+    """In the order of their ids; `more`: there are others with higher ids."""
+
     TYPE: ClassVar[int] = 38
     scenes: tuple[SceneLogPublic, ...]
+    more: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +55,8 @@ class RespondTable(Packet):
 
 ROWS = (
     row(Fault, Carrier.TCP_ANY, ("reason", REASON), ("text", MESSAGE)),
-    row(ListScenes, Carrier.TCP_HIGH),
-    row(ScenesListed, Carrier.TCP_HIGH, ("scenes", Many(SCENE_LOG_PUBLIC, SCENES_LISTED_MAX))),
+    row(ListScenes, Carrier.TCP_HIGH, ("after", U32)),
+    row(ScenesListed, Carrier.TCP_HIGH, ("scenes", Many(SCENE_LOG_PUBLIC, SCENES_LISTED_MAX)), ("more", BOOL)),
     row(RequestTable, Carrier.TCP_HIGH),
     row(RespondTable, Carrier.TCP_HIGH, ("statuses", Many(STATUS, NODES_MAX))),
 )

@@ -84,12 +84,12 @@ async def test_without_a_common_version_both_say_which_they_take(worlds: Worlds,
 
 @pytest.mark.expect_log("malformed packet")
 async def test_a_field_too_many_is_refused_by_its_own_version_and_ignored_of_a_later_one(worlds: Worlds) -> None:
-    longer = [ListScenes.TYPE, 5, None, "of later"]
+    longer = [ListScenes.TYPE, 5, None, 0, "of later"]
     async with node(worlds, BOTH):
         connection = await worlds.user("ada", OLD).network.connect(worlds.address(0), LOW)
         (fault,) = await raw_answers(connection, 1, longer)
         assert isinstance(fault, Fault) and fault.reason is RejectReason.ILL_FORMED and fault.request_id == 5
-        assert f"4 fields, 3 were expected in version {PROTOCOL_VERSION}" in fault.text
+        assert f"5 fields, 4 were expected in version {PROTOCOL_VERSION}" in fault.text
         await connection.aclose()
         connection = await worlds.user("ada", NEW).network.connect(worlds.address(0), LOW)
         (answer,) = await raw_answers(connection, 1, longer)
@@ -117,7 +117,7 @@ async def test_the_asking_side_reads_answers_of_the_agreed_version(worlds: World
 
     async def serve(connection: Connection) -> None:
         await connection.receive(1 << 16)
-        await connection.send(frame(msgpack.packb([ListScenes.TYPE, 1, None, "of later"])))
+        await connection.send(frame(msgpack.packb([ListScenes.TYPE, 1, None, 0, "of later"])))
         await connection.receive(1 << 16)
 
     async with trio.open_nursery() as nursery:

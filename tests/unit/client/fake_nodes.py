@@ -47,11 +47,11 @@ from scenefold.wire import (
     ReturnRange,
     SceneLogAnswer,
     SceneLogPublic,
-    ScenesListed,
     Status,
     Want,
     decode_packet,
     encode_packet,
+    page_of,
 )
 from scenefold.wire.scene_log_packets import Ballot
 from scenefold.world import Priority, World
@@ -198,7 +198,7 @@ class FakeNodes:
                 answer = header and SceneLogAnswer(packet.nonce, 2, 1, Ballot(0, NodeId(0)), (), header, private, 0, b"")
                 return RespondSceneLog(answer)
             case ListScenes():
-                return ScenesListed(tuple(self.headers.values()))
+                return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
             case _:
                 return Fault(RejectReason.ILL_FORMED, "what?")
 

@@ -25,8 +25,8 @@ from scenefold.wire import (
     RespondSceneLog,
     SceneLogAnswer,
     SceneLogPublic,
-    ScenesListed,
     Want,
+    page_of,
 )
 from unit.peer.scenes_made import first_header, later_header
 
@@ -94,7 +94,7 @@ class PlainPeers:
         if self.away:
             raise Unreachable("away")
         if isinstance(packet, ListScenes):
-            return ScenesListed(tuple(self.headers.values()))
+            return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
         if not isinstance(packet, RequestSceneLog):
             return packet
         header = self.headers.get(packet.scene)
