@@ -13,10 +13,11 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import DamagedData
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.client.sealing import Opened, SceneIdentity, open_all, payload_of, writers_of
+from scenefold.base.reasons import RejectReason
+from scenefold.client.sealing import NewerThanKnown, Opened, SceneIdentity, open_all, payload_of, writers_of
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
 from scenefold.scene.log import EpochKeys
@@ -101,7 +102,7 @@ class NodeReader:
             async with slots:
                 keys = [RecordKey(space, location) for location in locations[start : start + READ_BATCH]]
                 records = await self.context.data.read(self.scene, keys, identity.position)
-                opened = await self.context.world.workers.run("crypto", _open, identity, keys, records)
+                opened = await self._opened(identity, keys, records)
                 payloads[start : start + len(keys)] = [payload_of(one) for one in opened]
 
         async with trio.open_nursery() as nursery:
@@ -109,8 +110,25 @@ class NodeReader:
                 nursery.start_soon(read, start)
         return payloads
 
-    async def _identity(self) -> SceneIdentity:
-        known = await self.context.scenes.known(self.scene)
+    async def _opened(
+        self, identity: SceneIdentity, keys: Sequence[RecordKey], records: Sequence[RecordBytes | None]
+    ) -> list[Opened | None]:
+        workers = self.context.world.workers
+        try:
+            return await workers.run("crypto", _open, identity, keys, records)
+        except NewerThanKnown as unknown:
+            # A writer may be younger than the header that is known here.
+            identity = await self._identity(unknown.epoch)
+        try:
+            return await workers.run("crypto", _open, identity, keys, records)
+        except NewerThanKnown as unknown:
+            if unknown.key_epoch is None:
+                raise
+            what = "the scene's key was changed while the render was reading it"
+            raise Refused(RejectReason.KEY_REVOKED, what, where=unknown.where, remedy="start the render again") from unknown
+
+    async def _identity(self, position: int = 0) -> SceneIdentity:
+        known = await self.context.scenes.known(self.scene, position=position)
         if known.public.genesis != self.genesis:
             raise DamagedData("the job speaks of another scene with the same id", where=f"scene {self.scene:08x}")
         return SceneIdentity(
