@@ -115,6 +115,42 @@ def seal(
 
 
 @app.command
+def hostile(
+    *,
+    attack: str | None = None,
+    seconds: Annotated[int, whole(1, 3600)] = 5,
+    nodes: Annotated[int, whole(1, 16)] = 3,
+    ports: PortsOption | None = None,
+    output: Output = PLAIN,
+) -> None:
+    """Measure how honest work goes on while somebody attacks a node of a cluster that is started for it.
+
+    Example: scenectl bench hostile --seconds 10
+
+    Parameters
+    ----------
+    attack
+        One attack by its name, as the table shows it; all of them otherwise.
+    seconds
+        How long each attack lasts, and each measurement beside a process that burns as much processor time.
+    nodes
+        Nodes of the cluster.
+    ports
+        Their ports, LOW,HIGH; by default 17349,17350.
+    """
+    from scenectl.attacks import ATTACKS
+    from scenectl.bench_hostile import HostileBench, bench_hostile, bench_text
+    from scenectl.running import run
+    from scenefold.base.errors import LocalFault
+
+    if attack is not None and attack not in ATTACKS:
+        raise LocalFault(f"there is no attack named {attack!r}", remedy="one of these: " + ", ".join(ATTACKS))
+    chosen = () if attack is None else (attack,)
+    result = run(bench_hostile, HostileBench(attacks=chosen, seconds=seconds, nodes=nodes, ports=cluster_ports(ports)))
+    emit(output, result, bench_text(result))
+
+
+@app.command
 def render(
     *,
     scene: str = "sample",

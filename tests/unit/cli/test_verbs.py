@@ -49,6 +49,7 @@ VERBS = [
     "key import",
     "render still",
     "bench curve",
+    "bench hostile",
     "bench seal",
     "bench store",
     "bench render",

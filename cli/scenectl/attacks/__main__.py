@@ -1,0 +1,38 @@
+"""One attack in a process of its own: `python -m scenectl.attacks SETTINGS`, a JSON object; a report like it at the end."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import trio
+
+from scenectl.attacks import ATTACKS, Attacker
+
+
+async def attack(settings: dict[str, Any]) -> dict[str, Any]:
+    from scenefold.base.ids import SceneId, SpaceId
+    from scenefold.base.location import Location
+    from scenefold.world.profile import ClusterProfile
+
+    profile = ClusterProfile.load(Path(settings["profile"]))
+    place = Location.fromhex(settings["place"])
+    me = Attacker(profile, settings["address"], SceneId(settings["scene"]), SpaceId(settings["space"]), place)
+    begun, spent = time.monotonic(), time.process_time()
+    with trio.move_on_after(settings["seconds"]):
+        await ATTACKS[settings["attack"]](me)
+    return {"seconds": time.monotonic() - begun, "cpu_s": time.process_time() - spent, "seen": dict(sorted(me.seen.items()))}
+
+
+def main() -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard if hard < 1 << 16 else max(soft, 1 << 16), hard))
+    print(json.dumps(trio.run(attack, json.loads(sys.argv[1]))))
+
+
+if __name__ == "__main__":
+    main()

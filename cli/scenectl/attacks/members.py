@@ -1,0 +1,175 @@
+"""Attacks of a member: a user with a certificate of the cluster, and no key of any scene."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from random import Random
+
+import trio
+
+from scenectl.attacks.attacker import CROWD, HANDS, Attacker, by_many
+from scenefold.base.errors import Refused
+from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX, FRAME_BYTES_MAX
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.wire import (
+    GetMany,
+    GetManyReply,
+    HandRecords,
+    ListScenes,
+    MiniStatus,
+    Packet,
+    PutItem,
+    PutMany,
+    PutManyReply,
+    RecordKey,
+    RequestTable,
+    encode_packet,
+)
+from scenefold.world import Links, Priority, open_links
+
+_LENGTH = struct.Struct(">I")
+
+
+async def silent_members(me: Attacker) -> None:
+    """A thousand connections with a good certificate that say nothing."""
+
+    async def hand() -> None:
+        connection = await me.enter()
+        me.seen["opened"] += 1
+        try:
+            await connection.receive(1)
+            me.seen["closed by the node"] += 1
+        finally:
+            await connection.aclose()
+
+    await by_many(CROWD, hand)
+
+
+async def byte_a_second(me: Attacker) -> None:
+    """Frames that come one byte a second, on as many connections as a peer may have."""
+    data = encode_packet(ListScenes(request_id=1))
+
+    async def hand() -> None:
+        connection = await me.enter()
+        me.seen["opened"] += 1
+        try:
+            for byte in _LENGTH.pack(FRAME_BYTES_MAX) + data * 100:
+                await connection.send(bytes((byte,)))
+                me.seen["bytes"] += 1
+                await trio.sleep(1.0)
+        finally:
+            await connection.aclose()
+
+    await by_many(CONNECTIONS_PER_PEER_MAX, hand)
+
+
+async def enormous_lengths(me: Attacker) -> None:
+    """Frames that claim four gigabytes, or just a byte too many; and whole ones of eight mebibytes of noise."""
+
+    async def hand() -> None:
+        connection = await me.enter(Priority.LOW)
+        try:
+            match me.dice.randrange(3):
+                case 0:
+                    await connection.send(b"\xff" * 1_000)
+                case 1:
+                    await connection.send(_LENGTH.pack(FRAME_BYTES_MAX + 1) + bytes(1_000))
+                case _:
+                    await connection.send(_LENGTH.pack(FRAME_BYTES_MAX) + bytes(FRAME_BYTES_MAX))
+            me.seen["sent"] += 1
+            while await connection.receive(1 << 16):
+                pass
+            me.seen["closed by the node"] += 1
+        finally:
+            await connection.aclose()
+
+    await by_many(HANDS // 4, hand)
+
+
+async def malformed_packets(me: Attacker) -> None:
+    """Whole frames with noise in them."""
+
+    async def hand() -> None:
+        connection = await me.enter(Priority.LOW)
+        try:
+            for _ in range(100):
+                noise = me.dice.randbytes(me.dice.randrange(1, 2_000))
+                await connection.send(_LENGTH.pack(len(noise)) + noise)
+                me.seen["sent"] += 1
+                await trio.lowlevel.checkpoint()
+        finally:
+            await connection.aclose()
+
+    await by_many(HANDS, hand)
+
+
+async def flood_of_requests(me: Attacker) -> None:
+    """Honest questions, as many at a time as connections take."""
+    async with open_links(me.world) as links:
+
+        async def hand() -> None:
+            question: Packet = RequestTable() if me.dice.random() < 0.5 else GetMany(me.scene, 0, (RecordKey(me.space, me.place),) * 64)
+            priority = Priority.HIGH if isinstance(question, RequestTable) else Priority.LOW
+            await links.request(me.address, priority, question, 10.0)
+            me.seen["answered"] += 1
+
+        await by_many(256, hand)
+
+
+async def forged_records(me: Attacker) -> None:
+    """An honest record, moved, changed, unsigned, or put again in an older version."""
+    async with open_links(me.world) as links:
+        found = await links.request(me.address, Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),)), 10.0)
+        assert isinstance(found, GetManyReply) and found.records[0] is not None
+        record = found.records[0]
+        good = PutItem(me.scene, me.space, me.place, None, record.signature, record.header, record.ciphertext)
+        while True:
+            items = tuple(_forged(good, me.dice) for _ in range(64))
+            answer = await links.request(me.address, Priority.LOW, PutMany(items), 10.0)
+            assert isinstance(answer, PutManyReply)
+            for outcome in answer.outcomes:
+                me.seen[RejectReason(outcome.reason).name.lower() if outcome.reason else "taken"] += 1
+
+
+def _forged(good: PutItem, dice: Random) -> PutItem:
+    match dice.randrange(4):
+        case 0:
+            return replace(good, location=Location.from_number(good.location.number + 1 + dice.randrange(1 << 40)))
+        case 1:
+            return replace(good, ciphertext=_flipped(good.ciphertext, dice))
+        case 2:
+            return replace(good, signature=_flipped(good.signature, dice))
+        case _:
+            return replace(good, header=_flipped(good.header, dice))
+
+
+def _flipped(data: bytes, dice: Random) -> bytes:
+    bit = dice.randrange(8 * len(data))
+    return data[: bit // 8] + bytes((data[bit // 8] ^ 1 << bit % 8,)) + data[bit // 8 + 1 :]
+
+
+async def others_names(me: Attacker) -> None:
+    """Packets in the name of nodes, and packets that only nodes may send."""
+    node = me.profile.members[0].node_id
+    mini = MiniStatus(1 << 40, node, None, 0, 0, 0, 0, 0, 1 << 30)
+    packets: tuple[tuple[Priority, Packet], ...] = (
+        (Priority.HIGH, RequestTable(mini_status=mini)),
+        (Priority.LOW, HandRecords(())),
+    )
+    async with open_links(me.world) as links:
+
+        async def hand() -> None:
+            priority, packet = me.dice.choice(packets)
+            await _count_refusal(me, links, priority, packet)
+
+        await by_many(HANDS, hand)
+
+
+async def _count_refusal(me: Attacker, links: Links, priority: Priority, packet: Packet) -> None:
+    try:
+        await links.request(me.address, priority, packet, 10.0)
+        me.seen["taken"] += 1
+    except Refused as refusal:
+        me.seen[refusal.reason.name.lower()] += 1
