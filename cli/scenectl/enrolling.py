@@ -28,6 +28,7 @@ def invite(
     user: str | None = None,
     admin: Annotated[bool, Parameter(negative="")] = False,
     expires: DurationOption = AN_HOUR,
+    find: Annotated[bool, Parameter(negative="")] = False,
     withdraw: str | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -49,6 +50,8 @@ def invite(
         The user may invite and revoke others.
     expires
         How long the token may be used: 30m, 1h, 2d.
+    find
+        The token names no nodes, and is shorter: who joins looks for them on the local network.
     withdraw
         Instead of all this: the id of an open invitation that shall count no longer.
     """
@@ -67,7 +70,7 @@ def invite(
 
     async def work() -> Token:
         async with connected(output.profile) as cluster:
-            return await cluster.membership.invite(name, seconds=expires.seconds, is_administrator=admin)
+            return await cluster.membership.invite(name, seconds=expires.seconds, is_administrator=admin, addresses=() if find else None)
 
     token = run(work)
     until = _time(token.expires)
@@ -82,7 +85,7 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
     from scenefold.base.errors import UsageFault
     from scenefold.base.ids import NodeId, address_of, node_id_of
     from scenefold.client.connecting import profile_place
-    from scenefold.client.enrolling import enrol, own_address
+    from scenefold.client.enrolling import enrol, located, own_address
     from scenefold.crypto import InvitedKind, Token, suite_named
     from scenefold.world.profile import ClusterProfile
 
@@ -94,8 +97,9 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
     async def work() -> tuple[ClusterProfile, NodeId]:
         if is_user:
             return await enrol(folder, token, suite=suite_named(suite).number), NodeId(0)
-        node = await own_address(token) if address is None else node_id_of(address)
-        return await enrol(folder, token, node), node
+        found = await located(token)
+        node = await own_address(found) if address is None else node_id_of(address)
+        return await enrol(folder, found, node), node
 
     profile, node = run(work)
     own = address_of(node) if node else None

@@ -199,3 +199,14 @@ def test_a_trusted_node_enrols_without_the_one_that_was_trusted_first(
     assert scenectl("cluster", "trust", FOUNDERS[0], profile=profile).code == 0
     storing = scenectl("cluster", "trust", "127.0.0.99", profile=profile)
     assert storing.code == 1 and "no node of this cluster" in storing.error
+
+
+def test_a_token_that_names_no_node_finds_the_cluster_by_broadcast(profile: str, tmp_path: Path) -> None:
+    token = token_for(profile, "--user", "gwen", "--find")
+    assert Token.read(token).addresses == ()
+    joined = scenectl("cluster", "join", token, profile=tmp_path / "gwen")
+    assert joined.code == 0, joined.err
+    withdrawn = scenectl("cluster", "invite", "--user", "hans", "--find", "--json", profile=profile).json
+    assert scenectl("cluster", "invite", "--withdraw", withdrawn["id"], profile=profile).code == 0
+    alone = scenectl("cluster", "join", withdrawn["token"], profile=tmp_path / "hans")
+    assert alone.code == 3 and "no node of the cluster answers on the local network" in alone.error

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import InvitedKind, Token
+from scenefold.crypto.invitations import ADDRESSES_MAX
 from scenefold.crypto.suites import DEFAULT_SUITE
+from scenefold.wire.enrol_packets import Enrolled
 from scenefold.world import offline_world
+from scenefold.world.discovery import NONCE_BYTES
 from scenefold.world.newcomer import USER_AT, Newcomer
 from scenefold.world.profile import ClusterProfile
 
@@ -21,43 +26,67 @@ async def enrol(profile: Path, token: Token, node: NodeId = USER_AT, *, suite: i
     Errors: UsageFault if the token is for the other kind, Refused in the cluster's words, Unreachable if no node answers, OutOfDate if this
     computer's clock is wrong; whatever it was, the same token may be tried again here.
     """
-    from scenefold.world.real.newcomers import request_enrolment
-
     if (token.kind is InvitedKind.USER) != (node == USER_AT):
         what, remedy = ("user", "leave --address out") if token.kind is InvitedKind.USER else ("node", "run it on the node's computer")
         raise UsageFault(f"the token is for a {what}", where="token", remedy=remedy)
     world = offline_world()
+    token = await located(token)
     newcomer = await world.workers.run("import", lambda: Newcomer.at(profile, token, node, suite=suite))
+    try:
+        answer = await _ask(newcomer, token.addresses)
+    except Unreachable:
+        # Those that the token names may be gone, and others be near.
+        nearby = tuple(address for address in await _nearby(token) if address not in token.addresses)
+        if not nearby:
+            raise
+        answer = await _ask(newcomer, nearby)
+    now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
+    return await world.workers.run("import", newcomer.admitted, answer, now)
+
+
+async def located(token: Token) -> Token:
+    """The token with addresses of nodes: its own, or those that answer on the local network. Unreachable if there are none."""
+    if token.addresses:
+        return token
+    nearby = await _nearby(token)
+    if not nearby:
+        remedy = "connect this computer to the network of the nodes, or ask for a token that names nodes"
+        raise Unreachable("no node of the cluster answers on the local network, and the token names none", where="broadcast", remedy=remedy)
+    return replace(token, addresses=tuple(nearby[:ADDRESSES_MAX]))
+
+
+async def own_address(token: Token) -> NodeId:
+    """By which address this computer reaches the cluster of a token that names nodes."""
+    from scenefold.world.real.newcomers import own_address_towards
+
+    return await own_address_towards(token.addresses[0], token.high)
+
+
+async def _nearby(token: Token) -> list[NodeId]:
+    from scenefold.world.real.broadcasts import look_around
+
+    return await look_around(token.key, offline_world().entropy.token(NONCE_BYTES), token.high)
+
+
+async def _ask(newcomer: Newcomer, addresses: Sequence[NodeId]) -> Enrolled:
+    """The answer of the first that has one. Refused by the cluster; Unreachable, in the words of the last, if none of them answers."""
+    from scenefold.world.real.newcomers import request_enrolment
+
+    token = newcomer.token
     last: ScenefoldError | None = None
-    addresses = [address for address in token.addresses if address != node]
     for address in addresses:
+        if address == newcomer.node:
+            continue
         try:
-            answer = await request_enrolment(address, token.high, token.mark, newcomer.request())
+            return await request_enrolment(address, token.high, token.mark, newcomer.request())
         except (Unreachable, PeerFault) as problem:
             last = problem
-            continue
         except Refused as refusal:
             if refusal.reason is not RejectReason.NOT_READY:
                 raise
             last = refusal
-            continue
-        now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
-        return await world.workers.run("import", newcomer.admitted, answer, now)
-    raise _nobody(addresses, last)
-
-
-def _nobody(addresses: list[NodeId], last: ScenefoldError | None) -> ScenefoldError:
-    if last is not None and len(addresses) == 1:
-        return last
-    where = ", ".join(map(address_of, addresses)) or "token"
-    why = f": {last.what}" if last is not None else ", for the token names none"
-    return Unreachable(f"no node of the cluster answers{why}", where=where, remedy="see that one of them runs, then try again")
-
-
-async def own_address(token: Token) -> NodeId:
-    """By which address this computer reaches the cluster of a token."""
-    from scenefold.world.real.newcomers import own_address_towards
-
-    if not token.addresses:
-        raise UsageFault("the token names no node", where="token", remedy="name this computer's own --address")
-    return await own_address_towards(token.addresses[0], token.high)
+    why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
+    where = ", ".join(map(address_of, addresses))
+    remedy = (last.remedy if last is not None else "") or "see that one of them runs, then try again"
+    kind = TurnedAway if isinstance(last, TurnedAway) else Unreachable
+    raise kind(f"no node of the cluster takes the token{why}", where=where, remedy=remedy)

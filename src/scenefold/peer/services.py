@@ -22,6 +22,7 @@ from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.context import NodeContext
 from scenefold.peer.data import DataService
+from scenefold.peer.discovery import Discovery
 from scenefold.peer.door import Door
 from scenefold.peer.enrolling import Enrolling
 from scenefold.peer.enrolment import Enrolment
@@ -113,6 +114,7 @@ class PeerServices:
         for service in (scenes, line, data, probing, sharing, draining, enrolling, Members(own, roster, registry), public_keys):
             service.register(handlers)
         renewal = Renewal(world, facts, cluster_log, peers, enrolling, papers)
+        discovery = Discovery(world, facts, me, settings.address, cluster_log)
         self._door = Door(world, cluster_log, handlers, links)
         self._newcomers = enrolling.serve_newcomer
         self._background: tuple[Callable[[], Awaitable[None]], ...] = (
@@ -123,6 +125,7 @@ class PeerServices:
             self._door.run,
             enrolling.share_authority,
         renewal.run,
+            discovery.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
         self._range_datagrams = RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges)

@@ -191,6 +191,10 @@ class Network(Protocol):
         """Datagrams at a node's own address and port; with None (clients) at any free port. LocalFault if taken."""
         ...
 
+    async def hear_broadcasts(self, address: str, priority: Priority) -> Sequence[Datagrams]:
+        """What is sent to everybody around a node's address; as many sockets as that takes, none where it cannot be had. They only hear."""
+        ...
+
 
 class DiskSpace(NamedTuple):
     """Bytes: `used` by live data, `reusable` inside the store's file, `free` and `total` of the file system."""

@@ -21,6 +21,7 @@ from scenefold.crypto import Identity, client_context, renew, server_context
 from scenefold.world.ports import ConnectionLost, HandshakeRefused, Ports, Priority, Serve
 from scenefold.world.quiet import QuietLog
 from scenefold.world.real.binding import bind_fault
+from scenefold.world.real.broadcasts import hear_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
 from scenefold.world.real.handshakes import PendingHandshakes
 from scenefold.world.real.tls import TlsConnection, shake_hands
@@ -121,6 +122,9 @@ class RealNetwork:
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> RealDatagrams:
         return await open_datagrams(address, priority, self._ports)
+
+    async def hear_broadcasts(self, address: str, priority: Priority) -> tuple[RealDatagrams, ...]:
+        return await hear_broadcasts(address, self._ports.number(priority))
 
 
 class _Door:

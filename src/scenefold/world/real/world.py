@@ -64,6 +64,7 @@ class _NoNetwork:
 
     connect = listen
     open_datagrams = listen
+    hear_broadcasts = listen
 
     def show(self, _certificate: bytes, /) -> NoReturn:
         raise AssertionError("this world has no network")

@@ -1,0 +1,78 @@
+"""A node answers who looks for its cluster with the key of an invitation (specs/15-cluster-log.md, Enrolling).
+
+Everybody on the local network can send these datagrams, so they are cheap to drop: by size and magic, by an invitation that the log does
+not know, by the rate; only what is left has its signature verified.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import trio
+
+from scenefold.base.ids import NodeId
+from scenefold.peer.cluster_log import ClusterLog
+from scenefold.wire.enrol_packets import InvitationState
+from scenefold.world import Priority, World
+from scenefold.world.discovery import Question, pack_answer, read_question
+from scenefold.world.facts import ClusterFacts
+from scenefold.world.ports import Datagrams
+
+ANSWERS_PER_S_MAX = 10
+"""Signatures that are verified, and answers that are sent."""
+
+_log = logging.getLogger("scenefold.peer.discovery")
+
+
+class Allowance:
+    """So many a second, and no more."""
+
+    def __init__(self, per_second: int) -> None:
+        self._per_second = per_second
+        self._second = -1
+        self._left = 0
+
+    def take(self, now: float) -> bool:
+        if int(now) != self._second:
+            self._second, self._left = int(now), self._per_second
+        self._left -= 1
+        return self._left >= 0
+
+
+class Discovery:
+    """Hears broadcasts, and answers few of them."""
+
+    def __init__(self, world: World, facts: ClusterFacts, me: NodeId, address: str, cluster_log: ClusterLog) -> None:
+        self._world = world
+        self._facts = facts
+        self._me = me
+        self._address = address
+        self._cluster_log = cluster_log
+        self._allowance = Allowance(ANSWERS_PER_S_MAX)
+
+    async def run(self) -> None:
+        """Answer until cancelled; at once over where nobody can be enrolled, or no broadcast is heard."""
+        if not self._facts.authority:
+            return
+        heard = await self._world.network.hear_broadcasts(self._address, Priority.HIGH)
+        if not heard:
+            return
+        # What is bound to a broadcast address cannot send.
+        speaker = await self._world.network.open_datagrams(None, Priority.HIGH)
+        async with trio.open_nursery() as nursery:
+            for datagrams in heard:
+                nursery.start_soon(self._listen, datagrams, speaker)
+
+    async def _listen(self, datagrams: Datagrams, speaker: Datagrams) -> None:
+        while True:
+            data, source = await datagrams.receive()
+            question = read_question(data)
+            if question is not None and self.is_ours(question):
+                await speaker.send(pack_answer(question.nonce, self._me), source)
+
+    def is_ours(self, question: Question) -> bool:
+        """Whether somebody holds an invitation of this cluster, and is to be answered now."""
+        invitation = self._cluster_log.registry.roll.invitations.get(question.invitation)
+        if invitation is None or invitation.state is InvitationState.WITHDRAWN:
+            return False
+        return self._allowance.take(self._world.clock.now()) and question.is_signed()

@@ -1,0 +1,94 @@
+"""Broadcasts on the local network: nodes hear them, newcomers send them (specs/15-cluster-log.md, Enrolling).
+
+A socket that is bound to an address hears no broadcast, so nodes bind further ones to the broadcast addresses. Which of them exist is
+the system's business: one that cannot be had is passed over, and then nobody is found by it.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import socket as plain
+
+import trio
+
+from scenefold.base.ids import NodeId
+from scenefold.crypto import SigningKey
+from scenefold.world.discovery import pack_question, read_answer
+from scenefold.world.real.datagrams import RealDatagrams
+
+EVERYWHERE = "255.255.255.255"
+LOOPBACK = "127.255.255.255"
+ROUNDS = 3
+ROUND_S = 1.0
+FOUND_MAX = 8
+_ANSWER_BYTES_MAX = 64
+_PREFIX = 24
+"""Local networks have nearly always 256 addresses; where it is otherwise, EVERYWHERE does."""
+_NOWHERE = ("192.0.2.1", 9)
+"""An address for examples: only the way there is asked for, nothing is sent."""
+
+_log = logging.getLogger("scenefold.world.broadcasts")
+
+
+def broadcasts_of(address: str) -> tuple[str, ...]:
+    """The broadcast addresses that reach a machine with this address."""
+    if ipaddress.IPv4Address(address).is_loopback:
+        return (LOOPBACK,)
+    network = ipaddress.IPv4Network(f"{address}/{_PREFIX}", strict=False)
+    return (EVERYWHERE, str(network.broadcast_address))
+
+
+async def hear_broadcasts(address: str, port: int) -> tuple[RealDatagrams, ...]:
+    """Sockets that hear what is sent to everybody around a node's address; several nodes of one machine may."""
+    heard = []
+    for broadcast in broadcasts_of(address):
+        socket = trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM)
+        socket.setsockopt(plain.SOL_SOCKET, plain.SO_REUSEADDR, 1)
+        try:
+            await socket.bind((broadcast, port))
+        except OSError as error:
+            _log.info("broadcasts to %s:%d are not heard: %s", broadcast, port, error)
+            socket.close()
+            continue
+        heard.append(RealDatagrams(socket, port))
+    return tuple(heard)
+
+
+async def look_around(key: SigningKey, nonce: bytes, port: int) -> list[NodeId]:
+    """Nodes that know the invitation with this key; the first that answers first. Empty if none does within some seconds."""
+    found: dict[NodeId, None] = {}
+    question = pack_question(key, nonce)
+    with trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM) as socket:
+        socket.setsockopt(plain.SOL_SOCKET, plain.SO_BROADCAST, 1)
+        await socket.bind(("", 0))
+        targets = dict.fromkeys((EVERYWHERE, *broadcasts_of(await _own_address()), LOOPBACK))
+        for _ in range(ROUNDS):
+            for target in targets:
+                await _send(socket, question, target, port)
+            with trio.move_on_after(ROUND_S):
+                while len(found) < FOUND_MAX:
+                    data, _source = await socket.recvfrom(_ANSWER_BYTES_MAX)
+                    node = read_answer(data, nonce)
+                    if node is not None:
+                        found[node] = None
+            if found:
+                break
+    return list(found)
+
+
+async def _send(socket: trio.socket.SocketType, question: bytes, target: str, port: int) -> None:
+    try:
+        await socket.sendto(question, (target, port))
+    except OSError as error:
+        _log.debug("no broadcast to %s:%d: %s", target, port, error)
+
+
+async def _own_address() -> str:
+    """The address by which this machine reaches the world; that of loopback if it does not."""
+    with trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM) as probe:
+        try:
+            await probe.connect(_NOWHERE)
+        except OSError:
+            return "127.0.0.1"
+        return str(probe.getsockname()[0])
