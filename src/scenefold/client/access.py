@@ -24,7 +24,7 @@ from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Draft, Key, NewerThanKnown, Opened, SceneIdentity, deleted_all, key_withheld, open_all, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
-from scenefold.client.tombstones import tombstone
+from scenefold.client.tombstones import Lengths, tombstone
 from scenefold.client.versions import Sequencer
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
@@ -52,6 +52,7 @@ class SceneAccess:
     writer: SigningKey | None
     session: int = 0
     sequencer: Sequencer = field(default_factory=Sequencer)
+    lengths: Lengths = field(default_factory=Lengths)
     log: LogAccess | None = None
     """None: nothing is known of the scene's log, and records are written at the position of `identity`."""
 
@@ -119,9 +120,10 @@ class SceneAccess:
             raise Refused(RejectReason.STALE_VERSION, what, where=self._where(wish), remedy="read it, then decide")
         return placed
 
-    def tombstone(self) -> bytes:
-        """A new payload that says that a record is deleted."""
-        return tombstone(self.calls.world.entropy.token)
+    def tombstone(self, key: Key) -> bytes:
+        """A new payload that says that this record is deleted, as long as what it replaces, if that is known."""
+        token = self.calls.world.entropy.token
+        return tombstone(self.lengths.of_deletion(key, token), token)
 
     async def refresh(self, position: int = 0) -> None:
         """Take the newest public header, with the keys that it holds for us: what is written from now on is written under its position.
@@ -233,6 +235,9 @@ class SceneAccess:
             part = [keys[index] for index in batch], [records[index] for index in batch]
             opened += await self.understood(open_all, *part)
         self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
+        for key, one in zip(keys, opened, strict=True):
+            if one is not None:
+                self.lengths.saw(key, one.payload)
         return opened
 
     async def fetch(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[RecordBytes | None]:
@@ -289,6 +294,8 @@ class SceneAccess:
             sealed[number] = await self.in_crypto_lane(seal_all, self.identity, self.writer, self.session, part)
 
         await together(partial(seal, number, batch) for number, batch in enumerate(batches))
+        for wish in wishes:
+            self.lengths.saw(wish.key, wish.payload)
         for part in sealed:
             items += part
         return items

@@ -53,7 +53,7 @@ class ManagedRecords:
 
     async def delete(self, place: ManagedPlace, *, expect: bytes | None = None) -> bytes:
         """Replace a record by one that says that it is deleted; gives the digest of that."""
-        return (await self._put(place.object, self._access.tombstone(), expect)).digest
+        return (await self._put(place.object, self._access.tombstone(self._key(place)), expect)).digest
 
     async def get(self, places: Sequence[ManagedPlace], *, stale_ok: bool = False) -> list[bytes | None]:
         """The payloads, in order; None for one that is deleted, or not there (any more)."""

@@ -71,7 +71,7 @@ class Space:
 
         `expect` as in `put`. What says so stays in its place; lists leave it out.
         """
-        return await self.put(location, self._access.tombstone(), expect=expect)
+        return await self.put(location, self._access.tombstone((self.id, location)), expect=expect)
 
     async def get(self, location: Location, *, stale_ok: bool = False) -> bytes | None:
         """The payload at a location, verified; None if the owner says that nothing is there, or it was deleted.

@@ -213,3 +213,22 @@ async def test_with_keys_alone_a_scene_can_be_read_and_not_written(autojump_cloc
         await reader.space(FILES).put(FIRST, b"bye")
     with pytest.raises(DamagedData):
         open_scene_with_keys(calls.world, calls._links, members, replace(header, private_key=KeyId(5)), keys.epochs)
+
+
+async def test_a_deletion_is_as_long_as_the_record_that_it_takes_the_place_of() -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    sizes = (20, 500, 2_999)
+    for place, size in zip(PLACES, sizes, strict=False):
+        await space.put(place, b"x" * size)
+    before = {place: len(item.ciphertext) for (_, place), item in nodes.records.items()}
+    for place in PLACES[: len(sizes)]:
+        await space.delete(place)
+        assert await space.get(place) is None
+    assert {place: len(item.ciphertext) for (_, place), item in nodes.records.items()} == before
+    # A client that has only read it knows, too.
+    await space.put(PLACES[9], b"y" * 1_234)
+    other = _scene(nodes).space(FILES)
+    assert len(await other.get(PLACES[9]) or b"") == 1_234
+    await other.delete(PLACES[9])
+    assert len(nodes.records[FILES, PLACES[9]].ciphertext) == 1_234 + 16
