@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from simulation.runs import command
 
 SEED = "11"
 
 
-def trace_of(path: Path, hash_seed: str) -> bytes:
-    done = command("--replay", SEED, "--trace", str(path), "--json", hash_seed=hash_seed)
+def trace_of(path: Path, hash_seed: str, workload: str) -> bytes:
+    done = command("--replay", SEED, "--workload", workload, "--trace", str(path), "--json", hash_seed=hash_seed)
     assert done.returncode == 0, done.stderr
     return path.read_bytes()
 
 
-def test_one_seed_is_one_trace_in_any_process(tmp_path: Path) -> None:
-    first, second = trace_of(tmp_path / "one", "1"), trace_of(tmp_path / "other", "2")
+@pytest.mark.parametrize("workload", ["all", "keys"])
+def test_one_seed_is_one_trace_in_any_process(tmp_path: Path, workload: str) -> None:
+    first, second = trace_of(tmp_path / "one", "1", workload), trace_of(tmp_path / "other", "2", workload)
     different = [pair for pair in zip(first.splitlines(), second.splitlines(), strict=False) if pair[0] != pair[1]]
     assert different[:1] == []
     assert first == second

@@ -31,6 +31,7 @@ from scenefold.simulation.leaving import drain
 from scenefold.simulation.mutants import mutated
 from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.removals import watch_removals
+from scenefold.simulation.rotating import KeyChanges
 from scenefold.simulation.speed import remembered_signatures
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
@@ -124,6 +125,8 @@ class _Drama:
             stop = trio.Event()
             for worker in workers:
                 work.start_soon(worker.run, stop)
+            if self._order.workload == "keys" and clients[-1].scene is not None:
+                work.start_soon(KeyChanges(clients[-1].scene, self._order.seed, self._tally).run, stop)
             async with trio.open_nursery() as faults:
                 if clients[0].scene is not None:
                     faults.start_soon(self._ask, cluster, clients[0].scene)

@@ -1,0 +1,49 @@
+"""Somebody who changes the scene's key again and again, and seals everything anew, whatever the weather (workload `keys`)."""
+
+from __future__ import annotations
+
+import random
+
+import trio
+
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
+from scenefold.base.reasons import RejectReason
+from scenefold.client.scene import Scene
+from scenefold.simulation.workload import Tally
+
+BETWEEN_S = (3.0, 15.0)
+PATIENCE_S = 60.0
+"""He is interrupted then, as by a computer that is switched off, and goes on the next time."""
+BYTES_PER_S = (50_000.0, 2_000_000.0)
+
+
+class KeyChanges:
+    """One client at it."""
+
+    def __init__(self, scene: Scene, seed: int, tally: Tally) -> None:
+        self._scene = scene
+        self._dice = random.Random(f"keys/{seed}")
+        self._tally = tally
+
+    async def run(self, stop: trio.Event) -> None:
+        """Until told to stop; a change that has begun is ended, or given up."""
+        while not stop.is_set():
+            await trio.sleep(self._dice.uniform(*BETWEEN_S))
+            is_new, rate = self._dice.random() < 0.5, self._dice.uniform(*BYTES_PER_S)
+            with trio.move_on_after(self._dice.uniform(1.0, PATIENCE_S)):
+                await self._change(is_new, rate)
+
+    async def _change(self, is_new: bool, rate: float) -> None:
+        try:
+            if is_new:
+                await self._scene.rotate_key()
+            await self._scene.reencrypt(bytes_per_s=rate)
+            self._tally.done += 1
+        except Unreachable:
+            self._tally.given_up += 1
+        except Refused as refusal:
+            self._tally.refused += 1
+            if refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED):
+                self._tally.wrong.append(f"changing the key is refused: {refusal}")
+        except (DamagedData, PeerFault) as problem:
+            self._tally.wrong.append(f"changing the key: {problem}")
