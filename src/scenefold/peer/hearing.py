@@ -16,6 +16,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.peer.claims import claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.enrol_rules import credential_of
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import Packet, PingBroadcast, Status, decode_packet
@@ -73,7 +74,7 @@ class Hearing:
             return None
         key = self._cluster_log.registry.sealing_key_of(node)
         if key is None:
-            credential = self._facts.credential(node)
+            credential = credential_of(node, self._cluster_log.registry, self._facts)
             key = None if credential is None else credential.sealing_key
         return key
 
@@ -82,7 +83,7 @@ class Hearing:
         registry = self._cluster_log.registry
         key = registry.key_of(node)
         if key is None:
-            credential = self._facts.credential(node)
+            credential = credential_of(node, registry, self._facts)
             key = None if credential is None else credential.public_key
         return None if key is None or registry.is_revoked(node, key.key_id) else key
 
