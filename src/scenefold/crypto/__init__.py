@@ -39,6 +39,7 @@ from scenefold.crypto.record_header import (
     IllFormedRecord,
     RecordHeader,
     claimed_epoch,
+    placement_of,
     version_key,
 )
 from scenefold.crypto.records import (
@@ -137,6 +138,7 @@ __all__ = [
     "peer_key",
     "peer_name",
     "pem_of",
+    "placement_of",
     "read_authority_certificate",
     "read_secret",
     "refuse_to_ask",

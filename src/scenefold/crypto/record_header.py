@@ -39,7 +39,7 @@ TAG_BYTES = 16
 _LAYOUT = struct.Struct(">BBBI32sH20sQQIQQI12sI32s")
 HEADER_BYTES = _LAYOUT.size
 ASSOCIATED_BYTES = HEADER_BYTES - 4 - DIGEST_BYTES
-_EPOCH_AT = 61
+_PLACEMENT_AT, _EPOCH_AT = 2, 61
 _CLOSED = 13
 """Fields of a RecordHeader up to its digest, in the order of the bytes; the three behind come first in the bytes."""
 assert (HEADER_BYTES, ASSOCIATED_BYTES) == (149, 113)
@@ -122,6 +122,11 @@ class RecordHeader(NamedTuple):
 def claimed_epoch(header: bytes) -> int:
     """The epoch that the bytes of a header claim, without a look at the rest; 0 if they are none."""
     return int.from_bytes(header[_EPOCH_AT : _EPOCH_AT + 8], "big") if len(header) == HEADER_BYTES else 0
+
+
+def placement_of(header: bytes) -> int:
+    """The placement that the bytes of a header claim, likewise; PLACED_BY_CLIENT if they are none."""
+    return header[_PLACEMENT_AT] if len(header) == HEADER_BYTES else PLACED_BY_CLIENT
 
 
 def version_key(header: RecordHeader) -> Version:

@@ -30,6 +30,7 @@ from scenefold.crypto import (
     check_signature,
     claimed_epoch,
     object_of,
+    placement_of,
     signed_place,
     wanted_place,
 )
@@ -113,6 +114,8 @@ def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
 
 def home_of(item: PutItem | HandItem) -> Location:
     """The place whose owner decides about a record: its own, or the one that its object id names. Looks at the header's bytes only."""
+    if placement_of(item.header) != PLACED_BY_NODE:
+        return item.location
     try:
         header = RecordHeader.decode(item.header)
     except IllFormedRecord:
