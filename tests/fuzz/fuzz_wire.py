@@ -20,7 +20,7 @@ from typing import Any
 
 import msgpack
 
-from fuzz import datagrams, mutations
+from fuzz import datagrams, enrolling, mutations
 from fuzz.findings import Finding
 from fuzz.targets import TARGETS
 from scenefold.base.errors import ScenefoldError
@@ -28,6 +28,7 @@ from scenefold.base.limits import FRAME_BYTES_MAX
 from scenefold.wire import encode_packet, frame, pack_value
 from scenefold.wire.log_entries import LOG_ENTRY
 from scenefold.wire.log_records import SignedRecord, pack_log
+from scenefold.wire.orders import FORM, ORDER
 from scenefold.wire.pieces import pack_piece
 from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC
 from scenefold.wire.status_packets import STATUS
@@ -80,6 +81,11 @@ def seeds() -> dict[str, list[bytes]]:
         "log": logs,
         "datagram": datagrams.SEALED,
         "contents": datagrams.CONTENTS,
+        "order": [pack_piece(ORDER, example(ORDER, salt)) for salt in range(4)],
+        "form": [pack_piece(FORM, example(FORM, salt)) for salt in range(4)],
+        "card": enrolling.CARDS,
+        "token": enrolling.TOKENS,
+        "question": enrolling.QUESTIONS,
         "document": documents,
     }
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 
-from fuzz import datagrams
+from fuzz import datagrams, enrolling
 from fuzz.findings import Finding
 from scenefold.wire import (
     FrameReader,
@@ -23,6 +23,7 @@ from scenefold.wire import (
     unpack_log,
     unpack_value,
 )
+from scenefold.wire.orders import EnrolForm, Order
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import STATUS
 
@@ -100,7 +101,7 @@ def _piece(decode: Callable[[bytes], object], encode: Callable[[object], bytes],
 
 
 def _encoded(value: object) -> bytes:
-    assert isinstance(value, LogRecord | SceneLogPublic)
+    assert isinstance(value, LogRecord | SceneLogPublic | Order | EnrolForm)
     return value.encode()
 
 
@@ -119,5 +120,10 @@ TARGETS: dict[str, Target] = {
     "log": _piece(unpack_log, _packed_log, "log"),
     "datagram": datagrams.datagram,
     "contents": datagrams.contents,
+    "order": _piece(Order.decode, _encoded, "Order"),
+    "form": _piece(EnrolForm.decode, _encoded, "EnrolForm"),
+    "card": enrolling.card,
+    "token": enrolling.token,
+    "question": enrolling.question,
     "document": _piece(unpack_value, pack_value, "document"),  # type: ignore[arg-type]
 }
