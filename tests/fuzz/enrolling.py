@@ -30,6 +30,7 @@ def card(data: bytes, _dice: random.Random) -> str:
         warnings.simplefilter("ignore")
         try:
             found = Card.read(data)
+            assert found.tls_key and Card.read(found.der) == found
         except DamagedData as error:
             return f"refused {type(error).__name__} {error.what[:60]}"
     return f"accepted card of a {found.name.partition(':')[0]}"

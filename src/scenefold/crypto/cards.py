@@ -117,7 +117,10 @@ class Card:
     @property
     def tls_key(self) -> bytes:
         """The public key that the certificate is for (DER)."""
-        return _parsed(self.der).public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+        try:
+            return _parsed(self.der).public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+        except (ValueError, TypeError, UnsupportedAlgorithm):
+            raise DamagedData("the certificate is for no key", where=self.name) from None
 
     @classmethod
     def verified(cls, certificate: bytes, authority: bytes, now: datetime.datetime | None = None) -> Self:
@@ -131,41 +134,39 @@ class Card:
         except (ValueError, TypeError, UnsupportedAlgorithm, _InvalidSignature):
             raise NotOfThisCluster("the certificate is of another cluster", remedy="use one that this cluster's authority issued") from None
         _check_end(parsed)
-        name = common_name(parsed)
-        if not NAME_PATTERN.fullmatch(name):
-            raise DamagedData("the certificate names no member of a cluster")
+        card = cls._of(parsed)
         if now is not None:
-            _check_time(parsed, name, now)
-        return cls._of(parsed, name)
+            _check_time(card, now)
+        return card
 
     @classmethod
     def read(cls, certificate: bytes) -> Self:
         """The card in a certificate that was verified before, by whoever put it where it comes from; DamagedData if it is none."""
-        parsed = _parsed(certificate)
-        name = common_name(parsed)
-        if not NAME_PATTERN.fullmatch(name):
-            raise DamagedData("the certificate names no member of a cluster")
-        return cls._of(parsed, name)
+        return cls._of(_parsed(certificate))
 
     @classmethod
-    def _of(cls, parsed: x509.Certificate, name: str) -> Self:
+    def _of(cls, parsed: x509.Certificate) -> Self:
+        # What a certificate holds is read only here, piece by piece, whatever it was that parsed as one.
         try:
+            name = common_name(parsed)
+            if not NAME_PATTERN.fullmatch(name):
+                raise DamagedData("the certificate names no member of a cluster")
             extension = parsed.extensions.get_extension_for_oid(MEMBER_KEYS).value
+            if not isinstance(extension, x509.UnrecognizedExtension):
+                raise DamagedData("the certificate holds no member's keys", where=name)
+            return cls(
+                name,
+                _addresses(parsed),
+                MemberKeys.decode(extension.value),
+                parsed.serial_number,
+                parsed.not_valid_before_utc,
+                parsed.not_valid_after_utc,
+                parsed.public_bytes(Encoding.DER),
+            )
         except x509.ExtensionNotFound:
             raise DamagedData("the certificate holds no member's keys", where=name, remedy="have it issued anew") from None
-        except ValueError:
-            raise DamagedData("the certificate's extensions are damaged", where=name) from None
-        if not isinstance(extension, x509.UnrecognizedExtension):
-            raise DamagedData("the certificate holds no member's keys", where=name)
-        return cls(
-            name,
-            _addresses(parsed),
-            MemberKeys.decode(extension.value),
-            parsed.serial_number,
-            parsed.not_valid_before_utc,
-            parsed.not_valid_after_utc,
-            parsed.public_bytes(Encoding.DER),
-        )
+        except (ValueError, TypeError, x509.DuplicateExtension, x509.UnsupportedGeneralNameType, UnsupportedAlgorithm):
+            raise DamagedData("the certificate is damaged") from None
 
 
 def _parsed(certificate: bytes) -> x509.Certificate:
@@ -186,15 +187,18 @@ def _check_end(certificate: x509.Certificate) -> None:
         raise DamagedData("the certificate's signature is not written as it should be")
 
 
-def _check_time(certificate: x509.Certificate, name: str, now: datetime.datetime) -> None:
-    first, last = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+def _check_time(card: Card, now: datetime.datetime) -> None:
+    first, last = card.not_before, card.not_after
     if now < first:
         raise OutOfDate(
-            f"the certificate is valid from {first:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}", where=name, remedy="set the clock right"
+            f"the certificate is valid from {first:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}",
+            where=card.name,
+            remedy="set the clock right",
         )
     if now > last:
         remedy = "have it renewed; if that date lies ahead, set the clock right"
-        raise OutOfDate(f"the certificate was valid until {last:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}", where=name, remedy=remedy)
+        what = f"the certificate was valid until {last:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}"
+        raise OutOfDate(what, where=card.name, remedy=remedy)
 
 
 def _addresses(certificate: x509.Certificate) -> tuple[str, ...]:

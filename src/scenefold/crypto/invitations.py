@@ -20,6 +20,7 @@ from enum import IntEnum
 from typing import Self
 
 from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from scenefold.base.errors import DamagedData, UsageFault
@@ -114,9 +115,9 @@ def authority_der(certificate: bytes) -> bytes:
     try:
         is_pem = certificate.lstrip().startswith(b"-----")
         parsed = x509.load_pem_x509_certificate(certificate) if is_pem else x509.load_der_x509_certificate(certificate)
-    except ValueError:
+        return parsed.public_bytes(Encoding.DER)
+    except (ValueError, x509.InvalidVersion, UnsupportedAlgorithm):
         raise DamagedData("the authority's certificate is none") from None
-    return parsed.public_bytes(Encoding.DER)
 
 
 def authority_pem(certificate: bytes) -> bytes:
