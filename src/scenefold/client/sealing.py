@@ -67,12 +67,15 @@ class WriterKey:
 
 
 def writers_of(header: SceneLogPublic) -> dict[KeyId, WriterKey]:
-    """All writers that a header names in full, those of former times too."""
+    """All writers that a header names in full, those of former times too; DamagedData if an id means two keys."""
     terms: dict[KeyId, list[WriterEntry]] = {}
     for term in header.writers:
         terms.setdefault(term.key, []).append(term)
     keys = [PublicKey(entry.raw, entry.suite) for entry in header.keys if entry.suite in SUITES]
-    return {key.key_id: WriterKey(key, tuple(terms[key.key_id])) for key in keys if key.key_id in terms}
+    found = {key.key_id: WriterKey(key, tuple(terms[key.key_id])) for key in keys if key.key_id in terms}
+    if len({key.key_id for key in keys}) != len(keys):
+        raise DamagedData("the scene's header holds two keys of one id", where=f"scene {header.scene:08x}")
+    return found
 
 
 @dataclass(frozen=True, slots=True)

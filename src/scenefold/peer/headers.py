@@ -25,8 +25,7 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
         raise Refused(RejectReason.ILL_FORMED, "the scene id is not the beginning of its genesis hash")
     if public.position <= FIRST_POSITION and public.with_genesis().genesis != public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
-    if known is not None:
-        _check_follows(public, known)
+    expected = None if known is None else _check_follows(public, known)
     try:
         scene = KnownScene.of(public)
     except DamagedData as problem:
@@ -36,6 +35,8 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
         raise Refused(RejectReason.ILL_FORMED, "the header is not signed by the newest of its header keys")
     if key is None:
         raise Refused(RejectReason.ILL_FORMED, "the header lacks the key that it is signed with")
+    if expected is not None and key != expected:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the header names another key by the id of the scene's header key")
     try:
         key.verify(public.signature, HEADER_DOMAIN, public.signable())
     except DamagedData as problem:
@@ -43,28 +44,30 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
     return scene
 
 
-def _check_follows(public: SceneLogPublic, scene: KnownScene) -> None:
+def _check_follows(public: SceneLogPublic, scene: KnownScene) -> PublicKey:
+    """The key that must have signed it. Ids are short, and somebody may have searched for a key of this very id."""
     known = scene.public
     if public.genesis != known.genesis:
         raise Refused(RejectReason.POSITION_TAKEN, "another scene has this id here")
     if public.origin != known.origin:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header names another origin than the one before")
-    _check_header_key(public, known, scene.keys[known.public_key])
+    key = _header_key(public, known, scene.keys[known.public_key])
     if public.position < known.position or public.write_floor < known.write_floor or public.key_epoch < known.key_epoch:
         raise Refused(RejectReason.POSITION_BEHIND, f"the scene's log is at position {known.position} already")
     if public.position == known.position and public.signable() != known.signable():
         raise Refused(RejectReason.POSITION_TAKEN, f"position {known.position} is decided otherwise")
+    return key
 
 
-def _check_header_key(public: SceneLogPublic, known: SceneLogPublic, key: PublicKey) -> None:
-    """An older header is behind, and an owner who was revoked may have signed it: both are refused, the first without a word of blame."""
+def _header_key(public: SceneLogPublic, known: SceneLogPublic, key: PublicKey) -> PublicKey:
+    """The scene's header key as of this header. An older header is behind, and an owner who was revoked may have signed it: both are refused, the first without a word of blame."""
     if public.position < known.position and known.succession[: len(public.succession)] == public.succession:
-        return
+        return key
     if public.succession[: len(known.succession)] != known.succession:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header forgets a change of the key that signs it")
     if any(step.position <= known.position for step in public.succession[len(known.succession) :]):
         raise Refused(RejectReason.NOT_AUTHORISED, "the header's key changed at a position that was decided otherwise")
     try:
-        header_key_now(public, key)
+        return header_key_now(public, key)
     except DamagedData as problem:
         raise Refused(RejectReason.NOT_AUTHORISED, str(problem)) from problem

@@ -29,6 +29,7 @@ from scenefold.crypto import (
     check_claim,
     check_signature,
     claimed_epoch,
+    key_id_of,
     object_of,
     placement_of,
     signed_place,
@@ -55,6 +56,9 @@ class KnownScene:
     def of(cls, public: SceneLogPublic) -> KnownScene:
         # Who writes with a suite of a later program is none of our writers yet; all others go on.
         keys = {key.key_id: key for key in (PublicKey(entry.raw, entry.suite) for entry in public.keys if entry.suite in SUITES)}
+        raws = {entry.raw for entry in public.keys}
+        if len(set(map(key_id_of, raws))) != len(raws):
+            raise DamagedData("the scene's header holds two keys of one id")
         writers: dict[KeyId, list[WriterEntry]] = {}
         for entry in public.writers:
             writers.setdefault(entry.key, []).append(entry)

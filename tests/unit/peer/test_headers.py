@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.ids import KeyId, NodeId, SceneId
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PROPOSAL_DOMAIN
+from scenefold.crypto import PROPOSAL_DOMAIN, SigningKey
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
 from scenefold.scene.log import succeeded
@@ -90,3 +90,18 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
 def test_what_does_not_follow_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:
     known = KnownScene.of(later_header(FIRST, write_floor=2, mode=FIRST.mode, key_epoch=1))
     assert refusal(header, known) == reason
+
+
+def test_a_key_that_was_searched_for_its_id_is_not_the_header_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four bytes are found by trying. Here every key has the same id."""
+    monkeypatch.setattr("scenefold.crypto.keys.key_id_of", lambda raw: KeyId(7))
+    for module in ("headers", "verification"):
+        monkeypatch.setattr(f"scenefold.peer.{module}.key_id_of", lambda raw: KeyId(7))
+    header_key, twin = SigningKey(b"h" * 32), SigningKey(b"t" * 32)
+    alone = {"public_key": KeyId(7), "writers": (), "keys": (KeyEntry(1, header_key.public.raw),)}
+    first = signed(replace(FIRST, **alone, signature=bytes(64)).with_genesis(), header_key)
+    known = checked_header(first, None)
+    forged = signed(replace(first, position=2, keys=(KeyEntry(1, twin.public.raw),)), twin)
+    assert refusal(forged, known) is RejectReason.NOT_AUTHORISED
+    both = signed(replace(first, position=2, keys=(KeyEntry(1, header_key.public.raw), KeyEntry(1, twin.public.raw))), twin)
+    assert refusal(both, known) is RejectReason.ILL_FORMED

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId
+from scenefold.base.reasons import RejectReason
 from scenefold.crypto import (
     HEADER_DOMAIN,
     NONCE_BYTES,
     PublicKey,
     SealingKey,
     SigningKey,
+    key_id_of,
     new_symmetric_key,
     open_former,
     seal_former,
@@ -79,8 +81,11 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
 
 
 def header_keys(header_key: PublicKey, state: SceneLog) -> tuple[KeyEntry, ...]:
-    """Every key that a header names: its own, and those of all who ever were writers."""
+    """Every key that a header names: its own, and those of all who ever were writers. Refused for a writer's key with the id of the header's."""
     own = KeyEntry(header_key.suite, header_key.raw)
+    if any(key_id_of(entry.raw) == header_key.key_id and entry != own for entry in state.grants.writer_keys):
+        what, remedy = "a writer's key has the id of the scene's header key", "let that member make new keys"
+        raise Refused(RejectReason.ILL_FORMED, what, where="scene log", remedy=remedy)
     return (own, *(entry for entry in state.grants.writer_keys if entry != own))
 
 
@@ -100,7 +105,12 @@ def _lockboxes(
     if epoch == before.grants.key_epoch:
         changed = {member.recipient for member in newly_granted(before.grants, state.grants)}
         stay = {lockbox.recipient: lockbox for lockbox in header.lockboxes if lockbox.recipient not in changed}
-    granter = next((member.name for member in before.grants.members if member.key == author.key_id), "")
+    owners = [member.name for member in before.grants.members if member.key == author.key_id and member.role is Role.OWNER]
+    if not owners:
+        raise LocalFault(
+            "your signing key is none of an owner's", where=f"scene {keys.name}", remedy="use the keys that the scene was granted to"
+        )
+    (granter,) = owners
     return tuple(stay.get(member.recipient) or lockbox_for(member, keys, epoch, granter, author, token) for member in state.grants.members)
 
 
