@@ -58,10 +58,16 @@ class Discovery:
         if not heard:
             return
         # What is bound to a broadcast address cannot send.
-        speaker = await self._world.network.open_datagrams(None, Priority.HIGH)
-        async with trio.open_nursery() as nursery:
-            for datagrams in heard:
-                nursery.start_soon(self._listen, datagrams, speaker)
+        speaker: Datagrams | None = None
+        try:
+            speaker = await self._world.network.open_datagrams(None, Priority.HIGH)
+            async with trio.open_nursery() as nursery:
+                for datagrams in heard:
+                    nursery.start_soon(self._listen, datagrams, speaker)
+        finally:
+            with trio.CancelScope(shield=True):
+                for datagrams in (*heard, *([] if speaker is None else [speaker])):
+                    await datagrams.aclose()
 
     async def _listen(self, datagrams: Datagrams, speaker: Datagrams) -> None:
         while True:
