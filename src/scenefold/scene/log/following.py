@@ -25,7 +25,7 @@ from scenefold.crypto import (
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.bytes import OpenedLog, sign_record
 from scenefold.scene.log.grants import Granted, newly_granted
-from scenefold.scene.log.keys import HEADER_SEED_BYTES, SceneKeys
+from scenefold.scene.log.keys import HEADER_SEED_BYTES, EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox
 from scenefold.scene.log.succession import header_key_now, succeeded
 from scenefold.wire import KeyEntry, Lockbox, LogRecord, Role, SceneLogPublic
@@ -54,7 +54,8 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
     before, state = log.state, log.state.apply(record)
     former, epoch = header.former_keys, state.grants.key_epoch
     if epoch != before.grants.key_epoch:
-        keys = replace(keys, epochs=keys.epochs.merged({epoch: new_symmetric_key(token)}))
+        # Whatever is known for this epoch came out of a header that was never decided, and others may know it.
+        keys = replace(keys, epochs=EpochKeys({**keys.epochs, epoch: new_symmetric_key(token)}))
         key, nonce = keys.epochs[epoch], token(NONCE_BYTES)
         former = seal_former(state.grants.former_keys, genesis=header.genesis, key_epoch=epoch, symmetric_key=key, nonce=nonce)
     signer, succession = SigningKey.from_seed(seed), header.succession
@@ -124,8 +125,8 @@ def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | No
         raise DamagedData("a node answered with the header of another scene", where=where)
     header_key = header_key_now(header, keys.header_key)
     header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
-    is_known = header_key == keys.header_key and header.key_epoch in keys.epochs
-    found = None if sealing is None or (is_known and keys.role is Role.OWNER) else own_lockbox(header, sealing)
+    # Opened each time: what we hold for this epoch may come out of a header that was overtaken, and was never decided.
+    found = None if sealing is None else own_lockbox(header, sealing)
     if found is None:
         seed = keys.header_seed if header_key == keys.header_key else None
         return _with_former(replace(keys, header_key=header_key, header_seed=seed), header)
@@ -137,14 +138,14 @@ def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | No
 
 
 def _with_former(keys: SceneKeys, header: SceneLogPublic) -> SceneKeys:
-    """With the keys of the epochs before the header's, if we have the one that they are sealed under."""
+    """With the keys of the epochs before the header's, if we have the one that they are sealed under. Where they differ from ours, the header's are right."""
     key = keys.epochs.get(header.key_epoch)
-    if key is None or not header.former_keys or all(epoch in keys.epochs for epoch in range(header.key_epoch)):
+    if key is None or not header.former_keys:
         return keys
     former = open_former(header.former_keys, genesis=header.genesis, key_epoch=header.key_epoch, symmetric_key=key)
-    return replace(keys, epochs=keys.epochs.merged(former))
+    return replace(keys, epochs=EpochKeys({**keys.epochs, **former}))
 
 
 def keys_with_log(keys: SceneKeys, state: SceneLog) -> SceneKeys:
-    """With the keys of the epochs before, which stand in the log."""
-    return replace(keys, epochs=keys.epochs.merged(state.grants.former_keys))
+    """With the keys of the epochs before, which stand in the log. Where they differ from ours, the log's are right."""
+    return replace(keys, epochs=EpochKeys({**keys.epochs, **state.grants.former_keys}))
