@@ -189,7 +189,10 @@ class ClusterProfile:
 
     def check_date(self, identity: Identity) -> None:
         """OutOfDate, with both dates, if a certificate does not count by this computer's clock; NotOfThisCluster if it is another's."""
-        Card.verified(identity.certificate, self.authority_certificate(), datetime.datetime.now(datetime.UTC))
+        try:
+            Card.verified(identity.certificate, self.authority_certificate(), datetime.datetime.now(datetime.UTC))
+        except DamagedData as problem:
+            raise type(problem)(problem.what, where=problem.where or f"{identity.name}, {self.folder}", remedy=problem.remedy) from None
 
     def keep_user_certificate(self, certificate: bytes) -> None:
         """Put a newer certificate (PEM) for the same keys in place of the user's."""
