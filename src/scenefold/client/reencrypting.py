@@ -18,7 +18,7 @@ from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_IMPORT_BATCHES, CLIENT
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
-from scenefold.client.progress import ProgressCallback, no_progress
+from scenefold.client.progress import ProgressCallback, ProgressState, no_progress
 from scenefold.client.ranging import entries
 from scenefold.client.reencryption import Pace, Reencryption, is_damaged, under_older_keys
 from scenefold.client.sealing import Key, NewerThanKnown, Opened, SceneIdentity, open_all
@@ -28,6 +28,7 @@ from scenefold.crypto import signed_place
 from scenefold.wire import RecordBytes
 
 _STORED = 0
+COUNTED_AT_A_TIME = 4096
 WALKS_MAX = 8
 """A walk that still finds something means that a node has not heard of the new key; it hears of it within seconds."""
 
@@ -66,6 +67,8 @@ class _Work:
             async with self._listed(space) as listed:
                 async for _ in listed:
                     self.state.total += 1
+                    if self.state.total % COUNTED_AT_A_TIME == 0:
+                        self._progress(ProgressState("count", self.state.total, None, "records"))
 
     async def walk(self, spaces: Sequence[SpaceId]) -> None:
         """Once over all records."""
