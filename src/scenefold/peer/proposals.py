@@ -8,9 +8,12 @@ have been lost; anything else came too late, and its author rebases it.
 from __future__ import annotations
 
 from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.headers import FIRST_POSITION
-from scenefold.wire import Phase, ProposeSceneLog, SceneLogPublic
+from scenefold.wire import Ballot, Phase, ProposeSceneLog, RejectSceneProposal, SceneLogAnswer, SceneLogPublic
+
+_COMMIT_FLAG = 2
 
 
 def is_decided(packet: ProposeSceneLog, known: SceneLogPublic | None, private: bytes | None) -> bool:
@@ -37,3 +40,32 @@ def is_decided(packet: ProposeSceneLog, known: SceneLogPublic | None, private: b
     if public.position != known.position + 1:
         raise Refused(RejectReason.ILL_FORMED, f"position {public.position} does not extend the log, which ends at {known.position}")
     return False
+
+
+def rejection(packet: ProposeSceneLog, reason: RejectReason, node: NodeId) -> RejectSceneProposal:
+    """9, by this node or about it."""
+    return RejectSceneProposal(
+        genesis=packet.genesis,
+        proposal=packet.proposal,
+        reason=reason,
+        nodes=(),
+        hint=Ballot(0, NodeId(0)),
+        node=node,
+        mac_epoch=0,
+        mac=b"",
+    )
+
+
+def answer_of(public: SceneLogPublic, nonce: int, private: bytes | None) -> SceneLogAnswer:
+    """What a 6 says of a position that was decided."""
+    return SceneLogAnswer(
+        nonce=nonce,
+        flags=_COMMIT_FLAG,
+        position=public.position,
+        ballot=Ballot(0, NodeId(0)),
+        nodes=(),
+        public=public,
+        private=private,
+        mac_epoch=0,
+        mac=b"",
+    )

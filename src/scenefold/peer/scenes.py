@@ -20,22 +20,19 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.headers import checked_header
 from scenefold.peer.peers import Peers
-from scenefold.peer.proposals import is_decided
+from scenefold.peer.proposals import answer_of, is_decided, rejection
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.verification import KnownScene
 from scenefold.store import Store
 from scenefold.wire import (
     AcceptSceneProposal,
-    Ballot,
     ListScenes,
     MalformedPacket,
     Member,
     Packet,
     ProposeSceneLog,
-    RejectSceneProposal,
     RequestSceneLog,
     RespondSceneLog,
-    SceneLogAnswer,
     SceneLogPublic,
     ScenesListed,
     Want,
@@ -50,7 +47,6 @@ ASK_S_MAX = 2.0
 RELAY_S_MAX = 10.0
 MISS_S = 1.0
 """A scene that nobody knows is not asked for again within this time: unknown ids must not multiply requests."""
-COMMIT_FLAG = 2
 
 _log = logging.getLogger("scenefold.peer.scenes")
 
@@ -151,12 +147,18 @@ class Scenes:
             return before
         scene = await self._world.workers.run("crypto", checked_header, public, before)
         if private is None:
+            if before is not None and public.position > before.public.position and await self._keeps_log(before.public):
+                # An owner's header that was only proposed is as well signed. Taken here, it would leave its log behind for ever.
+                raise Refused(RejectReason.NOT_AUTHORISED, "this node keeps the scene's log, and has not decided so")
             await self._store.put_header(public.scene, public.encode())
         else:
             await self._store.put_scene_log(public.scene, public.encode(), private)
         self._known[public.scene] = scene
         self._missed_at.pop(public.scene, None)
         return scene
+
+    async def _keeps_log(self, public: SceneLogPublic) -> bool:
+        return public.origin == self._own.me and await self._store.get_scene_log(public.scene) is not None
 
     # ------------------------------------------------------------------------------------------------- handlers
 
@@ -166,15 +168,15 @@ class Scenes:
         origin = packet.public.origin if known is None else known.public.origin
         if origin != self._own.me:
             if node_of(peer) is not None:
-                return self._rejection(packet, RejectReason.NOT_MY_LOCATION, origin)
+                return rejection(packet, RejectReason.NOT_MY_LOCATION, origin)
             if origin not in self._peers.others():
-                return self._rejection(packet, RejectReason.NOT_AUTHORISED, origin)
+                return rejection(packet, RejectReason.NOT_AUTHORISED, origin)
             return await self._peers.ask(origin, Priority.HIGH, packet, Packet, RELAY_S_MAX)
         try:
             scene = await self._decide(packet)
         except Refused as refusal:
             _log.info("scene proposal of %s refused: %s", peer, refusal)
-            return self._rejection(packet, refusal.reason, self._own.me)
+            return rejection(packet, refusal.reason, self._own.me)
         await self._push(scene.public)
         return AcceptSceneProposal(
             genesis=packet.genesis,
@@ -192,6 +194,9 @@ class Scenes:
             private = None if known is None else await self._store.get_scene_log(packet.public.scene)
             if is_decided(packet, None if known is None else known.public, private):
                 assert known is not None
+                if private is None:
+                    # Its first header was told here before it was proposed.
+                    await self._store.put_scene_log(packet.public.scene, packet.public.encode(), packet.private)
                 return known
             return await self._adopt(packet.public, packet.private)
 
@@ -205,12 +210,12 @@ class Scenes:
         if packet.genesis not in (b"", scene.public.genesis):
             return RespondSceneLog(answer=None)
         if packet.want is not Want.LOG:
-            return RespondSceneLog(answer=_answer(scene.public, packet.nonce, None))
+            return RespondSceneLog(answer=answer_of(scene.public, packet.nonce, None))
         async with self._lock:
             # Header and log change together, so both are read between two changes.
             public = self._known[packet.scene].public
             private = await self._store.get_scene_log(packet.scene)
-        return RespondSceneLog(answer=_answer(public, packet.nonce, private))
+        return RespondSceneLog(answer=answer_of(public, packet.nonce, private))
 
     async def on_push(self, packet: RespondSceneLog, peer: str) -> None:
         """6 that nobody asked for: a header that was decided."""
@@ -263,7 +268,7 @@ class Scenes:
 
     async def _push(self, public: SceneLogPublic) -> None:
         """Tell all others, waiting a bounded time. Whoever misses it pulls it later."""
-        packet = RespondSceneLog(answer=_answer(public, 0, None))
+        packet = RespondSceneLog(answer=answer_of(public, 0, None))
 
         async def tell(member: NodeId) -> None:
             try:
@@ -282,29 +287,3 @@ class Scenes:
             # Being told of an older position is the usual course of things between nodes that push and pull.
             level = logging.DEBUG if refusal.reason is RejectReason.POSITION_BEHIND else logging.WARNING
             _log.log(level, "header of scene %08x from %s not taken: %s", public.scene, source, refusal)
-
-    def _rejection(self, packet: ProposeSceneLog, reason: RejectReason, node: NodeId) -> Packet:
-        return RejectSceneProposal(
-            genesis=packet.genesis,
-            proposal=packet.proposal,
-            reason=reason,
-            nodes=(),
-            hint=Ballot(0, NodeId(0)),
-            node=node,
-            mac_epoch=0,
-            mac=b"",
-        )
-
-
-def _answer(public: SceneLogPublic, nonce: int, private: bytes | None) -> SceneLogAnswer:
-    return SceneLogAnswer(
-        nonce=nonce,
-        flags=COMMIT_FLAG,
-        position=public.position,
-        ballot=Ballot(0, NodeId(0)),
-        nodes=(),
-        public=public,
-        private=private,
-        mac_epoch=0,
-        mac=b"",
-    )

@@ -258,3 +258,32 @@ async def test_who_died_between_deciding_and_telling_tells_when_it_is_back(told:
     news = [] if told == second.position else [OTHER, THIRD]
     assert sorted(member for member, _ in rig.peers.told) == news
     assert all(isinstance(packet, RespondSceneLog) and packet.answer and packet.answer.public == second for _, packet in rig.peers.told)
+
+
+@pytest.mark.expect_log("not taken: this node keeps the scene's log")
+async def test_whom_a_proposal_is_handed_to_cannot_stop_the_log_by_calling_it_decided(autojump_clock: MockClock) -> None:
+    rig, second = Rig(), later_header(FIRST)
+    await rig.scenes.on_propose(proposal(FIRST), USER)
+    await rig.scenes.on_push(pushed(second), NODE)
+    rig.peers.headers[FIRST.scene] = second
+    assert (await rig.scenes.known(FIRST.scene, position=2)).public == FIRST
+    assert isinstance(await rig.scenes.on_propose(proposal(second, b"longer log"), USER), AcceptSceneProposal)
+    assert rig.store.written == [(FIRST.encode(), b"log"), (second.encode(), b"longer log")]
+
+
+async def test_a_scene_whose_first_header_was_told_too_early_has_a_log_all_the_same(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    await rig.scenes.on_push(pushed(FIRST), NODE)
+    assert isinstance(await rig.scenes.on_propose(proposal(FIRST), USER), AcceptSceneProposal)
+    assert rig.store.private == {FIRST.scene: b"log"}
+
+
+async def test_an_origin_that_lost_the_log_goes_on_hearing_of_headers(autojump_clock: MockClock) -> None:
+    rig, second = Rig(), later_header(FIRST)
+    await rig.scenes.on_push(pushed(FIRST), NODE)
+    await rig.scenes.on_push(pushed(second), NODE)
+    assert rig.scenes.all() == [second]
+
+
+def pushed(public: SceneLogPublic) -> RespondSceneLog:
+    return RespondSceneLog(SceneLogAnswer(0, 2, public.position, Ballot(0, NodeId(0)), (), public, None, 0, b""))
