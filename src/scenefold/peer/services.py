@@ -124,7 +124,7 @@ class PeerServices:
             draining.run,
             self._door.run,
             enrolling.share_authority,
-        renewal.run,
+            renewal.run,
             discovery.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
