@@ -35,6 +35,7 @@ from scenefold.wire.enrol_packets import Enrolled, RequestEnrolment
 from scenefold.wire.orders import EnrolForm
 from scenefold.world.charter import SEEDS_MAX, facts_of
 from scenefold.world.facts import ClusterFacts, Credential
+from scenefold.world.keyring import checked_name
 from scenefold.world.profile import ClusterProfile
 from scenefold.world.profile_making import AUTHORITY_CERTIFICATE, DEFAULT_USER, SETTINGS, write_settings
 
@@ -55,8 +56,11 @@ class Newcomer:
 
     @classmethod
     def at(cls, profile: Path, token: Token, address: NodeId = USER_AT, *, suite: int = 1) -> Newcomer:
-        """With new keys, or those that were made for this token before. LocalFault if the profile is another cluster's."""
-        _known_profile(profile, token)
+        """With new keys, or those that were made for this token before. LocalFault if the profile is another cluster's, or another user's."""
+        known = _known_profile(profile, token)
+        if known is not None and address == USER_AT and known.user_folder().exists() and not _draft_of(profile, token).exists():
+            remedy = "name another folder with --profile"
+            raise LocalFault(f"the profile is that of user {known.user}", where=str(profile), remedy=remedy)
         folder = _draft_of(profile, token)
         if not (folder / _TLS_KEY).exists():
             shutil.rmtree(folder, ignore_errors=True)
@@ -105,7 +109,11 @@ class Newcomer:
 def write_party(profile: Path, identity: Identity, own: MemberSecrets) -> None:
     """A node's or a user's folder in a profile, in place of what a former member of this name left there."""
     user = _user_of(identity.name)
+    if user:
+        checked_name(user, "user")  # It becomes a path, and who gave it is not asked for trust in that.
     where = profile / "users" / user if user else profile / "nodes" / address_of(NodeId(int(identity.name.removeprefix("node:"))))
+    if (where / _TLS_KEY).exists() and read_secret(where / _TLS_KEY) == identity.key:
+        return  # We were interrupted after this.
     if where.exists():
         raise LocalFault("keys of this member are in the profile already", where=str(where), remedy="move that folder away, then try again")
     draft = where.with_name(f".{where.name}.{secrets.token_hex(6)}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import socket
 import ssl
+import time
 
 import trio
 
@@ -20,6 +21,8 @@ from scenefold.world.versions import NEWCOMER, RANGE_BYTES, NoCommonVersion, Ver
 SEND_PIECE_BYTES = 256 * 1024
 CLOSE_S_MAX = 1.0
 
+_OF_DATES = (9, 10)
+"""OpenSSL's numbers for a certificate that is not valid yet, or no longer."""
 _CUT = (ssl.SSLEOFError, ssl.SSLZeroReturnError, ssl.SSLSyscallError)
 
 TlsStream = trio.SSLStream[trio.SocketStream]
@@ -108,7 +111,8 @@ def why_broken(error: Exception) -> str:
     """What happened to a connection, in words, from the chain of causes that Trio and ssl leave."""
     cause = _first_cause(error)
     if isinstance(cause, ssl.SSLCertVerificationError):
-        return f"its certificate is not valid here: {cause.verify_message}"
+        clock = f" (this clock says {time.strftime('%Y-%m-%d', time.gmtime())})" if cause.verify_code in _OF_DATES else ""
+        return f"its certificate is not valid here: {cause.verify_message}{clock}"
     if isinstance(cause, _CUT):
         return "the connection was cut"
     if isinstance(cause, ssl.SSLError):
