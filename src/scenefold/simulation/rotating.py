@@ -1,7 +1,8 @@
-"""Somebody who changes the scene's key again and again, and seals everything anew, whatever the weather (workload `keys`)."""
+"""Somebody who changes the scene's keys again and again, lets a guest in and out, and seals everything anew, whatever the weather (workload `keys`)."""
 
 from __future__ import annotations
 
+import datetime
 import random
 
 import trio
@@ -9,8 +10,12 @@ import trio
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
+from scenefold.crypto import Card, MemberSecrets
 from scenefold.simulation.workload import Tally
+from scenefold.wire import Role
 
+GUEST = "user:guest"
+_DAY = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 BETWEEN_S = (3.0, 15.0)
 PATIENCE_S = 60.0
 """He is interrupted then, as by a computer that is switched off, and goes on the next time."""
@@ -20,8 +25,10 @@ BYTES_PER_S = (50_000.0, 2_000_000.0)
 class KeyChanges:
     """One client at it."""
 
-    def __init__(self, scene: Scene, seed: int, tally: Tally) -> None:
+    def __init__(self, scene: Scene, seed: int, guest: MemberSecrets, tally: Tally) -> None:
+        """`guest`: somebody who does nothing with the scene; owners are revoked under another header key than others."""
         self._scene = scene
+        self._guest = Card(GUEST, (), guest.public(), 1, _DAY, _DAY, b"")
         self._dice = random.Random(f"keys/{seed}")
         self._tally = tally
 
@@ -29,14 +36,19 @@ class KeyChanges:
         """Until told to stop; a change that has begun is ended, or given up."""
         while not stop.is_set():
             await trio.sleep(self._dice.uniform(*BETWEEN_S))
-            is_new, rate = self._dice.random() < 0.5, self._dice.uniform(*BYTES_PER_S)
+            act, rate = self._dice.choice(("key", "guest", "guest", "none")), self._dice.uniform(*BYTES_PER_S)
+            role = self._dice.choice(list(Role))
             with trio.move_on_after(self._dice.uniform(1.0, PATIENCE_S)):
-                await self._change(is_new, rate)
+                await self._change(act, role, rate)
 
-    async def _change(self, is_new: bool, rate: float) -> None:
+    async def _change(self, act: str, role: Role, rate: float) -> None:
         try:
-            if is_new:
+            if act == "key":
                 await self._scene.rotate_key()
+            elif act == "guest" and any(member.name == GUEST for member in (await self._scene.members()).members):
+                await self._scene.revoke(GUEST)
+            elif act == "guest":
+                await self._scene.grant(self._guest, role)
             await self._scene.reencrypt(bytes_per_s=rate)
             self._tally.done += 1
         except Unreachable:

@@ -23,7 +23,7 @@ from scenefold.scene.layout import META
 from scenefold.simulation import laws
 from scenefold.simulation.asking import Asker
 from scenefold.simulation.calm import Unrest, unrest
-from scenefold.simulation.clients import Client, MemoryKeyring, open_client
+from scenefold.simulation.clients import Client, MemoryKeyring, open_client, secrets_of
 from scenefold.simulation.cluster import Cluster, key_of, quiet_logs
 from scenefold.simulation.faults import Schedule
 from scenefold.simulation.final import judge_histories, read_everything
@@ -126,7 +126,8 @@ class _Drama:
             for worker in workers:
                 work.start_soon(worker.run, stop)
             if self._order.workload == "keys" and clients[-1].scene is not None:
-                work.start_soon(KeyChanges(clients[-1].scene, self._order.seed, self._tally).run, stop)
+                seed = self._order.seed
+                work.start_soon(KeyChanges(clients[-1].scene, seed, secrets_of(key_of(seed, "the guest")), self._tally).run, stop)
             async with trio.open_nursery() as faults:
                 if clients[0].scene is not None:
                     faults.start_soon(self._ask, cluster, clients[0].scene)
