@@ -29,7 +29,7 @@ from scenefold.crypto.keys import (
 )
 from scenefold.crypto.logs import open_log, seal_log
 from scenefold.crypto.member_secrets import MemberSecrets
-from scenefold.crypto.names import NAME_PATTERN
+from scenefold.crypto.names import NAME_PATTERN, node_named
 from scenefold.crypto.objects import OBJECT_BYTES, object_of, signed_place, wanted_place
 from scenefold.crypto.record_header import (
     HEADER_BYTES,
@@ -130,6 +130,7 @@ __all__ = [
     "new_symmetric_key",
     "new_tls_key",
     "newcomer_context",
+    "node_named",
     "object_of",
     "open_former",
     "open_log",

@@ -7,7 +7,19 @@ import re
 from cryptography import x509
 from cryptography.x509.oid import NameOID
 
-NAME_PATTERN = re.compile(r"node:[0-9]{1,10}|user:[A-Za-z0-9._@-]{1,50}")
+from scenefold.base.ids import NodeId
+
+NAME_PATTERN = re.compile(r"node:(?:0|[1-9][0-9]{0,9})|user:[A-Za-z0-9._@-]{1,50}")
+"""A node has one name, without leading zeros: two certificates for the same node have the same name."""
+_NODE_ID_MAX = 2**32 - 1
+
+
+def node_named(name: str) -> NodeId | None:
+    """The node that a member's name speaks of; None for a user, or what is no node's name."""
+    kind, _, number = name.partition(":")
+    if kind != "node" or not NAME_PATTERN.fullmatch(name) or int(number) > _NODE_ID_MAX:
+        return None
+    return NodeId(int(number))
 
 
 def common_name(certificate: x509.Certificate) -> str:

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import KeyId, NodeId, address_of
+from scenefold.base.ids import KeyId, NodeId, address_of, checked_node_id
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey
+from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, node_named
 from scenefold.peer.registry import Registry
-from scenefold.peer.roll import Invitation, check_invited, node_named
+from scenefold.peer.roll import Invitation, check_invited
 from scenefold.wire import RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import InvitationState
@@ -112,8 +112,7 @@ def judge_form(data: bytes, signature: bytes, registry: Registry, facts: Cluster
         if form.address or card_of(form.name, registry, facts) is not None:
             raise _forbidden(f"{form.name} is a member already", "ask for a token under another name")
         return ToIssue(form.name, (), form.tls_key, keys, form.invitation)
-    if form.address != node:
-        raise Refused(RejectReason.ILL_FORMED, f"{form.name} cannot be at {address_of(form.address)}")
+    _check_place(node, (address_of(form.address),))
     if _is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
     if (keys.signing.suite, keys.sealing.suite) != (_SUITE_OF_NODES, _SUITE_OF_NODES):
@@ -136,8 +135,10 @@ def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFac
         card = Card.verified(entry.card, facts.authority)
     except (DamagedData, ValueError) as problem:
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
+    node = node_named(card.name)
+    if node is not None:
+        _check_place(node, card.addresses)
     if isinstance(entry, Enrol):
-        node = node_named(card.name)
         if _owner(card.name, facts) is not None or (node is not None and _is_original(node, registry, facts)):
             raise _forbidden(f"{card.name} was not enrolled, it was there from the start")
         return
@@ -237,6 +238,16 @@ def _keys_of(name: str, registry: Registry, facts: ClusterFacts) -> tuple[object
         return None if known is None else (known.public_key, known.sealing_key)
     card = card_of(name, registry, facts)
     return None if card is None else (card.keys.signing, card.keys.sealing)
+
+
+def _check_place(node: NodeId, addresses: tuple[str, ...]) -> None:
+    """Refused unless a node is at its own address and nowhere else, and that is one that a machine can have."""
+    if addresses != (address_of(node),):
+        raise Refused(RejectReason.ILL_FORMED, f"node:{node} cannot be at {', '.join(addresses) or 'no address'}")
+    try:
+        checked_node_id(address_of(node))
+    except ValueError as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
 
 
 def _is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:

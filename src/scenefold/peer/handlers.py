@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import node_named
 from scenefold.peer.registry import Registry
 from scenefold.wire import MiniStatus, Packet
 
@@ -33,8 +34,7 @@ class Senders(Flag):
 
 def node_of(peer: str) -> NodeId | None:
     """The node that a certificate name speaks of; None for a user."""
-    kind, _, name = peer.partition(":")
-    return NodeId(int(name)) if kind == "node" and name.isdecimal() else None
+    return node_named(peer)
 
 
 class Handlers:

@@ -13,7 +13,7 @@ from functools import lru_cache
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import NAME_PATTERN, Card
+from scenefold.crypto import NAME_PATTERN, Card, node_named
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import LISTED_MAX, InvitationState, KnownInvitation
 
@@ -143,12 +143,6 @@ def check_invited(roll: Roll, invite: Invite, name: str, key: KeyId) -> None:
         raise _forbidden(f"{name} is a member already")
     if known is None and len(roll.cards) >= LISTED_MAX:
         raise Refused(RejectReason.LIMIT_EXCEEDED, f"{LISTED_MAX} members were enrolled already")
-
-
-def node_named(name: str) -> NodeId | None:
-    """The node that a member's name speaks of; None for a user."""
-    kind, _, number = name.partition(":")
-    return NodeId(int(number)) if kind == "node" and number.isdecimal() else None
 
 
 @lru_cache(maxsize=4096)

@@ -6,6 +6,7 @@ import datetime
 import hashlib
 from functools import lru_cache
 
+from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import Authority, Card, MemberSecrets, SealingKey, SigningKey, new_tls_key, tls_key_in
 
 NOW = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
@@ -28,7 +29,6 @@ def invitation_key(number: int) -> SigningKey:
 @lru_cache
 def card_for(name: str, who: int, *, admin: bool = False, since: datetime.timedelta = datetime.timedelta(0)) -> Card:
     """A card under this name for the keys of one of NEWCOMERS."""
-    addresses = [str(int(name[5:]))] if name.startswith("node:") else []
-    where = [f"0.0.0.{number}" for number in addresses]
+    where = [address_of(NodeId(int(name[5:])))] if name.startswith("node:") else []
     pem = AUTHORITY.certify(name, where, TLS_KEYS[who], keys=NEWCOMERS[who].public(is_administrator=admin), now=NOW + since)
     return Card.verified(pem, AUTHORITY.certificate)

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, SigningKey
+from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, Card, SigningKey
 from scenefold.peer.enrol_rules import (
     ORDER_S_MAX,
     IssuedBefore,
@@ -37,7 +37,7 @@ from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for
 OWNER = card_for("user:owner", 2, admin=True)
 FACTS = replace(logs_made.facts(2), authority=AUTHORITY.certificate, owners=(OWNER.der,))
 CLOCK = NOW.timestamp() + 60
-NEWCOMER = NodeId(10)
+NEWCOMER = node_id_of("127.0.0.10")
 
 
 def log(*entries: LogEntry) -> Registry:
@@ -109,6 +109,31 @@ def test_a_node_gets_a_card_for_its_own_address_only() -> None:
     assert "cannot be at" in refusal_text(registry, form(f"node:{NEWCOMER}", address=NEWCOMER + 1))
     assert "from the start" in refusal_text(registry, form(f"node:{node(1)}", address=node(1)))
     assert "for a node, not for user:ada" in refusal_text(registry, form("user:ada"))
+
+
+@pytest.mark.parametrize("number", ["0{}", "00{}", "+{}", "{}0000000000"])
+def test_a_node_has_one_name(number: str) -> None:
+    name = "node:" + number.format(NEWCOMER)
+    with pytest.raises(Refused):
+        judged(log(invite(ANY_NODE)), form(name, address=NEWCOMER))
+    with pytest.raises(LocalFault):
+        AUTHORITY.certify(name, [address_of(NEWCOMER)], TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "0.0.0.7", "224.0.0.1", "239.255.255.255", "255.255.255.255"])
+def test_no_node_is_enrolled_where_no_machine_is(address: str) -> None:
+    node_id = node_id_of(address)
+    registry = log(invite(ANY_NODE))
+    assert "not the address of one machine" in refusal_text(registry, form(f"node:{node_id}", address=node_id))
+    with pytest.raises(Refused, match="not the address of one machine"):
+        check_issued(Enrol(invitation_key(1).public.raw, card_for(f"node:{node_id}", 0).der), registry, FACTS)
+
+
+@pytest.mark.parametrize("addresses", [[], ["127.0.0.11"], ["127.0.0.10", "127.0.0.11"]])
+def test_a_node_whose_card_says_another_address_never_gets_into_the_log(addresses: list[str]) -> None:
+    pem = AUTHORITY.certify(f"node:{NEWCOMER}", addresses, TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
+    with pytest.raises(Refused, match="cannot be at"):
+        check_issued(Enrol(invitation_key(1).public.raw, Card.verified(pem, AUTHORITY.certificate).der), log(invite(ANY_NODE)), FACTS)
 
 
 FORM = form().encode()

@@ -103,6 +103,9 @@ def test_one_class_has_one_handler() -> None:
         table.add(ListScenes, answer)
 
 
-@pytest.mark.parametrize("name, number", [("node:7", 7), ("user:7", None), ("node:-7", None), ("", None)])
+@pytest.mark.parametrize(
+    "name, number",
+    [("node:7", 7), ("user:7", None), ("node:-7", None), ("", None), ("node:07", None), ("node:4294967296", None), ("node:٧", None)],
+)
 def test_a_certificate_name_says_which_node(name: str, number: int | None) -> None:
     assert node_of(name) == number
