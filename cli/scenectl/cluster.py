@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
-from scenectl.enrolling import invitations, invite, joined_by_token, revoke, trust, users
+from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, trust, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
 from scenectl.member_values import TokenOption
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scenefold.client import ClusterStatus
 
 app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
-for verb in (invite, invitations, users, trust, revoke):
+for verb in (invite, invitations, users, trust, revoke, renew):
     app.command(verb)
 
 

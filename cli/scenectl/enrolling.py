@@ -228,6 +228,24 @@ def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> 
     emit(output, {"revoked": str(who)}, f"The keys of {who} count no longer.")
 
 
+def renew(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """Issue new certificates for all keys in a profile that has the authority's key. No node need run.
+
+    Needed only after the cluster was off for so long that certificates ran out: else they are renewed by themselves. Copy each
+    node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
+
+    Example: scenectl cluster renew --profile studio
+    """
+    from scenefold.client import profile_folder
+    from scenefold.world.profile import ClusterProfile
+    from scenefold.world.reissue import reissue
+
+    cards = reissue(ClusterProfile.load(profile_folder(output.profile)))
+    documents = [{"name": card.name, "not_after": f"{card.not_after:%Y-%m-%d}"} for card in cards]
+    rows = [(one["name"], one["not_after"]) for one in documents]
+    emit(output, {"renewed": documents}, table(("member", "certificate until"), rows))
+
+
 def _roll(output: ProfileOutput) -> Roll:
     from scenectl.running import connected, run
 

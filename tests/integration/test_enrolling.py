@@ -69,6 +69,13 @@ def test_a_user_joins_by_a_token_and_works_with_scenes_of_its_own(profile: str, 
     assert scenectl("scene", "create", "attic", profile=mine).code == 0
     assert scenectl("data", "put", "files", "a1", "-", "--scene", "attic", profile=mine, stdin=b"mine").code == 0
     assert scenectl("data", "get", "files", "a1", "--scene", "attic", profile=mine).out == b"mine"
+    # The two may share a scene by their names.
+    assert scenectl("scene", "create", "hall", profile=profile).code == 0
+    assert scenectl("data", "put", "files", "b1", "-", "--scene", "hall", profile=profile, stdin=b"ours").code == 0
+    shared = scenectl("scene", "grant", "hall", "user:ada", "--role", "reader", profile=profile)
+    assert shared.code == 0, shared.err
+    read = scenectl("data", "get", "files", "b1", "--scene", "hall", profile=mine)
+    assert read.out == b"ours", read.err
     users = scenectl("cluster", "users", "--json", profile=profile).json["users"]
     assert [(user["name"], user["admin"]) for user in users] == [("ada", False), ("owner", True)]
     used = scenectl("cluster", "join", token, profile=tmp_path / "other")

@@ -15,6 +15,7 @@ from scenefold.crypto import Authority, Card, Identity, NotOfThisCluster, OutOfD
 from scenefold.crypto.secrets_on_disk import write_secret
 from scenefold.node import NodeSettings, run_node
 from scenefold.world.profile import ClusterProfile
+from scenefold.world.reissue import reissue
 
 LOOK_S = 0.1
 DAY = datetime.timedelta(days=1)
@@ -88,6 +89,16 @@ async def test_a_clock_that_is_a_year_off_is_told_with_both_dates(tmp_path: Path
             pass
     with pytest.raises(OutOfDate, match=words):
         await run_node(NodeSettings(profile_folder=profile.folder, address="127.0.0.2", data_folder=tmp_path / "data"), extensions=())
+
+
+async def test_a_cluster_that_slept_for_years_is_woken_with_the_authoritys_key(tmp_path: Path) -> None:
+    profile = made(tmp_path, 1)
+    old = [aged(profile, folder, 1000 * DAY) for folder in ("nodes/127.0.0.2", "users/owner")]
+    renewed = reissue(profile)
+    assert [(card.name, card.keys, card.tls_key) for card in renewed] == [(card.name, card.keys, card.tls_key) for card in old]
+    async with nodes_here(tmp_path, 1, profile=profile), connect(profile.folder) as cluster:
+        assert (await cluster.nodes())[0].address == "127.0.0.2"
+        assert [card.name for card in (await cluster.membership.roll()).users] == ["user:owner"]
 
 
 async def test_a_certificate_of_another_cluster_is_told_so(tmp_path: Path) -> None:

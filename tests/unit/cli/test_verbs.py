@@ -22,6 +22,7 @@ VERBS = [
     "cluster users",
     "cluster trust",
     "cluster revoke",
+    "cluster renew",
     "node run",
     "node local",
     "node drain",
