@@ -12,9 +12,10 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.ids import KeyId, address_of
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.card_rules import refusal_of
 from scenefold.peer.cluster_log import ClusterLog
-from scenefold.peer.enrol_rules import refusal_of
 from scenefold.peer.handlers import Handlers
+from scenefold.peer.registry import Registry
 from scenefold.wire import Packet
 from scenefold.world import Connection, Guests, Links, Priority, QuietLog, World, serve_connection
 
@@ -57,13 +58,19 @@ class Door:
 
     async def run(self) -> None:
         """Close what a newer log forbids, until cancelled."""
-        registry = self._cluster_log.registry
+        registry, judged = self._cluster_log.registry, None
         while True:
-            for scope, (peer, key) in list(self._guests.items()):
-                refusal = refusal_of(peer, key, registry)
-                if refusal:
-                    _log.info("a connection of %s is closed: %s", peer, refusal)
-                    scope.cancel()
-            for node in registry.barred:
-                self._links.drop(address_of(node))
+            # Most of what the log says revokes nothing.
+            if registry.roll.revoked is not judged:
+                self._show_out(registry)
+                judged = registry.roll.revoked
             registry = await self._cluster_log.changed_after(registry.position)
+
+    def _show_out(self, registry: Registry) -> None:
+        for scope, (peer, key) in list(self._guests.items()):
+            refusal = refusal_of(peer, key, registry)
+            if refusal:
+                _log.info("a connection of %s is closed: %s", peer, refusal)
+                scope.cancel()
+        for node in registry.barred:
+            self._links.drop(address_of(node))

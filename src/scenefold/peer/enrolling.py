@@ -15,8 +15,9 @@ from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreacha
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, authority_der
+from scenefold.peer.card_rules import card_of, check_renewable, credential_of
 from scenefold.peer.cluster_log import ClusterLog
-from scenefold.peer.enrol_rules import IssuedBefore, ToIssue, card_of, check_renewable, credential_of, judge_form, judge_order
+from scenefold.peer.enrol_rules import IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.papers import Papers
 from scenefold.peer.peers import Peers

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import PublicKey, SealingPublicKey
+from scenefold.peer.card_rules import credential_of
 from scenefold.peer.claims import claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.cluster_log import ClusterLog
-from scenefold.peer.enrol_rules import credential_of
 from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import Packet, PingBroadcast, Status, decode_packet

@@ -13,7 +13,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Card
-from scenefold.peer.enrol_rules import check_issued, credential_of
+from scenefold.peer.card_rules import check_issued, credential_of
 from scenefold.peer.lives import Lives
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode

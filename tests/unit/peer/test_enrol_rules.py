@@ -13,17 +13,8 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, Card, SigningKey
-from scenefold.peer.enrol_rules import (
-    ORDER_S_MAX,
-    IssuedBefore,
-    ToIssue,
-    check_issued,
-    check_renewable,
-    credential_of,
-    judge_form,
-    judge_order,
-    refusal_of,
-)
+from scenefold.peer.card_rules import check_issued, check_renewable, credential_of, refusal_of
+from scenefold.peer.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.log_rules import check_proposer
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, LogEntry, MalformedPacket, Member, RemoveNode, RevokeNode

@@ -1,0 +1,109 @@
+"""Whose card and keys count, and what cards get into the log (specs/15-cluster-log.md). Pure.
+
+What the log has decided comes from the roll, what the cluster began with from the facts.
+"""
+
+from __future__ import annotations
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import KeyId, NodeId, address_of, checked_node_id
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Card, node_named
+from scenefold.peer.registry import Registry
+from scenefold.wire.enrol_entries import Enrol, RenewCard
+from scenefold.world.facts import ClusterFacts, Credential
+
+
+def card_of(name: str, registry: Registry, facts: ClusterFacts) -> Card | None:
+    """The card of a member, newest; None if it has none here, or its key was revoked."""
+    known = registry.roll.cards.get(name) or _owner(name, facts)
+    if known is None or registry.roll.is_revoked(name, known.signing_id):
+        return None
+    return known
+
+
+def credential_of(node: NodeId, registry: Registry, facts: ClusterFacts) -> Credential | None:
+    """The keys that a node was certified with, member or not; None if it has none that count."""
+    card = registry.roll.cards.get(f"node:{node}")
+    known = facts.credential(node) if card is None else Credential(node, address_of(node), card.keys.signing, card.keys.sealing)
+    return None if known is None or registry.is_revoked(node, known.public_key.key_id) else known
+
+
+def administrators(registry: Registry, facts: ClusterFacts) -> list[str]:
+    """Names of the users that may give orders."""
+    names = sorted({*registry.roll.cards, *(Card.read(owner).name for owner in facts.owners)})
+    cards = [card_of(name, registry, facts) for name in names]
+    return [card.name for card in cards if card is not None and card.keys.is_administrator]
+
+
+def refusal_of(name: str, key: KeyId | None, registry: Registry) -> str:
+    """Why a peer that shows a certificate with this signing key is not talked to; empty if it is. None: a peer without a known key."""
+    node = node_named(name)
+    if key is not None and registry.roll.is_revoked(name, key):
+        return f"the key of {name} is revoked"
+    if node is not None and key is None and registry.is_barred(node):
+        return f"the key of {name} is revoked"
+    return ""
+
+
+def is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:
+    """Whether a node has keys that count since the cluster was made: those are given no others."""
+    known = facts.credential(node)
+    return known is not None and not registry.is_revoked(node, known.public_key.key_id)
+
+
+def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFacts) -> None:
+    """Refused unless our authority issued the card, for somebody that it may name. That it fits the log says the roll."""
+    try:
+        card = Card.verified(entry.card, facts.authority)
+    except (DamagedData, ValueError) as problem:
+        raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
+    node = node_named(card.name)
+    if node is not None:
+        check_place(node, card.addresses)
+    if isinstance(entry, Enrol):
+        if _owner(card.name, facts) is not None or (node is not None and is_original(node, registry, facts)):
+            raise _forbidden(f"{card.name} was not enrolled, it was there from the start")
+        return
+    if _keys_of(card.name, registry, facts) != (card.keys.signing, card.keys.sealing):
+        raise _forbidden(f"{card.name} is known by other keys")
+
+
+def check_renewable(certificate: bytes, peer: str, registry: Registry, facts: ClusterFacts) -> Card:
+    """The card of a member that asks for a newer certificate; Refused unless it is its own, and counts."""
+    try:
+        card = Card.verified(certificate, facts.authority)
+    except (DamagedData, ValueError) as problem:
+        raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
+    if card.name != peer:
+        raise _forbidden(f"{peer} asks for a certificate of {card.name}", "")
+    if _keys_of(card.name, registry, facts) != (card.keys.signing, card.keys.sealing):
+        raise Refused(RejectReason.KEY_REVOKED, f"the keys of {card.name} count no longer")
+    return card
+
+
+def check_place(node: NodeId, addresses: tuple[str, ...]) -> None:
+    """Refused unless a node is at its own address and nowhere else, and that is one that a machine can have."""
+    if addresses != (address_of(node),):
+        raise Refused(RejectReason.ILL_FORMED, f"node:{node} cannot be at {', '.join(addresses) or 'no address'}")
+    try:
+        checked_node_id(address_of(node))
+    except ValueError as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+
+
+def _keys_of(name: str, registry: Registry, facts: ClusterFacts) -> tuple[object, object] | None:
+    node = node_named(name)
+    if node is not None:
+        known = credential_of(node, registry, facts)
+        return None if known is None else (known.public_key, known.sealing_key)
+    card = card_of(name, registry, facts)
+    return None if card is None else (card.keys.signing, card.keys.sealing)
+
+
+def _owner(name: str, facts: ClusterFacts) -> Card | None:
+    return next((card for card in map(Card.read, facts.owners) if card.name == name), None)
+
+
+def _forbidden(what: str, remedy: str = "") -> Refused:
+    return Refused(RejectReason.NOT_AUTHORISED, what, remedy=remedy)
