@@ -141,7 +141,7 @@ class Registry:
 
     def is_barred(self, node: NodeId) -> bool:
         """Whether a node's key was revoked and it has no other one that counts: nobody talks to it."""
-        if self.roll.card_of(f"node:{node}") is not None:
+        if not self._revoked or self.roll.card_of(f"node:{node}") is not None:
             return False
         known = self._registered.get(node)
         if known is not None:
