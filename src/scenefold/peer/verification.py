@@ -191,7 +191,7 @@ def verify_copies(claims: Sequence[tuple[HandItem, KnownScene]]) -> list[Put | R
 
 def _verdicts(claimed: Callable[[Item, KnownScene], Claim], claims: Sequence[tuple[Item, KnownScene]]) -> list[Put | Refused]:
     # First all that Python does, then all that the library does: in turns, each would drive the other's code and data out of
-    # the processor's caches, which costs a tenth (docs/benchmarks.md, Sealing).
+    # the processor's caches, which costs a twentieth (docs/benchmarks.md, Sealing).
     judged: list[Claim | Refused] = []
     for item, scene in claims:
         try:
