@@ -166,6 +166,10 @@ CLIENT_NEXT_S = 2.0
 """Seconds of silence of one node after which another one is asked as well, where any may answer."""
 CLIENT_ASKED_MAX = 3
 """Nodes that are asked one question at a time, where any may answer."""
+CLIENT_OPINIONS = 3
+"""Nodes that are asked about what one of them may lie about; the newest of what can be believed counts."""
+CLIENT_OPINION_S = 0.5
+"""Seconds that a client waits for another node's answer of these once it has one."""
 CLIENT_STATUS_S = 5.0
 """Seconds after which a node counts as missing when its status is asked for."""
 CLIENT_TRIES_MAX = 4

@@ -21,11 +21,13 @@ from scenefold.base.limits import (
     CLIENT_FRAMES_IN_FLIGHT,
     CLIENT_FRAMES_PER_NODE,
     CLIENT_NEXT_S,
+    CLIENT_OPINION_S,
+    CLIENT_OPINIONS,
     CLIENT_REQUEST_S,
     CLIENT_STATUS_S,
 )
 from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
-from scenefold.client.hedging import first_answer
+from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.wire import Packet, RequestTable, RespondTable, Status
@@ -158,6 +160,25 @@ class Calls:
 
         tries = [partial(ask, address) for address in self._addresses_from(first)[:nodes_max]]
         return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=refusal_counts)
+
+    async def opinions(
+        self, packet: Packet, answer: type[Answer], judged: Callable[[Answer], Result], *, priority: Priority = Priority.HIGH
+    ) -> list[Result]:
+        """What some nodes answer, up to CLIENT_OPINIONS of them; for what a node may lie about. `judged`: raises for what is not believed.
+
+        Who answers so, refuses or says nothing is passed over. If all do, one of their errors, after some patience if it may pass.
+        """
+
+        async def ask(address: str) -> Result:
+            return judged(await self.ask(address, packet, answer, priority=priority))
+
+        async def once() -> list[Result]:
+            tries = [partial(ask, address) for address in self._addresses_from(None)]
+            return await some_answers(
+                tries, count=CLIENT_OPINIONS, next_after_s=CLIENT_NEXT_S, more_within_s=CLIENT_OPINION_S, at_a_time=CLIENT_ASKED_MAX
+            )
+
+        return await self.of_any(once)
 
     async def of_any(self, ask: Callable[[], Awaitable[Result]]) -> Result:
         """Rounds of asking, as long as patience lasts. Unreachable names all nodes."""

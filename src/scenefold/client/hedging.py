@@ -61,6 +61,53 @@ async def first_answer(
                     raise silence or end
 
 
+async def some_answers(
+    tries: Sequence[Callable[[], Awaitable[T]]], *, count: int, next_after_s: float, more_within_s: float, at_a_time: int
+) -> list[T]:
+    """What up to `count` of the tries return, those that others need not wait for: not below one, and after the first of them
+    whatever comes within `more_within_s` of each other. Whoever fails, whyever, speaks for nobody else; if all do, one of their
+    errors, Unreachable rather.
+    """
+    assert tries and 1 <= count <= at_a_time
+    ended, ends = trio.open_memory_channel[T | ScenefoldError](len(tries))
+
+    async def attempt(call: Callable[[], Awaitable[T]]) -> None:
+        end: T | ScenefoldError
+        try:
+            end = await call()
+        except ScenefoldError as error:
+            end = error
+        ended.send_nowait(end)
+
+    found: list[T] = []
+    problem: ScenefoldError | None = None
+    begun = over = passed_over = 0
+    async with background_tasks() as nursery:
+        while True:
+            while begun < min(len(tries), count + passed_over) and begun - over < at_a_time:
+                nursery.start_soon(attempt, tries[begun])
+                begun += 1
+            if begun == over:
+                break
+            with trio.move_on_after(more_within_s if found else next_after_s) as waiting:
+                end = await ends.receive()
+            if waiting.cancelled_caught:
+                if found:
+                    break
+                passed_over += 1
+                continue
+            over += 1
+            if isinstance(end, ScenefoldError):
+                passed_over += not found
+                problem = end if not isinstance(problem, Unreachable) else problem
+            else:
+                found.append(end)
+    if not found:
+        assert problem is not None
+        raise problem
+    return found
+
+
 def more_telling(first: Unreachable, second: Unreachable) -> Unreachable:
     """Of two that cannot be reached the one whose reason says more; the second if neither does."""
     return first if isinstance(first, TurnedAway) and not isinstance(second, TurnedAway) else second

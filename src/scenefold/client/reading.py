@@ -13,6 +13,7 @@ from scenefold.client.births import header_key_of, verify_header
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
+from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import SceneIdentity, writers_of
 from scenefold.scene.log import EpochKeys, SceneKeys
 from scenefold.wire import Role, SceneLogPublic
@@ -44,4 +45,8 @@ def open_scene_with_keys(
     calls = Calls(world, links, [address for _, address in members], [node_id for node_id, _ in members])
     name = name or f"{header.scene:08x}"
     keys = SceneKeys(name, header.genesis, epochs, header_key_of(header), Role.READER)
-    return Scene(SceneAccess(calls, name, identity, writer=None, log=LogAccess(calls, keys)))
+    return Scene(
+        SceneAccess(
+            calls, name, identity, writer=None, log=LogAccess(calls, keys, memory=SceneMemory(Met(header.position, header.key_epoch)))
+        )
+    )

@@ -20,6 +20,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, is_passing
+from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import key_withheld
 from scenefold.crypto import NONCE_BYTES, MemberSecrets, PublicKey, SigningKey
 from scenefold.scene.log import (
@@ -73,21 +74,34 @@ class ReadLog:
 class LogAccess:
     """The log of one scene. `keys`: what we have of the scene's, by all headers and logs that were met."""
 
-    def __init__(self, calls: Calls, keys: SceneKeys, secrets: MemberSecrets | None = None) -> None:
-        """`secrets`: open what newer headers hold for us, and sign what we grant; None: nothing does."""
+    def __init__(self, calls: Calls, keys: SceneKeys, secrets: MemberSecrets | None = None, memory: SceneMemory | None = None) -> None:
+        """`secrets`: open what newer headers hold for us, and sign what we grant; None: nothing does.
+
+        `memory`: how far the scene was when it was met before; None: that is not known, nor kept.
+        """
         self._calls = calls
         self._name = keys.name
         self.keys = keys
         self._secrets = secrets
+        self._memory = memory or SceneMemory(Met(0, 0))
         self._followed: SceneLogPublic | None = None
         """The header that `keys` were taken from last."""
         self._read: ReadLog | None = None
         """The log as it was read last; it is asked for again only when the keeper's header is another."""
 
     async def header(self, have: int = 0) -> SceneLogPublic | None:
-        """The newest header that a node knows, at position `have` or later if any has that; None if the scene is unknown."""
-        reply = await self._calls.ask_any(self._request(Want.HEADER, have), RespondSceneLog)
-        return None if reply.answer is None else self._verified(reply.answer.public)
+        """The newest header that some nodes know, at position `have` or later if any has that; None if the scene is unknown.
+
+        None that is older than one that was met before, whoever shows it: its key may be one that somebody has whose access was revoked.
+        """
+
+        def judged(reply: RespondSceneLog) -> SceneLogPublic | None:
+            return None if reply.answer is None else self._verified(reply.answer.public)
+
+        request = self._request(Want.HEADER, max(have, self._memory.met.position))
+        shown = await self._calls.opinions(request, RespondSceneLog, judged)
+        await self._memory.keep()
+        return max((header for header in shown if header is not None), key=lambda header: header.position, default=None)
 
     async def newest(self, header: SceneLogPublic | None = None) -> ReadLog:
         """The log as its keeper has it now. `header`: any header of the scene, for it names the keeper.
@@ -107,11 +121,12 @@ class LogAccess:
             if answer is None or answer.private is None:
                 raise self._no_log(keeper, "has lost it")
             # What was decided while the answer was on its way makes it old; and the next one is not.
-            if not self._is_older(answer.public):
+            if not self._memory.is_newer_than(answer.public):
                 break
         else:
             raise self._no_log(keeper, "has an older one than was read before")
         public = self._verified(answer.public)
+        await self._memory.keep()
         key = self.keys.epochs.get(public.key_epoch)
         if key is None:
             raise key_withheld(f"scene {self._name}")
@@ -169,6 +184,7 @@ class LogAccess:
                 reason = await self._offer(await self._proposal(after.header, after.log.records, after.keys.epochs), doubt)
                 if reason is None:
                     self._take(after.header, keys_with_log(after.keys, after.log.state))
+                    await self._memory.keep()
                     return ReadLog(after.header, after.log)
                 problem = None if reason in _TOO_LATE else _refusal(reason, self._name)
             except (Unreachable, PeerFault, Refused) as error:
@@ -240,20 +256,19 @@ class LogAccess:
             raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal
 
     def _verified(self, header: SceneLogPublic) -> SceneLogPublic:
-        """The header, if it is the scene's; what it holds for us is taken. Of one that is older than what we met, that one."""
-        known = self._followed
-        if known is not None and self._is_older(header):
-            return known
-        if header != known:
+        """The header, if it is the scene's; what it holds for us is taken. For one that is older than what we met, that one; Refused (16) if only its position is known."""
+        if self._memory.is_newer_than(header):
+            if self._followed is None:
+                raise self._memory.refusal(self._name)
+            return self._followed
+        if header != self._followed:
             self._take(header, keys_after(header, self.keys, None if self._secrets is None else self._secrets.sealing))
         return header
 
-    def _is_older(self, header: SceneLogPublic) -> bool:
-        return self._followed is not None and header.position < self._followed.position
-
     def _take(self, header: SceneLogPublic, keys: SceneKeys) -> None:
-        if not self._is_older(header):
+        if not self._memory.is_newer_than(header):
             self._followed, self.keys = header, keys
+            self._memory.meets(header, None if self._secrets is None else self._secrets.sealing)
 
     def _request(self, want: Want, have: int) -> RequestSceneLog:
         nonce = int.from_bytes(self._calls.world.entropy.token(8), "big")

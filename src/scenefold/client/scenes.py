@@ -12,7 +12,7 @@ from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import born, first_header, first_records, kept_keys, maker_of
+from scenefold.client.births import FIRST_POSITION, born, first_header, first_records, kept_keys, maker_of
 from scenefold.client.calls import Calls
 from scenefold.client.gifts import Gift, gifts_in
 from scenefold.client.grants import USER
@@ -21,6 +21,7 @@ from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
+from scenefold.client.scene_memory import SceneMemory
 from scenefold.client.sealing import SceneIdentity, writers_of
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import check_granter
@@ -173,7 +174,7 @@ class Scenes:
         if not fitting:
             return None
         header, lockbox, contents = fitting[0]
-        kept = KeptScene(name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox)
+        kept = KeptScene(name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox, header.position)
         await self._on_disk(self._keyring.save, kept)
         return kept
 
@@ -217,6 +218,9 @@ class Scenes:
 
     async def _announce(self, kept: KeptScene, log: LogAccess, *, is_new: bool = False) -> Scene:
         """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""
+        if kept.position > FIRST_POSITION:
+            remedy = "start all nodes of the cluster; one of them had it"
+            raise LocalFault("the cluster does not know this scene any more", where=f"scene {kept.name}", remedy=remedy)
         header = first_header(kept, log.keys, self._maker, self._origin)
         if header is None:
             what = "the scene was made by another user or for other nodes"
@@ -238,7 +242,11 @@ class Scenes:
 
     async def _log(self, kept: KeptScene) -> LogAccess:
         keys = await self._calls.world.workers.run("crypto", kept_keys, kept, self._secrets.sealing)
-        return LogAccess(self._calls, keys, self._secrets)
+
+        async def write(newer: KeptScene) -> None:
+            await self._on_disk(self._keyring.advance, newer)
+
+        return LogAccess(self._calls, keys, self._secrets, SceneMemory.of(kept, write))
 
 
 def _names_by_genesis(keyring: Keyring) -> dict[bytes, str]:

@@ -4,6 +4,7 @@
     header_key, key_epoch    the id of the key that signed its header when this was written, the epoch of its symmetric key
     recipient, lockbox       its keys, sealed to the user's own key (specs/04-records.md, Lockboxes)
     signature                of who granted it
+    position                 of the newest header that was met; nodes that show older ones are not believed
 
 No key stands here in the clear: whoever has the file and not the user's sealing key has nothing. The file says which scene is
 meant by a name, so an existing entry is never overwritten by another scene of the same name.
@@ -48,12 +49,15 @@ class KeptScene:
     header_key: KeyId
     key_epoch: int
     lockbox: Lockbox
+    position: int = 0
 
     def __post_init__(self) -> None:
         if len(self.genesis) != GENESIS_BYTES:
             raise ValueError(f"a genesis has {GENESIS_BYTES} bytes, not {len(self.genesis)}")
         if not all(0 <= number < 1 << 32 for number in (self.key_epoch, self.header_key, self.lockbox.recipient)):
             raise ValueError("key_epoch, header_key and recipient are 32-bit numbers")
+        if not 0 <= self.position < 1 << 64:
+            raise ValueError("position is a 64-bit number")
         if not 0 < len(self.lockbox.sealed) <= LOCKBOX_BYTES_MAX:
             raise ValueError(f"a lockbox has at most {LOCKBOX_BYTES_MAX} bytes")
 
@@ -99,8 +103,16 @@ class Keyring:
                 "recipient": kept.lockbox.recipient,
                 "lockbox": kept.lockbox.sealed.hex(),
                 "signature": kept.lockbox.signature.hex(),
+                "position": str(kept.position),  # a TOML integer has 63 bits
             },
         )
+
+    def advance(self, kept: KeptScene) -> None:
+        """Write what was met of a scene that has an entry, unless that knows of as much already. One that is gone, or of another scene, is left so."""
+        if kept.name in self.names():
+            known = self.load(kept.name)
+            if known.genesis == kept.genesis and known.position < kept.position:
+                self.save(kept)
 
     def remove(self, name: str) -> None:
         """Forget the entry, for a creation that the cluster refused; nothing happens if there is none."""
@@ -118,6 +130,7 @@ def _decoded(path: Path, document: dict[str, Any]) -> KeptScene:
             header_key=KeyId(int(document["header_key"])),
             key_epoch=int(document["key_epoch"]),
             lockbox=Lockbox(KeyId(int(document["recipient"])), bytes.fromhex(document["lockbox"]), bytes.fromhex(document["signature"])),
+            position=int(document.get("position", 0)),
         )
     except (KeyError, TypeError, ValueError) as problem:
         raise damaged(path, f"{problem}") from problem

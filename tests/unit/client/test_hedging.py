@@ -15,7 +15,7 @@ from trio.testing import MockClock
 from scenefold.base.errors import PeerFault, Refused, TurnedAway, Unreachable
 from scenefold.base.limits import CLIENT_ASKED_MAX, CLIENT_NEXT_S, CLIENT_REQUEST_S
 from scenefold.base.reasons import RejectReason
-from scenefold.client.hedging import first_answer
+from scenefold.client.hedging import first_answer, some_answers
 from scenefold.wire import ListScenes, RequestTable, RespondTable, ScenesListed
 from unit.client.fake_nodes import FakeNodes
 
@@ -153,3 +153,20 @@ async def test_a_first_table_is_taken_from_the_next_node_while_one_hangs(autojum
     begin = trio.current_time()
     await calls.learn()
     assert trio.current_time() - begin == pytest.approx(CLIENT_NEXT_S)
+
+
+async def several(tries: Tries, count: int = 3) -> list[int]:
+    return await some_answers(tries.all(), count=count, next_after_s=NEXT_S, more_within_s=0.5, at_a_time=3)
+
+
+async def test_of_several_answers_those_that_hang_or_fail_are_not_waited_for(autojump_clock: MockClock) -> None:
+    tries = Tries((30, "hangs"), (0.1, "nonsense"), (0.2, "refuses"), (0.3, "answers"), (0.4, "answers"), (9, "never asked"))
+    assert await several(tries) == [3, 4]
+    assert trio.current_time() < 2
+    assert tries.most <= 3
+    assert await several(Tries((0.1, "answers"), (0.2, "answers"), (0.3, "answers"), (0, "not asked"))) == [0, 1, 2]
+    assert await several(Tries((30, "hangs"), (30, "hangs"), (0.3, "answers")), count=2) == [2]
+    with pytest.raises(Unreachable):
+        await several(Tries((0.1, "away"), (0.2, "nonsense"), (0.3, "refuses")))
+    with pytest.raises(PeerFault):
+        await several(Tries((0.1, "nonsense")))

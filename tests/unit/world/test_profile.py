@@ -14,7 +14,7 @@ from scenefold.base.ids import KeyId, address_of
 from scenefold.crypto import ED25519, RSA3072, Card
 from scenefold.wire import Lockbox
 from scenefold.world import Ports
-from scenefold.world.keyring import KeptScene
+from scenefold.world.keyring import KeptScene, Keyring
 from scenefold.world.profile import ClusterProfile
 
 ADDRESSES = ["127.0.0.4", "127.0.0.2", "127.0.0.3"]
@@ -228,6 +228,20 @@ def test_the_one_spare_with_keys_here_is_meant(tmp_path: Path) -> None:
     with pytest.raises(UsageFault, match="no keys of a spare are here") as caught:
         alone.spare_here(besides="127.0.0.2")
     assert "--spares" in str(caught.value.remedy)
+
+
+def test_what_is_kept_of_a_scene_never_goes_back(tmp_path: Path) -> None:
+    keyring = Keyring(tmp_path / "scenes")
+    keyring.advance(keys_of("kitchen"))
+    assert keyring.names() == [], "what was removed meanwhile does not come back"
+    keyring.save(keys_of("kitchen"))
+    newer = replace(keys_of("kitchen"), position=2**64 - 1, key_epoch=4)
+    for kept in (newer, replace(newer, position=7, key_epoch=5), keys_of("kitchen"), replace(keys_of("kitchen", 2), position=2**64 - 1)):
+        keyring.advance(kept)
+        assert keyring.load("kitchen") == newer
+    path = tmp_path / "scenes" / "kitchen.toml"
+    path.write_text("".join(line for line in path.read_text().splitlines(True) if not line.startswith("position")))
+    assert keyring.load("kitchen").position == 0, "of an earlier program"
 
 
 def test_a_scene_is_kept_and_found_again(profile: ClusterProfile) -> None:
