@@ -148,7 +148,7 @@ class Membership:
             except (Refused, Unreachable, PeerFault) as problem:
                 last = problem
                 continue
-            newer = card.check_renewed(answer.certificate, authority)
+            newer = card.check_renewed(answer.certificate, authority, self._now())
             pem = pem_of(newer.der)
             await self._calls.world.workers.run("import", self._profile.keep_user_certificate, pem)
             self._calls.world.network.show(pem)

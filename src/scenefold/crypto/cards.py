@@ -106,11 +106,15 @@ class Card:
         """When two thirds of its time are over: from then on its holder asks for a newer one."""
         return self.not_after - (self.not_after - self.not_before) / 3
 
-    def check_renewed(self, certificate: bytes, authority: bytes) -> Card:
-        """The card in a newer certificate of the same member; DamagedData if it is anything else."""
-        newer = Card.verified(certificate, authority)
+    def counts(self, now: datetime.datetime) -> bool:
+        """Whether it is neither before nor after its time."""
+        return self.not_before <= now <= self.not_after
+
+    def check_renewed(self, certificate: bytes, authority: bytes, now: datetime.datetime) -> Card:
+        """The card in a newer certificate of the same member, which counts now; OutOfDate, or DamagedData if it is anything else."""
+        newer = Card.verified(certificate, authority, now)
         same = (newer.name, newer.addresses, newer.keys, newer.tls_key) == (self.name, self.addresses, self.keys, self.tls_key)
-        if not same or newer.not_after <= self.not_after:
+        if not same or (self.counts(now) and newer.not_after <= self.not_after):
             raise DamagedData("what came in place of the certificate is no newer one of the same member", where=self.name)
         return newer
 

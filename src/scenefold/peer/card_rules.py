@@ -5,13 +5,18 @@ What the log has decided comes from the roll, what the cluster began with from t
 
 from __future__ import annotations
 
+import datetime
+
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId, address_of, checked_node_id
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Card, node_named
+from scenefold.crypto import Card, OutOfDate, node_named
 from scenefold.peer.registry import Registry
 from scenefold.wire.enrol_entries import Enrol, RenewCard
 from scenefold.world.facts import ClusterFacts, Credential
+
+CARD_LIFE_MAX = datetime.timedelta(days=366)
+"""From the moment when it comes into the log."""
 
 
 def card_of(name: str, registry: Registry, facts: ClusterFacts) -> Card | None:
@@ -52,12 +57,21 @@ def is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:
     return known is not None and not registry.is_revoked(node, known.public_key.key_id)
 
 
-def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFacts) -> None:
-    """Refused unless our authority issued the card, for somebody that it may name. That it fits the log says the roll."""
+def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFacts, now: float) -> None:
+    """Refused unless our authority issued the card, for somebody that it may name, and it counts today. That it fits the log says the roll.
+
+    `now`: seconds since 1970, by the voter's clock. So a trusted node whose clock is wrong makes no card that others cannot use, and
+    what a wrong clock of the voter let in is replaced once that clock is right.
+    """
+    today = datetime.datetime.fromtimestamp(now, datetime.UTC)
     try:
-        card = Card.verified(entry.card, facts.authority)
+        card = Card.verified(entry.card, facts.authority, today)
+    except OutOfDate as problem:
+        raise _forbidden(problem.what, problem.remedy) from problem
     except (DamagedData, ValueError) as problem:
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
+    if card.not_after > today + CARD_LIFE_MAX:
+        raise _forbidden(f"the certificate of {card.name} counts for more than a year", "set the clocks right")
     node = node_named(card.name)
     if node is not None:
         check_place(node, card.addresses)
@@ -67,6 +81,9 @@ def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFac
         return
     if _keys_of(card.name, registry, facts) != (card.keys.signing, card.keys.sealing):
         raise _forbidden(f"{card.name} is known by other keys")
+    known = card_of(card.name, registry, facts)
+    if known is not None and known.counts(today) and known.not_after >= card.not_after:
+        raise Refused(RejectReason.ILL_FORMED, f"the card of {card.name} is no newer one")
 
 
 def check_renewable(certificate: bytes, peer: str, registry: Registry, facts: ClusterFacts) -> Card:

@@ -21,8 +21,8 @@ from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, Rev
 from scenefold.world.facts import ClusterFacts
 
 
-def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts) -> None:
-    """Refused (12) if this node may not propose this entry."""
+def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts, now: float) -> None:
+    """Refused (12) if this node may not propose this entry. `now`: seconds since 1970, by the voter's clock."""
     match entry:
         case AddNode(member, key, sealing_key):
             if member.node != proposer:
@@ -36,7 +36,7 @@ def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts:
             if registry.current(proposer) is None:
                 raise _not_authorised(f"{address_of(proposer)} is no member, and removes nobody")
         case Enrol() | RenewCard():
-            check_issued(entry, registry, facts)
+            check_issued(entry, registry, facts, now)
         case Trust(node, True, sealed) if sealed and registry.is_trusted(node):
             if not registry.is_trusted(proposer):
                 raise _not_authorised("only a trusted node seals the authority's key to another one")

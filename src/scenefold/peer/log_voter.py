@@ -106,7 +106,7 @@ class Voter:
 
     def _refuse_unless_allowed(self, entry: LogEntry, request_id: bytes, proposer: NodeId) -> None:
         if self._committed_at(entry, request_id) is None:
-            check_proposer(entry, proposer, self._registry(), self._facts)
+            check_proposer(entry, proposer, self._registry(), self._facts, self._world.clock.wall())
 
     async def _hear_veto(self, member: Member, proposer: NodeId) -> None:
         """Who leaves by itself is not held back, nor is one whose key was revoked; anybody else may turn out to be alive."""

@@ -56,7 +56,7 @@ class Renewal:
                 await self._world.clock.sleep(TRY_AGAIN_S)
 
     async def _renewed(self, card: Card) -> Card:
-        newer = card.check_renewed(await self._answer(card), self._facts.authority)
+        newer = card.check_renewed(await self._answer(card), self._facts.authority, self._today())
         pem = pem_of(newer.der)
         await self._world.workers.run("import", self._papers.keep, pem)
         self._world.network.show(pem)

@@ -106,7 +106,7 @@ class Roll:
         known = self.cards.get(card.name)
         if known is not None and known.keys != card.keys:
             raise _forbidden(f"{card.name} is known by other keys")
-        if known is not None and known.not_after >= card.not_after:
+        if known is not None and known.serial == card.serial:
             raise _ill_formed(f"the card of {card.name} is no newer one")
         return replace(self, cards={**self.cards, card.name: card})
 

@@ -9,10 +9,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData
-from scenefold.crypto import Authority, Card, Identity, MemberKeys, NotOfThisCluster, OutOfDate, SealingKey, SigningKey
+from scenefold.crypto import (
+    Authority,
+    Card,
+    Identity,
+    MemberKeys,
+    NotOfThisCluster,
+    OutOfDate,
+    SealingKey,
+    SigningKey,
+    new_tls_key,
+    tls_key_in,
+)
 
 NOW = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
 AUTHORITY = Authority.create("studio", now=NOW)
+TLS_KEY = tls_key_in(new_tls_key())
 KEYS = MemberKeys(SigningKey(bytes(32)).public, SealingKey(bytes(range(32))).public, is_administrator=True)
 
 
@@ -43,6 +55,29 @@ def test_a_clock_that_is_a_year_off_is_named() -> None:
     with pytest.raises(OutOfDate, match=r"valid from 2026-02-28, and this clock says 2025-02-28.*set the clock right"):
         Card.verified(certificate, AUTHORITY.certificate, NOW - year)
     assert Card.verified(certificate, AUTHORITY.certificate, None).name == "user:ada"
+
+
+DAY = datetime.timedelta(days=1)
+
+
+def _card(since: datetime.timedelta) -> Card:
+    return Card.verified(AUTHORITY.certify("user:ada", [], TLS_KEY, keys=KEYS, now=NOW + since), AUTHORITY.certificate)
+
+
+def test_a_certificate_that_does_not_count_today_never_replaces_one() -> None:
+    mine = _card(0 * DAY)
+    newer = _card(250 * DAY)
+    assert mine.check_renewed(newer.der, AUTHORITY.certificate, NOW + 250 * DAY) == newer
+    for since in (2 * DAY, 60 * DAY, 300 * DAY, -400 * DAY):
+        with pytest.raises(OutOfDate):
+            mine.check_renewed(_card(since).der, AUTHORITY.certificate, NOW)
+    with pytest.raises(DamagedData, match="no newer one"):
+        mine.check_renewed(_card(-10 * DAY).der, AUTHORITY.certificate, NOW)
+
+
+def test_a_certificate_from_a_wrong_clock_is_replaced_by_a_right_one() -> None:
+    right = _card(0 * DAY)
+    assert _card(300 * DAY).check_renewed(right.der, AUTHORITY.certificate, NOW) == right
 
 
 @pytest.mark.filterwarnings("ignore:Parsed a serial number")

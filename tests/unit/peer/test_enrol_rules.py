@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -25,6 +26,7 @@ from unit.peer import logs_made
 from unit.peer.logs_made import add, found, key_of, node, record
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, invitation_key
 
+DAY = datetime.timedelta(days=1)
 OWNER = card_for("user:owner", 2, admin=True)
 FACTS = replace(logs_made.facts(2), authority=AUTHORITY.certificate, owners=(OWNER.der,))
 CLOCK = NOW.timestamp() + 60
@@ -117,14 +119,16 @@ def test_no_node_is_enrolled_where_no_machine_is(address: str) -> None:
     registry = log(invite(ANY_NODE))
     assert "not the address of one machine" in refusal_text(registry, form(f"node:{node_id}", address=node_id))
     with pytest.raises(Refused, match="not the address of one machine"):
-        check_issued(Enrol(invitation_key(1).public.raw, card_for(f"node:{node_id}", 0).der), registry, FACTS)
+        check_issued(Enrol(invitation_key(1).public.raw, card_for(f"node:{node_id}", 0).der), registry, FACTS, CLOCK)
 
 
 @pytest.mark.parametrize("addresses", [[], ["127.0.0.11"], ["127.0.0.10", "127.0.0.11"]])
 def test_a_node_whose_card_says_another_address_never_gets_into_the_log(addresses: list[str]) -> None:
     pem = AUTHORITY.certify(f"node:{NEWCOMER}", addresses, TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
     with pytest.raises(Refused, match="cannot be at"):
-        check_issued(Enrol(invitation_key(1).public.raw, Card.verified(pem, AUTHORITY.certificate).der), log(invite(ANY_NODE)), FACTS)
+        check_issued(
+            Enrol(invitation_key(1).public.raw, Card.verified(pem, AUTHORITY.certificate).der), log(invite(ANY_NODE)), FACTS, CLOCK
+        )
 
 
 FORM = form().encode()
@@ -213,14 +217,43 @@ def test_a_card_of_another_authority_never_gets_into_the_log() -> None:
     other = Authority.create("studio", now=NOW).certify("user:ada", [], TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
     for entry in (Enrol(invitation_key(1).public.raw, other), RenewCard(other), RenewCard(b"none")):
         with pytest.raises(Refused) as caught:
-            check_issued(entry, log(invite("user:ada")), FACTS)
+            check_issued(entry, log(invite("user:ada")), FACTS, CLOCK)
         assert caught.value.reason == RejectReason.SIGNATURE_INVALID
-    check_issued(Enrol(invitation_key(1).public.raw, card_for("user:ada", 0).der), log(invite("user:ada")), FACTS)
+    check_issued(Enrol(invitation_key(1).public.raw, card_for("user:ada", 0).der), log(invite("user:ada")), FACTS, CLOCK)
     with pytest.raises(Refused):
-        check_issued(Enrol(invitation_key(1).public.raw, card_for("user:owner", 0).der), log(), FACTS)
+        check_issued(Enrol(invitation_key(1).public.raw, card_for("user:owner", 0).der), log(), FACTS, CLOCK)
     with pytest.raises(Refused):
-        check_issued(RenewCard(card_for("user:owner", 0).der), log(), FACTS)
-    check_issued(RenewCard(OWNER.der), log(), FACTS)
+        check_issued(RenewCard(card_for("user:owner", 0).der), log(), FACTS, CLOCK)
+    check_issued(RenewCard(card_for("user:owner", 2, admin=True, since=DAY / 2).der), log(), FACTS, CLOCK)
+
+
+@pytest.mark.parametrize("since", [2 * DAY, 60 * DAY, -366 * DAY])
+def test_a_card_that_does_not_count_today_by_the_voters_clock_never_gets_into_the_log(since: datetime.timedelta) -> None:
+    card = card_for("user:ada", 0, since=since)
+    for entry, registry in (
+        (Enrol(invitation_key(1).public.raw, card.der), log(invite("user:ada"))),
+        (RenewCard(card.der), log(*member("user:ada", 0))),
+    ):
+        with pytest.raises(Refused, match="this clock says 2026-03-01"):
+            check_issued(entry, registry, FACTS, CLOCK)
+
+
+def test_no_card_counts_for_more_than_a_year(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenefold.crypto.authority.LEAF_DAYS", 367)
+    card = Card.verified(AUTHORITY.certify("user:ada", [], TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW), AUTHORITY.certificate)
+    with pytest.raises(Refused, match="for more than a year"):
+        check_issued(Enrol(invitation_key(1).public.raw, card.der), log(invite("user:ada")), FACTS, CLOCK)
+
+
+def test_an_older_card_comes_back_only_in_place_of_one_that_does_not_count_today() -> None:
+    registry = log(*member("user:ada", 0))
+    old, later = card_for("user:ada", 0, since=-30 * DAY), card_for("user:ada", 0, since=DAY / 2)
+    check_issued(RenewCard(later.der), registry, FACTS, CLOCK)
+    for asked, then in ((old, registry), (card_for("user:owner", 2, admin=True, since=-30 * DAY), log())):
+        with pytest.raises(Refused, match="no newer one"):
+            check_issued(RenewCard(asked.der), then, FACTS, CLOCK)
+    ahead = registry.apply(record(registry, RenewCard(card_for("user:ada", 0, since=300 * DAY).der)))
+    check_issued(RenewCard(later.der), ahead, FACTS, CLOCK)
 
 
 def test_an_enrolled_node_registers_with_its_own_keys_and_a_stranger_not_at_all() -> None:
@@ -231,7 +264,7 @@ def test_an_enrolled_node_registers_with_its_own_keys_and_a_stranger_not_at_all(
     def entry(signing: bytes, sealing: bytes) -> AddNode:
         return AddNode(Member(NEWCOMER, b"i" * 16), signing, sealing, address_of(NEWCOMER), node(0))
 
-    check_proposer(entry(keys.signing.raw, keys.sealing.raw), NEWCOMER, registry, FACTS)
+    check_proposer(entry(keys.signing.raw, keys.sealing.raw), NEWCOMER, registry, FACTS, CLOCK)
     for registry_then, bad in (
         (registry, entry(NEWCOMERS[1].signing.public.raw, keys.sealing.raw)),
         (registry, entry(keys.signing.raw, NEWCOMERS[1].sealing.public.raw)),
@@ -239,7 +272,7 @@ def test_an_enrolled_node_registers_with_its_own_keys_and_a_stranger_not_at_all(
         (registry.apply(record(registry, RevokeNode(NEWCOMER, keys.signing.key_id))), entry(keys.signing.raw, keys.sealing.raw)),
     ):
         with pytest.raises(Refused) as caught:
-            check_proposer(bad, NEWCOMER, registry_then, FACTS)
+            check_proposer(bad, NEWCOMER, registry_then, FACTS, CLOCK)
         assert caught.value.reason == RejectReason.NOT_AUTHORISED
     known = credential_of(NEWCOMER, registry, FACTS)
     assert known is not None and known.sealing_key == keys.sealing

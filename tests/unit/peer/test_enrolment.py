@@ -42,14 +42,14 @@ def test_the_next_step_follows_from_the_log(name: str) -> None:
 
 def refusal(entry: LogEntry, proposer: int, registry: Registry) -> RejectReason:
     with pytest.raises(Refused) as caught:
-        check_proposer(entry, node(proposer), registry, facts(3, spares=1))
+        check_proposer(entry, node(proposer), registry, facts(3, spares=1), 0.0)
     return caught.value.reason
 
 
 def test_a_node_registers_itself_with_the_keys_that_it_was_certified_with() -> None:
     registry = folded(found(3), add(0))
-    check_proposer(add(1), node(1), registry, facts(3))
-    check_proposer(add(9, left_of=0), node(9), registry, facts(3))  # certified later, unknown to these facts
+    check_proposer(add(1), node(1), registry, facts(3), 0.0)
+    check_proposer(add(9, left_of=0), node(9), registry, facts(3), 0.0)  # certified later, unknown to these facts
     assert refusal(add(1), 2, registry) == RejectReason.NOT_AUTHORISED
     stolen = add(3, left_of=0)
     for changed in ({"key": key_of(9).public.raw}, {"sealing_key": secrets_of(9).sealing.public.raw}):
@@ -58,11 +58,11 @@ def test_a_node_registers_itself_with_the_keys_that_it_was_certified_with() -> N
 
 def test_members_propose_removals_and_voters_the_rest() -> None:
     registry = folded(found(3), add(0), add(1))
-    check_proposer(remove(1), node(1), registry, facts(3))
-    check_proposer(remove(2), node(1), registry, facts(3))
+    check_proposer(remove(1), node(1), registry, facts(3), 0.0)
+    check_proposer(remove(2), node(1), registry, facts(3), 0.0)
     assert refusal(remove(1), 2, registry) == RejectReason.NOT_AUTHORISED, "no member yet"
     for entry in (Trust(node(1), True), RevokeNode(node(1), key_of(1).public.key_id)):
-        check_proposer(entry, node(0), registry, facts(3))
+        check_proposer(entry, node(0), registry, facts(3), 0.0)
         assert refusal(entry, 1, registry) == RejectReason.NOT_AUTHORISED
     assert refusal(found(3), 0, registry) == RejectReason.ILL_FORMED
 
