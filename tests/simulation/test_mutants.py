@@ -41,6 +41,7 @@ SILENCE = (Kind.PAUSE, Kind.RESET, Kind.CLOCK_OFFSET)
 """Nodes that live are removed, and others take their places. Too many cuts at once, and the voter trusts itself no more."""
 CUTS = (Kind.ONE_WAY, *BUSY)
 """Nodes that all others hear are not heard by the voter."""
+LIES = (Kind.LIAR, Kind.REPLAY)
 BACKUPS = (Kind.RESTORED_BACKUP, Kind.RESET)
 
 PROVOKED = {
@@ -50,6 +51,7 @@ PROVOKED = {
     "last copy": Provocation(laws.CARRIED, MOVES, 45.0),
     "left fence": Provocation(laws.ONE_OWNER, BUSY),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0),
+    "record of this place": Provocation(laws.SOUND, LIES),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "settling time": Provocation(laws.SETTLED, MOVES),
     "version check": Provocation(laws.LINEARIZABLE, BUSY),

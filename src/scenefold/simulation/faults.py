@@ -39,6 +39,8 @@ class Kind(Enum):
     DRAIN = "drain"
     KILL_IN_JOIN = "kill during join"
     KILL_IN_HANDOVER = "kill during handover"
+    REPLAY = "replayed datagrams"
+    LIAR = "lying node"
 
 
 VOTER = 0
@@ -121,6 +123,8 @@ KINDS: dict[Kind, Shape] = {
         0.3,
         moves_members=True,
     ),
+    Kind.REPLAY: Shape(0.66, Whom.ALL, (5, 40), (2, 40), "datagrams a second, of those sent lately"),
+    Kind.LIAR: Shape(0.7, Whom.ONE, (3, 40)),
 }
 
 

@@ -104,6 +104,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "restored backup": (Patch("scenefold.peer.log_voter", "is_restored", _always(False)),),
+    "record of this place": (Patch("scenefold.client.sealing", "check_claim", _always(None)),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 

@@ -7,9 +7,11 @@ whether the write happened, except where the node says that it did not even look
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 
+from scenefold.base.errors import DamagedData
 from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE, RecordHeader, object_of
@@ -100,6 +102,9 @@ class Recorder:
             if record == DAMAGED_RECORD:
                 self._tell(who, place, "get: damaged")
                 continue
+            if record is not None and not _is_of(place, record):
+                self._tell(who, place, "get: no record of this place")
+                continue
             digest = None if record is None else RecordHeader.decode(record.header).digest
             if digest is not None and digest not in self._offered.get(place, ()):
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
@@ -132,6 +137,17 @@ class Recorder:
                 self.strange.append((place, f"{who} is told of {count} records of {name.hex()[:8]}…"))
             if place not in self.damaged and self._damaged_until.get(place, 0) <= begin and place in self._offered:
                 self.histories.add(place, Listing(begin, end, True, who, self._now()))
+
+
+def _is_of(place: Place, record: RecordBytes) -> bool:
+    """Whether an answer can be taken for a record of this place: whoever answers otherwise has answered nothing, and clients notice."""
+    try:
+        header = RecordHeader.decode(record.header)
+    except DamagedData:
+        return False
+    name = object_of(header) if header.placement == PLACED_BY_NODE else header.location
+    is_here = (header.scene, header.space, name) == (place.scene, place.space, place.location)
+    return is_here and hashlib.sha256(record.ciphertext).digest() == header.digest
 
 
 class WatchedLinks:

@@ -45,6 +45,8 @@ AFTERMATH_S = 6.0
 """Clients work on for so long after everything has healed: what a fault broke often shows only then."""
 ENOUGH_S_MAX = 240.0
 """After a storm in which hardly anybody could be served clients work on until there is something to judge."""
+LIES_LAST_S = 30.0
+"""An answer that is a lie may be on its way for so long, and be what an act ends with."""
 QUIET_S_MAX = 240.0
 """Removing, waiting for leases, adopting, joining again and offering strays take about a minute; twice that, twice over."""
 QUIET_CHECKS = 3
@@ -121,7 +123,7 @@ class _Drama:
     async def _rage(self, cluster: Cluster, clients: list[Client]) -> None:
         """The storm, with clients at work."""
         async with trio.open_nursery() as work:
-            workers = [self._worker(client, client.scene) for client in clients if client.scene is not None]
+            workers = [self._worker(cluster, client, client.scene) for client in clients if client.scene is not None]
             stop = trio.Event()
             for worker in workers:
                 work.start_soon(worker.run, stop)
@@ -151,8 +153,11 @@ class _Drama:
         async with open_links(self._net.world("user:asker")) as links:
             await Asker(cluster, links, scene, META, [*self._places.hot, *self._places.wide]).run()
 
-    def _worker(self, client: Client, scene: Scene) -> Worker:
-        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally)
+    def _worker(self, cluster: Cluster, client: Client, scene: Scene) -> Worker:
+        def lied() -> bool:
+            return self._net.now - cluster.watch.lied_at < LIES_LAST_S
+
+        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally, lied)
 
     async def _settle(self, cluster: Cluster, clients: list[Client]) -> None:
         """Wait for quiet, read everything, judge."""

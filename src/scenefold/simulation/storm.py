@@ -20,6 +20,7 @@ from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.disks import handovers_of
 from scenefold.simulation.faults import HANDOVER_STEPS, Fault, Kind
+from scenefold.simulation.hostile import HostileFaults
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.world.sim import CALM, Point, Weather
 
@@ -44,6 +45,7 @@ class Storm:
         self._drain = drain
         self._nursery = nursery
         self._disks = DiskFaults(cluster, self._begins, self._ends, lambda: self._is_over)
+        self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._weather: dict[Fault, Weather] = {}
         self._wait_for_handover: list[Fault] = []
         self._handovers: dict[int, list[Handover]] = {}
@@ -52,6 +54,7 @@ class Storm:
 
     async def befall(self, fault: Fault) -> None:
         """Wait until the fault begins, make it happen, and end it."""
+        self._hostile.lies_in_wait(fault)
         await trio.sleep_until(fault.begin_s)
         if not self._is_over:
             await self._act(fault)
@@ -75,6 +78,8 @@ class Storm:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
                 self._wait_for_handover.append(fault)
+            case Kind.REPLAY | Kind.LIAR:
+                await self._hostile.befall(fault)
             case kind if kind in _POINTS:
                 self._set_trap(fault, _POINTS[kind])
             case kind:

@@ -6,6 +6,7 @@ where a client stumbles over it much later. What it sees goes into the story as 
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
@@ -61,6 +62,8 @@ class Watch:
         self.violations: list[Violation] = []
         self.put_back: dict[int, bytes] = {}
         """The incarnation of the backup that each slot's disk was last put back to."""
+        self.lied_at = -math.inf
+        """When a lying node last told a lie."""
         self.judged_at: dict[bytes, float] = {}
         """When the voter last had nothing against the removal of an incarnation."""
         self.on_handover: Callable[[int], None] | None = None

@@ -7,6 +7,7 @@ and others; a wider set gives handovers something to carry. What an act is, and 
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import trio
@@ -93,12 +94,17 @@ class Tally:
     refused: int = 0
     given_up: int = 0
     wrong: list[str] = field(default_factory=list)
+    written: set[tuple[Location, bytes]] = field(default_factory=set)
+    """All that anybody wrote, and where."""
 
 
 class Worker:
     """One client at work on one scene."""
 
-    def __init__(self, name: str, scene: Scene, places: Places, seed: int, workload: Workload, tally: Tally) -> None:
+    def __init__(
+        self, name: str, scene: Scene, places: Places, seed: int, workload: Workload, tally: Tally, lied: Callable[[], bool]
+    ) -> None:
+        """`lied`: whether a node has told lies lately; then a client may say that it was told nonsense, and believe none of it."""
         self._name = name
         self._access = scene.access
         self._space = scene.space(META)
@@ -109,6 +115,7 @@ class Worker:
         self._dice = random.Random(f"work/{seed}/{name}")
         self._pause_s = PAUSE_S[workload]
         self._tally = tally
+        self._lied = lied
         self._seen: dict[Location, bytes | None] = {}
         """The digest last seen at a place; None: nothing was there."""
 
@@ -133,12 +140,16 @@ class Worker:
                 return
             except Unreachable as silence:
                 # A write that was answered with nonsense may have happened; that nodes here answer so is a fault all the same.
-                if isinstance(silence.__cause__, DamagedData | PeerFault):
+                if isinstance(silence.__cause__, DamagedData | PeerFault) and not self._is_of_lies(silence.__cause__):
                     self._tally.wrong.append(f"{self._name}: {act}: {silence.__cause__}")
             except (DamagedData, PeerFault) as problem:
-                self._tally.wrong.append(f"{self._name}: {act}: {problem}")
+                if not self._is_of_lies(problem):
+                    self._tally.wrong.append(f"{self._name}: {act}: {problem}")
                 return
         self._tally.given_up += 1
+
+    def _is_of_lies(self, problem: Exception) -> bool:
+        return isinstance(problem, DamagedData) and self._lied()
 
     async def _do(self, act: str) -> None:
         dice, hot, wide = self._dice, self._places.hot, self._places.wide
@@ -203,19 +214,26 @@ class Worker:
 
     async def _put(self, place: Location, expect: bytes | None) -> None:
         self._seen.pop(place, None)
-        (placed,) = await self._access.put([Wish(META, place, self._payload(), expect)])
+        (placed,) = await self._access.put([Wish(META, place, self._payload_of(place), expect)])
         if not placed.reason:
             self._seen[place] = placed.digest
 
     async def _put_many(self, places: list[Location], sizes: tuple[int, ...]) -> None:
         for place in places:
             self._seen.pop(place, None)
-        await self._access.put([Wish(META, place, self._payload(sizes)) for place in places])
+        await self._access.put([Wish(META, place, self._payload_of(place, sizes)) for place in places])
 
     async def _get(self, places: list[Location]) -> None:
         found = await self._access.get([(META, place) for place in places])
         for place, record in zip(places, found, strict=True):
             self._seen[place] = None if record is None else record.digest
+            if record is not None and not record.deleted and (place, record.payload) not in self._tally.written:
+                self._tally.wrong.append(f"{self._name}: get: what nobody wrote there")
+
+    def _payload_of(self, place: Location, sizes: tuple[int, ...] = PAYLOAD_BYTES) -> bytes:
+        payload = self._payload(sizes)
+        self._tally.written.add((place, payload))
+        return payload
 
     def _payload(self, sizes: tuple[int, ...] = PAYLOAD_BYTES) -> bytes:
         return self._dice.randbytes(self._dice.choice(sizes))

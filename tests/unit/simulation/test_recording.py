@@ -98,6 +98,22 @@ def read(book: Recorder, records: list[RecordBytes | None], *, stale: bool = Fal
     book.read("c1", book.histories.moment(), GetMany(SCENE, 0, keys), records, stale)
 
 
+def test_bytes_that_no_client_takes_for_the_record_are_no_answer() -> None:
+    """Who gives them lies; a client that believed it would be found out by what it does with them."""
+    book = recorder()
+    put = item(1)
+    book.offered(put)
+    elsewhere = put.header[:60] + bytes((put.header[60] ^ 1,)) + put.header[61:]
+    for record in (
+        RecordBytes(put.signature, put.header, put.ciphertext[:-1] + b"!"),
+        RecordBytes(put.signature, b"?" + put.header[1:], put.ciphertext),
+        RecordBytes(put.signature, put.header[:100], put.ciphertext),
+        RecordBytes(put.signature, elsewhere, put.ciphertext),
+    ):
+        read(book, [record])
+    assert book.histories.of(PLACE) == [] and not book.strange
+
+
 def test_reads_are_of_the_keys_that_were_answered() -> None:
     book = recorder()
     put = item(1)

@@ -6,8 +6,9 @@ arrives while it is, is lost (datagrams) or waits (streams). All dice of a packe
 
 from __future__ import annotations
 
+import random
 import zlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 
 import trio
@@ -30,6 +31,7 @@ from scenefold.world.versions import TAKEN, Versions
 
 CLIENT_NETWORK = "10.255."
 EPHEMERAL_PORT = 40_000
+KEPT_DATAGRAMS_MAX = 2_000
 
 
 class SimNet(Faults):
@@ -58,6 +60,8 @@ class SimNet(Faults):
         self._pipes: dict[Path, dict[int, Pipe]] = {}
         self._pipe_count = 0
         self._ports_given = 0
+        self._tape: deque[tuple[Path, Endpoint, bytes, Endpoint]] | None = None
+        """Datagrams sent lately, if somebody keeps them."""
 
     # ------------------------------------------------------------------------------------------------- worlds
 
@@ -181,6 +185,8 @@ class SimNet(Faults):
         there = self._at_address.get(target.address)
         path = (machine.name, there.name if there is not None else target.address)
         self.note("udp-send", *here, *target, len(data), zlib.crc32(data))
+        if self._tape is not None:
+            self._tape.append((path, here, data, target))
         if not self.reaches(path):
             self._lose("cut", path)
             return
@@ -193,6 +199,17 @@ class SimNet(Faults):
         size_s = len(data) / self.bytes_per_s(path)
         for delay in fate.delays_s:
             self.at(self.departure(machine) + delay * self.factor(path) + size_s, self._arrive, path, here, data, target)
+
+    def keep_datagrams(self) -> None:
+        """From now on, keep what is sent for a while, so that somebody can send it again."""
+        self._tape = self._tape or deque(maxlen=KEPT_DATAGRAMS_MAX)
+
+    def play_again(self, dice: random.Random, spoil: Callable[[bytes], bytes] | None = None) -> None:
+        """Send a datagram that was kept once more to whom it was for, spoilt or not."""
+        if self._tape:
+            path, source, data, target = self._tape[dice.randrange(len(self._tape))]
+            self.counts["played again"] += 1
+            self.at(self.now, self._arrive, path, source, data if spoil is None else spoil(data), target)
 
     def _arrive(self, path: Path, source: Endpoint, data: bytes, target: Endpoint) -> None:
         if not self.reaches(path):
