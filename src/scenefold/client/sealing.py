@@ -264,14 +264,14 @@ def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id
             raise _newer(f"a record by key {header.writer:08x}, which is no writer of the scene{when}", header.epoch)
         # A node-managed record may lie anywhere; that it is this object is what its writer signed.
         place = signed_place(object_id) if object_id else location
-        check_claim(record, header, writer.key, RecordPlace(identity.scene, space, place))
-        check_signature(record, header, writer.key)
+        check_claim(record, writer.key, RecordPlace(identity.scene, space, place))
+        check_signature(record, writer.key)
         if header.placement != (PLACED_BY_NODE if object_id else PLACED_BY_CLIENT):
             raise DamagedData("a node answered with a record of another kind of space")
         key = identity.keys.get(header.key_epoch)
         if key is None:
             raise _newer(f"the record is sealed under key epoch {header.key_epoch} of the scene", header.epoch, header.key_epoch)
-        return Opened(open_record(record, key, header), header.seq, header.digest, header.content_position, header.key_epoch)
+        return Opened(open_record(record, key), header.seq, header.digest, header.content_position, header.key_epoch)
     except NewerThanKnown as error:
         error.where = _where(identity, space, location)
         raise

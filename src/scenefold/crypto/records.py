@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple, Self
 
@@ -54,11 +54,16 @@ class Record:
     header_bytes: bytes
     signature: bytes
     ciphertext: bytes
+    _header: RecordHeader | None = field(default=None, init=False, repr=False, compare=False)
 
     @property
     def header(self) -> RecordHeader:
-        """Decoded anew at each call; IllFormedRecord if it is none."""
-        return RecordHeader.decode(self.header_bytes)
+        """Decoded once, at the first call; IllFormedRecord if it is none."""
+        header = self._header
+        if header is None:
+            header = RecordHeader.decode(self.header_bytes)
+            object.__setattr__(self, "_header", header)
+        return header
 
     def encode(self) -> bytes:
         """The record in one piece."""
@@ -160,14 +165,14 @@ def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | No
     IllFormedRecord (reason 5): header, length or place do not fit. InvalidSignature (reason 4): another key,
     or the signature or ciphertext was changed.
     """
+    check_claim(record, public_key, place)
+    check_signature(record, public_key)
+    return record.header
+
+
+def check_claim(record: Record, public_key: PublicKey, place: RecordPlace | None = None) -> None:
+    """The cheap half of `verify_record`: what the record says of itself."""
     header = record.header
-    check_claim(record, header, public_key, place)
-    check_signature(record, header, public_key)
-    return header
-
-
-def check_claim(record: Record, header: RecordHeader, public_key: PublicKey, place: RecordPlace | None = None) -> None:
-    """The cheap half of `verify_record`: what the record says of itself. `header`: its own, decoded."""
     if place is not None and (header.scene, header.space, header.location) != place:
         raise IllFormedRecord("the record belongs elsewhere", where=f"scene {header.scene:08x}, space {header.space}, {header.location!r}")
     if header.length != len(record.ciphertext):
@@ -178,10 +183,10 @@ def check_claim(record: Record, header: RecordHeader, public_key: PublicKey, pla
         raise InvalidSignature(f"a record of suite {header.suite} by a key of suite {public_key.suite}")
 
 
-def check_signature(record: Record, header: RecordHeader, public_key: PublicKey) -> None:
+def check_signature(record: Record, public_key: PublicKey) -> None:
     """The other half: that the writer said so. Some 100 microseconds, and as long as hashing the ciphertext takes."""
     public_key.verify(record.signature, RECORD_DOMAIN, record.header_bytes)
-    if hashlib.sha256(record.ciphertext).digest() != header.digest:
+    if hashlib.sha256(record.ciphertext).digest() != record.header.digest:
         raise InvalidSignature("the ciphertext is not the one that was signed")
 
 
@@ -198,12 +203,9 @@ def _complaint(record: Record, public_key: PublicKey, place: RecordPlace | None)
     return None
 
 
-def open_record(record: Record, symmetric_key: bytes, header: RecordHeader | None = None) -> bytes:
-    """The payload. DamagedData if this key did not seal this record. Says nothing of the writer: verify first.
-
-    `header`: the record's own, where it is decoded already.
-    """
-    header = record.header if header is None else header
+def open_record(record: Record, symmetric_key: bytes) -> bytes:
+    """The payload. DamagedData if this key did not seal this record. Says nothing of the writer: verify first."""
+    header = record.header
     try:
         return _cipher(symmetric_key).decrypt(header.nonce, record.ciphertext, record.header_bytes[:ASSOCIATED_BYTES])
     except InvalidTag:

@@ -81,7 +81,6 @@ class Claim(NamedTuple):
     """A record that may be stored if its writer signed it: all has been looked at but the signature and the ciphertext."""
 
     put: Put
-    header: RecordHeader
     key: PublicKey
 
 
@@ -105,7 +104,7 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
     if header.key_epoch < scene.public.key_epoch:
         raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
-    return Claim(Put(record, item.expect), header, key)
+    return Claim(Put(record, item.expect), key)
 
 
 def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
@@ -113,7 +112,7 @@ def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
     header, key = _claimed(record, item, scene)
     if item.object != object_of(header):
         raise Refused(RejectReason.ILL_FORMED, "the record is that of another object")
-    return Claim(Put(record, at=item.location if item.object else None), header, key)
+    return Claim(Put(record, at=item.location if item.object else None), key)
 
 
 def home_of(item: PutItem | HandItem) -> Location:
@@ -136,7 +135,7 @@ def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tup
         key = scene.writer_key(header)
         # Where a node-managed record lies is no business of its writer, so it is no part of what is signed.
         signed_place = header.location if header.placement == PLACED_BY_NODE else item.location
-        check_claim(record, header, key, RecordPlace(item.scene, item.space, signed_place))
+        check_claim(record, key, RecordPlace(item.scene, item.space, signed_place))
     except DamagedData as problem:
         raise _refused(problem) from problem
     return header, key
@@ -144,7 +143,7 @@ def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tup
 
 def _signed(claim: Claim) -> Put:
     try:
-        check_signature(claim.put.record, claim.header, claim.key)
+        check_signature(claim.put.record, claim.key)
     except DamagedData as problem:
         raise _refused(problem) from problem
     return claim.put

@@ -209,3 +209,11 @@ def test_versions_are_ordered_as_the_spec_says() -> None:
         base._replace(epoch=4, seq=0),
     ]
     assert all(version_key(lower) < version_key(higher) for lower, higher in pairwise(ascending))
+
+
+def test_a_record_is_its_bytes_whether_its_header_was_looked_at_or_not() -> None:
+    seen, unseen = seal(), seal()
+    assert seen.header is seen.header
+    assert seen == unseen and hash(seen) == hash(unseen) and repr(seen) == repr(unseen)
+    moved = replace(seen, header_bytes=seen.header._replace(seq=9).encode())
+    assert moved.header.seq == 9 and seen.header.seq == 4
