@@ -25,6 +25,7 @@ from scenefold.world.facts import ClusterFacts
 
 ORDER_S_MAX = 3600.0
 """An order counts so long, and clocks may differ by as much: what was refused once is not carried out a week later."""
+INVITATION_S_MAX = 30 * 86400.0
 _SUITE_OF_NODES = 1
 
 
@@ -115,15 +116,15 @@ def judge_order(data: bytes, signature: bytes, registry: Registry, facts: Cluste
     if abs(now - order.issued) > ORDER_S_MAX:
         clocks = f"it was given at {_date(order.issued)}, and this node's clock says {_date(now)}"
         raise _forbidden(f"the order is out of date: {clocks}", "set the clocks right, then give it again")
-    _check_ordered(order, registry, facts)
+    _check_ordered(order, registry, facts, now)
     return order
 
 
-def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts) -> None:
+def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts, now: float) -> None:
     """Whether an administrator may order this at all, and whether the cluster could live with it."""
     match order.entry:
         case Invite():
-            _check_invite(order.entry, order.by, registry, facts)
+            _check_invite(order.entry, order.by, registry, facts, now)
         case Withdraw():
             return
         case RevokeUser() | RevokeNode():
@@ -142,10 +143,13 @@ def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts) -> Non
             raise Refused(RejectReason.ILL_FORMED, f"nobody orders a {type(order.entry).__name__}")
 
 
-def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFacts) -> None:
+def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFacts, now: float) -> None:
     node = node_named(entry.name)
     if entry.by != by:
         raise _forbidden("an invitation names who gave it")
+    # Who gave the order may have another clock, as far as an order's may be off.
+    if entry.expires > now + INVITATION_S_MAX + ORDER_S_MAX:
+        raise _forbidden(f"an invitation is open for 30 days at most, and this one until {_date(entry.expires)}", "set the clocks right")
     if node is None and card_of(entry.name, registry, facts) is not None:
         raise _forbidden(f"{entry.name} is a member already", "choose another name")
     if node is not None and is_original(node, registry, facts):

@@ -68,11 +68,17 @@ class Roll:
                 return self._trusting(entry)
 
     def without(self, name: str, key: KeyId) -> Roll:
-        """The roll once a key of a member counts no longer."""
+        """The roll once a key of a member counts no longer. Nor do the invitations that it has given: one may be for itself."""
         node = node_named(name)
         sealed = {other: box for other, box in self.sealed.items() if other != node}
         trusted = self.trusted if node is None else self.trusted - {node}
-        return replace(self, revoked=self.revoked | {(name, key)}, trusted=trusted, sealed=sealed)
+        given = {
+            mark: replace(one, state=InvitationState.WITHDRAWN)
+            for mark, one in self.invitations.items()
+            if one.entry.by == name and one.state is InvitationState.OPEN
+        }
+        invitations = {**self.invitations, **given}
+        return replace(self, invitations=invitations, revoked=self.revoked | {(name, key)}, trusted=trusted, sealed=sealed)
 
     def _invited(self, entry: Invite) -> Roll:
         if entry.key in self.invitations:

@@ -177,6 +177,15 @@ def test_only_an_administrators_own_key_gives_orders() -> None:
     assert "another cluster" in forbidden(registry, order(invite("user:eve", 3), cluster=b"c" * 16))
 
 
+def test_no_invitation_is_open_for_ever() -> None:
+    for days, fits in ((30, True), (31, False), (10_000, False)):
+        entry = replace(invite("user:eve"), expires=int(CLOCK + days * DAY.total_seconds()))
+        if fits:
+            assert ordered(log(), order(entry))
+        else:
+            assert "30 days" in forbidden(log(), order(entry))
+
+
 def test_an_order_counts_for_an_hour_by_any_clock() -> None:
     for off in (-ORDER_S_MAX, ORDER_S_MAX):
         assert ordered(log(), order(invite("user:eve"), issued=CLOCK + off))

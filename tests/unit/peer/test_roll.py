@@ -79,6 +79,16 @@ def test_a_revoked_key_never_comes_back_and_the_name_may() -> None:
     assert back is not None and back.keys.signing == NEWCOMERS[1].signing.public
 
 
+def test_who_is_revoked_does_not_come_back_by_an_invitation_that_it_gave() -> None:
+    mine, others = replace(invite(2, "user:eve"), by="user:ada"), invite(3, "user:bob")
+    used = replace(invite(4, "user:cat"), by="user:ada")
+    roll = after(invite(1, "user:ada"), enrol(1, "user:ada"), mine, others, used, enrol(4, "user:cat", 1))
+    gone = roll.after(RevokeUser("user:ada", NEWCOMERS[0].signing.key_id))
+    states = [gone.invitations[invitation_key(number).public.raw].state for number in (2, 3, 4)]
+    assert states == [InvitationState.WITHDRAWN, InvitationState.OPEN, InvitationState.USED]
+    assert refusal(gone, enrol(2, "user:eve", 2)) == RejectReason.NOT_AUTHORISED
+
+
 def test_only_an_invitation_that_names_a_node_gives_it_other_keys_and_they_are_not_trusted() -> None:
     roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, b"sealed"), invite(2, ANY_NODE), invite(3, "node:5"))
     assert refusal(roll, enrol(2, "node:5", 1)) == RejectReason.NOT_AUTHORISED
