@@ -34,6 +34,11 @@ class MemoryKeyring:
     def save(self, kept: KeptScene) -> None:
         self._kept[kept.name] = kept
 
+    def advance(self, kept: KeptScene) -> None:
+        known = self._kept.get(kept.name)
+        if known is not None and known.genesis == kept.genesis and known.position < kept.position:
+            self.save(kept)
+
     def remove(self, name: str) -> None:
         self._kept.pop(name, None)
 
