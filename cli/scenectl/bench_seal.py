@@ -167,6 +167,7 @@ def _scene(key: SigningKey, space: Any) -> Any:
         public_key=key.key_id,
         private_key=KeyId(0),
         keys=(KeyEntry(key.suite, key.public.raw),),
+        first_key=key.public.raw[:32],
     ).with_genesis()
 
 

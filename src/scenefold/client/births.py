@@ -18,7 +18,6 @@ from scenefold.crypto import (
     SealingKey,
     SealingPublicKey,
     SigningKey,
-    key_id_of,
     new_symmetric_key,
 )
 from scenefold.scene.log import (
@@ -29,6 +28,7 @@ from scenefold.scene.log import (
     header_keys,
     keys_in,
     lockbox_for,
+    proven_header_key,
     sign_record,
     unlocked,
 )
@@ -87,22 +87,11 @@ def first_records(keys: SceneKeys, maker: Grant, origin: NodeId) -> tuple[Signed
     return (sign_record(first_record(keys.genesis, origin, maker), SigningKey.from_seed(keys.header_seed)),)
 
 
-def verify_header(header: SceneLogPublic, scene: SceneId, genesis: bytes) -> None:
-    """DamagedData unless this is the first header of this scene, which proves itself: its hash is the genesis."""
-    where = f"scene {scene:08x}"
-    if (header.scene, header.genesis) != (scene, genesis):
-        raise DamagedData("a node answered with the header of another scene", where=where)
-    if header.with_genesis().genesis != genesis:
-        raise DamagedData("the scene's header does not prove itself", where=where)
-    header_key_of(header).verify(header.signature, HEADER_DOMAIN, header.signable())
-
-
-def header_key_of(header: SceneLogPublic) -> PublicKey:
-    """The key that a header says it is signed with; DamagedData if it does not hold it."""
-    for entry in header.keys:
-        if key_id_of(entry.raw) == header.public_key:
-            return PublicKey(entry.raw, entry.suite)
-    raise DamagedData("the scene's header does not hold its key", where=f"scene {header.scene:08x}")
+def verified_header_key(header: SceneLogPublic) -> PublicKey:
+    """The key that a header is signed with; DamagedData unless it leads back to the scene's genesis."""
+    key = proven_header_key(header)
+    key.verify(header.signature, HEADER_DOMAIN, header.signable())
+    return key
 
 
 def _first_header(header_key: PublicKey, maker: Grant, origin: NodeId) -> SceneLogPublic:
@@ -120,4 +109,5 @@ def _first_header(header_key: PublicKey, maker: Grant, origin: NodeId) -> SceneL
         public_key=header_key.key_id,
         private_key=KeyId(0),
         keys=header_keys(header_key, state),
+        first_key=header_key.raw,
     ).with_genesis()

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData
 from scenefold.crypto import SealingKey
-from scenefold.scene.log import Contents, keys_after, keys_in, own_lockbox
+from scenefold.scene.log import Contents, keys_after, keys_in, own_lockbox, proven_header_key
 from scenefold.wire import Lockbox, SceneLogPublic
 
 _log = logging.getLogger("scenefold.client")
@@ -33,6 +33,8 @@ def gifts_in(headers: Sequence[SceneLogPublic], sealing: SealingKey) -> list[Gif
         try:
             found = own_lockbox(header, sealing)
             if found is not None:
+                if proven_header_key(header) != found[1].header_key:
+                    raise DamagedData("it speaks of another header key than the scene's")
                 keys_after(header, keys_in(found[1], header.genesis), None)
                 gifts.append(Gift(header, *found))
         except DamagedData as problem:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import header_key_of, verify_header
+from scenefold.client.births import verified_header_key
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
@@ -31,10 +31,9 @@ def open_scene_with_keys(
 ) -> Scene:
     """A scene to read. `members`: ids and addresses of the nodes, in the order of the line.
 
-    `header`: the scene's verified public header, as a node's store has it; a first header is verified again.
+    `header`: the scene's public header, as a node's store has it; DamagedData if it does not prove itself.
     """
-    if header.position <= 1:
-        verify_header(header, header.scene, header.genesis)
+    header_key = verified_header_key(header)
     identity = SceneIdentity(
         scene=header.scene,
         genesis=header.genesis,
@@ -44,7 +43,7 @@ def open_scene_with_keys(
     ).with_header(header)
     calls = Calls(world, links, [address for _, address in members], [node_id for node_id, _ in members])
     name = name or f"{header.scene:08x}"
-    keys = SceneKeys(name, header.genesis, epochs, header_key_of(header), Role.READER)
+    keys = SceneKeys(name, header.genesis, epochs, header_key, Role.READER)
     return Scene(
         SceneAccess(
             calls, name, identity, writer=None, log=LogAccess(calls, keys, memory=SceneMemory(Met(header.position, header.key_epoch)))

@@ -1,7 +1,8 @@
 """May this public scene header be believed? (consensus.md, sections 3 and 7; specs/11-peers.md, Scene headers.) Pure.
 
-A header vouches for itself: it is signed by a key that it holds in full, and the hash of the first one is the scene's
-name for ever (genesis). So a node can keep and pass on headers of scenes that it has no key of.
+A header vouches for itself: the scene's name for ever (genesis) is a hash of the first header and of the key that signed it, and
+from that key each one that followed was signed by the one before. So a node can keep and pass on headers of scenes that it has no
+key of, whichever of them it meets first.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, PublicKey, key_id_of
 from scenefold.peer.verification import KnownScene
-from scenefold.scene.log.succession import header_key_now
+from scenefold.scene.log.succession import header_key_now, proven_header_key
 from scenefold.wire import SceneLogPublic
 
 FIRST_POSITION = 1
@@ -19,13 +20,13 @@ FIRST_POSITION = 1
 def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownScene:
     """The scene with this header, if it may follow what is known of the scene; Refused otherwise.
 
-    A first header must be the one that the scene is named after. Takes some 100 microseconds.
+    Takes some 100 microseconds.
     """
     if public.scene != int.from_bytes(public.genesis[:4], "big"):
         raise Refused(RejectReason.ILL_FORMED, "the scene id is not the beginning of its genesis hash")
-    if public.position <= FIRST_POSITION and public.with_genesis().genesis != public.genesis:
+    if public.position <= FIRST_POSITION and public.with_genesis() != public:
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
-    expected = None if known is None else _check_follows(public, known)
+    expected = _check_alone(public) if known is None else _check_follows(public, known)
     try:
         scene = KnownScene.of(public)
     except DamagedData as problem:
@@ -35,7 +36,7 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
         raise Refused(RejectReason.ILL_FORMED, "the header is not signed by the newest of its header keys")
     if key is None:
         raise Refused(RejectReason.ILL_FORMED, "the header lacks the key that it is signed with")
-    if expected is not None and key != expected:
+    if key != expected:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header names another key by the id of the scene's header key")
     try:
         key.verify(public.signature, HEADER_DOMAIN, public.signable())
@@ -44,11 +45,21 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
     return scene
 
 
+def _check_alone(public: SceneLogPublic) -> PublicKey:
+    """The key that must have signed it, for who knows no header of the scene."""
+    try:
+        return proven_header_key(public)
+    except DamagedData as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+
+
 def _check_follows(public: SceneLogPublic, scene: KnownScene) -> PublicKey:
     """The key that must have signed it. Ids are short, and somebody may have searched for a key of this very id."""
     known = scene.public
     if public.genesis != known.genesis:
         raise Refused(RejectReason.POSITION_TAKEN, "another scene has this id here")
+    if (public.birth, public.first_key) != (known.birth, known.first_key):
+        raise Refused(RejectReason.ILL_FORMED, "the header does not show how its scene began")
     if public.origin != known.origin:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header names another origin than the one before")
     key = _header_key(public, known, scene.keys[known.public_key])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -35,6 +36,7 @@ from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import UNSIGNED
 
 NO_GENESIS = bytes(32)
+_GENESIS_DOMAIN = b"scenefold/genesis"
 
 
 class SceneMode(IntEnum):
@@ -112,7 +114,8 @@ class SceneLogPublic:
 
     `keys` holds in full every key that is named by an id, so that whoever has the header can verify the
     header and every record without asking further. `key_epoch`: of the symmetric key that new records are sealed under;
-    `former_keys`: those before it, sealed under it.
+    `former_keys`: those before it, sealed under it. `birth` and `first_key` stay as they were at position 1: they are what the genesis
+    is the hash of, so a header of any position shows which key the scene began with.
     """
 
     scene: SceneId
@@ -130,6 +133,8 @@ class SceneLogPublic:
     former_keys: bytes = b""
     lockboxes: tuple[Lockbox, ...] = ()
     succession: tuple[Succession, ...] = ()
+    birth: bytes = NO_GENESIS
+    first_key: bytes = NO_GENESIS
     signature: bytes = UNSIGNED
 
     def signable(self) -> bytes:
@@ -137,12 +142,18 @@ class SceneLogPublic:
         return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED))
 
     def with_genesis(self) -> SceneLogPublic:
-        """This header as the first of its scene: genesis and scene id are its own hash, but for lockboxes, which name the genesis."""
-        import hashlib
+        """This header as the first of its scene: genesis and scene id follow from it, but for lockboxes, which name the genesis.
 
-        unborn = replace(self, scene=SceneId(1), genesis=NO_GENESIS, lockboxes=(), signature=UNSIGNED)
-        genesis = hashlib.sha256(pack_piece(SCENE_LOG_PUBLIC, unborn)).digest()
-        return replace(self, scene=SceneId(int.from_bytes(genesis[:4], "big")), genesis=genesis)
+        `first_key` must be there: the key that it is signed with, in full.
+        """
+        unborn = replace(self, scene=SceneId(1), genesis=NO_GENESIS, lockboxes=(), birth=NO_GENESIS, signature=UNSIGNED)
+        born = replace(self, birth=hashlib.sha256(pack_piece(SCENE_LOG_PUBLIC, unborn)).digest())
+        genesis = born.proven_genesis()
+        return replace(born, scene=SceneId(int.from_bytes(genesis[:4], "big")), genesis=genesis)
+
+    def proven_genesis(self) -> bytes:
+        """The genesis of the only scene that a header with this birth, first key and origin can belong to."""
+        return hashlib.sha256(b"".join((_GENESIS_DOMAIN, self.origin.to_bytes(4, "big"), self.first_key, self.birth))).digest()
 
     def encode(self) -> bytes:
         """The header with its signature, as it is stored; LocalFault if a field is out of bounds."""
@@ -171,6 +182,8 @@ SCENE_LOG_PUBLIC = Struct(
     ("former_keys", Bin(FORMER_KEYS_BYTES_MAX)),
     ("lockboxes", Many(LOCKBOX, WRITERS_PER_SCENE_MAX)),
     ("succession", Many(SUCCESSION, HEADER_KEYS_MAX)),
+    ("birth", DIGEST),
+    ("first_key", DIGEST),
     ("signature", SIGNATURE),
 )
 

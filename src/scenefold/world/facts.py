@@ -82,6 +82,7 @@ class ClusterFacts:
             public_key=self.log_key.key_id,
             private_key=self.log_key.key_id,
             keys=(key,),
+            first_key=key.raw,
         )
         return unborn.with_genesis()
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId
 from scenefold.base.location import FIRST, Location
-from scenefold.crypto import HEADER_DOMAIN, Record, SigningKey, seal_record
+from scenefold.crypto import HEADER_DOMAIN, Record, SigningKey, key_id_of, seal_record
 from scenefold.wire import KeyEntry, PutItem, SceneLogPublic, SceneMode, SpaceEntry, WriterEntry
 
 HEADER_KEY = SigningKey.from_seed(b"h" * 32)
@@ -38,7 +38,9 @@ def first_header(**changes: Any) -> SceneLogPublic:
         private_key=KeyId(0),
         keys=tuple(KeyEntry(1, key.public.raw) for key in (HEADER_KEY, WRITER)),
     )
-    return signed(replace(header, **changes).with_genesis())
+    header = replace(header, **changes)
+    named = (entry.raw for entry in header.keys if key_id_of(entry.raw) == header.public_key)
+    return signed(replace(header, first_key=next(named, HEADER_KEY.public.raw)).with_genesis())
 
 
 def later_header(first: SceneLogPublic, key: SigningKey = HEADER_KEY, **changes: Any) -> SceneLogPublic:

@@ -98,7 +98,7 @@ def test_a_key_that_was_searched_for_its_id_is_not_the_header_key(monkeypatch: p
     for module in ("headers", "verification"):
         monkeypatch.setattr(f"scenefold.peer.{module}.key_id_of", lambda raw: KeyId(7))
     header_key, twin = SigningKey(b"h" * 32), SigningKey(b"t" * 32)
-    alone = {"public_key": KeyId(7), "writers": (), "keys": (KeyEntry(1, header_key.public.raw),)}
+    alone = {"public_key": KeyId(7), "writers": (), "keys": (KeyEntry(1, header_key.public.raw),), "first_key": header_key.public.raw}
     first = signed(replace(FIRST, **alone, signature=bytes(64)).with_genesis(), header_key)
     known = checked_header(first, None)
     forged = signed(replace(first, position=2, keys=(KeyEntry(1, twin.public.raw),)), twin)

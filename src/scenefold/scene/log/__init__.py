@@ -12,7 +12,7 @@ from scenefold.scene.log.grants import FOR_EVER, Granted, Grants
 from scenefold.scene.log.keys import EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, check_granter, keys_in, locked, own_lockbox, unlocked
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
-from scenefold.scene.log.succession import header_key_now, succeeded
+from scenefold.scene.log.succession import header_key_now, proven_header_key, succeeded
 
 __all__ = [
     "FOR_EVER",
@@ -42,6 +42,7 @@ __all__ = [
     "locked",
     "open_private",
     "own_lockbox",
+    "proven_header_key",
     "seal_private",
     "sign_record",
     "succeeded",

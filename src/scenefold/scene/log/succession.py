@@ -39,6 +39,14 @@ def header_key_now(public: SceneLogPublic, known: PublicKey) -> PublicKey:
     return key
 
 
+def proven_header_key(public: SceneLogPublic) -> PublicKey:
+    """The key that the header must be signed with, for whoever knows nothing but the scene's genesis; DamagedData if the header
+    does not lead on from there."""
+    if public.proven_genesis() != public.genesis or public.scene != int.from_bytes(public.genesis[:4], "big"):
+        raise DamagedData("the header does not show how its scene began", where=f"scene {public.scene:08x}")
+    return header_key_now(public, PublicKey(public.first_key))
+
+
 def _is_ordered(public: SceneLogPublic) -> bool:
     steps = public.succession
     if not steps:
