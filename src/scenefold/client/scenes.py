@@ -117,10 +117,22 @@ class Scenes:
         return self._scene(log, header)
 
     async def open_or_create(self, name: str) -> Scene:
-        """Open the scene, or make it if there is none, nor has anybody granted one."""
+        """Open the scene of this name in the profile's keyring, or make it if there is none.
+
+        LocalFault if somebody has granted one of this name that was never opened here: what is to be written into a scene of one's own must
+        not land in a scene of whoever was quicker to use its name.
+        """
         checked_name(name, "scene")
-        kept = await self._kept(name) or await self._granted(name)
-        if kept is not None:
+        kept = await self._kept(name)
+        if kept is None:
+            gifts = await self._gifts_named(name)
+            if gifts:
+                givers = ", ".join(f"{gift.contents.granter} (id {gift.header.scene:08x})" for gift in gifts)
+                remedy = f"`scenectl scene info {name}` takes it, if you mean that one; else choose another name"
+                raise LocalFault(
+                    f"a scene {name!r} was granted to you, and you have not opened it yet", where=f"by {givers}", remedy=remedy
+                )
+        else:
             log = await self._log(kept)
             header = await log.header()
             return await self._announce(kept, log) if header is None else self._scene(log, header)
@@ -165,9 +177,7 @@ class Scenes:
 
     async def _granted(self, name: str) -> KeptScene | None:
         """The entry of a scene that was granted to us under this name or id, kept from now on; None if there is none."""
-        headers = await self._headers()
-        given = await self._given(headers)
-        fitting = [gift for gift in given.values() if name in (gift.contents.name, f"{gift.header.scene:08x}")]
+        fitting = await self._gifts_named(name)
         if len(fitting) > 1:
             ids = ", ".join(f"{gift.header.scene:08x}" for gift in fitting)
             raise LocalFault(f"several scenes {name!r} were granted to you", where=f"ids {ids}", remedy="give the id in place of the name")
@@ -177,6 +187,11 @@ class Scenes:
         kept = KeptScene(name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox, header.position)
         await self._on_disk(self._keyring.save, kept)
         return kept
+
+    async def _gifts_named(self, name: str) -> Sequence[Gift]:
+        """What was granted to us under this id; if nothing, under this name."""
+        given = (await self._given(await self._headers())).values()
+        return [gift for gift in given if name == f"{gift.header.scene:08x}"] or [gift for gift in given if name == gift.contents.name]
 
     async def _headers(self) -> Sequence[SceneLogPublic]:
         """The headers of all scenes of the cluster."""

@@ -265,10 +265,24 @@ async def test_a_scene_that_somebody_made_up_is_not_believed(autojump_clock: Moc
     assert (await ada.open_or_create("kitchen")).genesis != scene.genesis
 
 
-async def test_what_is_imported_under_a_granted_name_goes_into_that_scene(autojump_clock: MockClock, studio: Studio) -> None:
+async def test_what_is_imported_goes_into_no_scene_that_somebody_was_quicker_to_name(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.WRITER)
-    assert (await studio.scenes(2).open_or_create("kitchen")).genesis == scene.genesis
+    ada = studio.scenes(2)
+    with pytest.raises(LocalFault, match="was granted to you") as fault:
+        await ada.open_or_create("kitchen")
+    assert "user:owner" in fault.value.where and f"{scene.id:08x}" in fault.value.where
+    assert not studio.scenes(2)._keyring.names()
+    await ada.open("kitchen")
+    assert (await ada.open_or_create("kitchen")).genesis == scene.genesis, "once she has said that she means it"
+
+
+async def test_a_name_that_looks_like_an_id_does_not_hide_the_scene_of_that_id(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    other = await studio.scenes(3).create(f"{scene.id:08x}")
+    await other.grant(card_of(2), Role.WRITER)
+    assert (await studio.scenes(2).open(f"{scene.id:08x}")).genesis == scene.genesis
 
 
 async def test_a_node_owns_no_scene(autojump_clock: MockClock, studio: Studio) -> None:
