@@ -41,14 +41,27 @@ def administrators(registry: Registry, facts: ClusterFacts) -> list[str]:
     return [card.name for card in cards if card is not None and card.keys.is_administrator]
 
 
-def refusal_of(name: str, key: KeyId | None, registry: Registry) -> str:
-    """Why a peer that shows a certificate with this signing key is not talked to; empty if it is. None: a peer without a known key."""
+def refusal_of(name: str, key: KeyId | None, registry: Registry, facts: ClusterFacts) -> Refused | None:
+    """Why a peer whose certificate has this signing key (None: none) is not talked to; None if it is.
+
+    17: the key counts no longer. 16: it is not the member's key as far as this log goes, and a newer one may say otherwise.
+    """
     node = node_named(name)
-    if key is not None and registry.roll.is_revoked(name, key):
-        return f"the key of {name} is revoked"
-    if node is not None and key is None and registry.is_barred(node):
-        return f"the key of {name} is revoked"
-    return ""
+    if (key is not None and registry.roll.is_revoked(name, key)) or (node is not None and key is None and registry.is_barred(node)):
+        return Refused(RejectReason.KEY_REVOKED, f"the key of {name} is revoked")
+    if not facts.authority:
+        return None
+    if node is None:
+        card = card_of(name, registry, facts)
+        is_known, known = True, None if card is None else card.signing_id
+    else:
+        credential = credential_of(node, registry, facts)
+        # Nodes are told of newcomers by each other; one that nobody enrolled becomes no member (log_rules.py).
+        is_known, known = credential is not None, None if credential is None else credential.public_key.key_id
+    if not is_known or (known is not None and known == key):
+        return None
+    remedy = "if it has just become one, try again in a moment"
+    return Refused(RejectReason.NOT_READY, f"{name} is no member by this key, as far as this node knows the cluster's log", remedy=remedy)
 
 
 def is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:

@@ -1,4 +1,4 @@
-"""Who is let in, and shown out again when its key is revoked (specs/15-cluster-log.md, Enrolling).
+"""Who is let in, by the key in its certificate, and shown out again when that counts no longer (specs/15-cluster-log.md, Enrolling).
 
 A certificate stays valid after its keys were revoked, so TLS lets its holder in; here its connection ends. It is told why, once.
 """
@@ -18,9 +18,13 @@ from scenefold.peer.handlers import Handlers
 from scenefold.peer.registry import Registry
 from scenefold.wire import Packet
 from scenefold.world import Connection, Guests, Links, Priority, QuietLog, World, serve_connection
+from scenefold.world.facts import ClusterFacts
 
 LAST_WORD_S = 3.0
 """One that is not let in may ask that long, and is told why at each request."""
+
+NEWS_S_MAX = 5.0
+"""For others to tell whether somebody has become a member."""
 
 _log = logging.getLogger("scenefold.peer")
 
@@ -28,8 +32,9 @@ _log = logging.getLogger("scenefold.peer")
 class Door:
     """Serves connections. `run` looks after those that are open already."""
 
-    def __init__(self, world: World, cluster_log: ClusterLog, handlers: Handlers, links: Links) -> None:
+    def __init__(self, world: World, facts: ClusterFacts, cluster_log: ClusterLog, handlers: Handlers, links: Links) -> None:
         self._world = world
+        self._facts = facts
         self._cluster_log = cluster_log
         self._handlers = handlers
         self._links = links
@@ -39,8 +44,8 @@ class Door:
 
     async def serve(self, priority: Priority, connection: Connection) -> None:
         """One connection to a port, until its end or that of its peer's membership."""
-        refusal = refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry)
-        if not refusal:
+        refusal = await self._refusal_of(connection)
+        if refusal is None:
             with trio.CancelScope() as scope:
                 self._guests[scope] = (connection.peer, connection.peer_key)
                 try:
@@ -48,13 +53,23 @@ class Door:
                 finally:
                     del self._guests[scope]
             return
-        self._quiet.say(self._world.clock.now(), connection.peer, "revoked", f"connection refused: {refusal}")
+        self._quiet.say(self._world.clock.now(), connection.peer, refusal.reason.name, f"connection refused: {refusal}")
 
         async def refuse(_packet: Packet, _peer: str) -> Packet | None:
-            raise Refused(RejectReason.KEY_REVOKED, refusal)
+            raise Refused(refusal.reason, refusal.what, remedy=refusal.remedy)
 
         with trio.move_on_after(LAST_WORD_S):
             await serve_connection(connection, refuse, self._quiet, self._at[priority])
+
+    async def _refusal_of(self, connection: Connection) -> Refused | None:
+        """Why a peer is not let in. One that this node does not know yet may stand in the log of others."""
+        for is_last in (False, True):
+            refusal = refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry, self._facts)
+            if is_last or refusal is None or refusal.reason is not RejectReason.NOT_READY:
+                break
+            with trio.move_on_after(NEWS_S_MAX):
+                await self._cluster_log.pull()
+        return refusal
 
     async def run(self) -> None:
         """Close what a newer log forbids, until cancelled."""
@@ -68,8 +83,8 @@ class Door:
 
     def _show_out(self, registry: Registry) -> None:
         for scope, (peer, key) in list(self._guests.items()):
-            refusal = refusal_of(peer, key, registry)
-            if refusal:
+            refusal = refusal_of(peer, key, registry, self._facts)
+            if refusal is not None:
                 _log.info("a connection of %s is closed: %s", peer, refusal)
                 scope.cancel()
         for node in registry.barred:

@@ -104,7 +104,11 @@ class Roll:
         # Trust, and the key that was sealed to it, were those of the keys that the node had before.
         trusted = used.trusted if node is None else used.trusted - {node}
         sealed = {other: box for other, box in used.sealed.items() if other != node}
-        return replace(used, cards={**self.cards, card.name: card}, trusted=trusted, sealed=sealed)
+        known = self.cards.get(card.name)
+        # Else the disk that was lost, say, could come back as the member that it was; or somebody could put its card back.
+        is_replaced = known is not None and known.signing_id != card.signing_id
+        revoked = used.revoked | {(known.name, known.signing_id)} if known is not None and is_replaced else used.revoked
+        return replace(used, cards={**self.cards, card.name: card}, trusted=trusted, sealed=sealed, revoked=revoked)
 
     def _renewed(self, card: Card) -> Roll:
         if self.is_revoked(card.name, card.signing_id):

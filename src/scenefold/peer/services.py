@@ -115,7 +115,7 @@ class PeerServices:
             service.register(handlers)
         renewal = Renewal(world, facts, cluster_log, peers, enrolling, papers)
         discovery = Discovery(world, facts, me, settings.address, cluster_log)
-        self._door = Door(world, cluster_log, handlers, links)
+        self._door = Door(world, facts, cluster_log, handlers, links)
         self._newcomers = enrolling.serve_newcomer
         self._background: tuple[Callable[[], Awaitable[None]], ...] = (
             balancer.run,

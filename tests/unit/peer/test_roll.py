@@ -96,6 +96,14 @@ def test_only_an_invitation_that_names_a_node_gives_it_other_keys_and_they_are_n
     assert NodeId(5) not in again.trusted and not again.sealed
 
 
+def test_keys_that_were_replaced_count_no_longer() -> None:
+    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), invite(2, "node:5"), enrol(2, "node:5", 1), invite(3, "node:5"))
+    assert roll.is_revoked("node:5", NEWCOMERS[0].signing.key_id) and not roll.is_revoked("node:5", NEWCOMERS[1].signing.key_id)
+    assert refusal(roll, enrol(3, "node:5", 0)) == RejectReason.KEY_REVOKED, "nobody puts an old card back"
+    same = after(enrol(3, "node:5", 1), roll=roll)
+    assert not same.is_revoked("node:5", NEWCOMERS[1].signing.key_id)
+
+
 def test_trust_goes_with_the_key_or_when_it_is_withdrawn() -> None:
     roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True), Trust(NodeId(5), True, b"sealed"))
     assert roll.trusted == {NodeId(5)} and roll.sealed == {NodeId(5): b"sealed"}

@@ -1,0 +1,107 @@
+"""If this fails, a node serves who is no member, or turns away a member that it has not heard of yet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import trio
+
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.door import Door
+from scenefold.peer.registry import Registry
+from scenefold.wire import Fault, ListScenes, LogEntry, Packet, decode_packet, encode_frame
+from scenefold.wire.enrol_entries import Enrol, Invite, RevokeUser
+from scenefold.world import Priority
+from unit.peer import logs_made
+from unit.peer.logs_made import add, found, record
+from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, card_for, invitation_key
+from unit.world.test_guests import Line
+
+FACTS = replace(logs_made.facts(2), authority=AUTHORITY.certificate)
+ADA = "user:ada"
+KEY = NEWCOMERS[0].signing.key_id
+
+
+def log(*entries: LogEntry) -> Registry:
+    registry = Registry()
+    for entry in (found(2), add(0), *entries):
+        registry = registry.apply(record(registry, entry))
+    return registry
+
+
+STRANGER = log()
+INVITED = log(Invite(invitation_key(1).public.raw, ADA, False, int(NOW.timestamp()) + 3600, "user:owner"))
+MEMBER = INVITED.apply(record(INVITED, Enrol(invitation_key(1).public.raw, card_for(ADA, 0).der)))
+REVOKED = MEMBER.apply(record(MEMBER, RevokeUser(ADA, KEY)))
+
+
+class Log:
+    """What the door uses of the cluster's log: `later` is what others know."""
+
+    def __init__(self, registry: Registry, later: Registry) -> None:
+        self.registry = registry
+        self._later = later
+        self.pulls = 0
+
+    async def pull(self) -> None:
+        await trio.lowlevel.checkpoint()
+        self.pulls += 1
+        self.registry = self._later
+
+
+class Clock:
+    def now(self) -> float:
+        return trio.current_time()
+
+
+class World:
+    clock = Clock()
+
+
+class Table:
+    async def handle(self, packet: Packet, _peer: str) -> Packet:
+        await trio.lowlevel.checkpoint()
+        return packet
+
+
+def door(log: Log) -> Door:
+    return Door(World(), FACTS, log, Table(), object())  # type: ignore[arg-type]
+
+
+def knocking(number: int) -> Line:
+    line = Line(ADA)
+    line.peer_key = KEY  # type: ignore[assignment]
+    line.feed(encode_frame(ListScenes(request_id=number)))
+    return line
+
+
+async def answer_of(log: Log) -> Packet:
+    line = knocking(1)
+    line.close()
+    await door(log).serve(Priority.LOW, line)  # type: ignore[arg-type]
+    return decode_packet(line.answers[0][4:])
+
+
+async def test_a_member_that_is_newer_than_our_log_is_let_in_once_we_have_asked() -> None:
+    log = Log(STRANGER, MEMBER)
+    assert isinstance(await answer_of(log), ListScenes) and log.pulls == 1
+
+
+async def test_a_member_that_we_know_is_let_in_at_once() -> None:
+    log = Log(MEMBER, STRANGER)
+    assert isinstance(await answer_of(log), ListScenes) and log.pulls == 0
+
+
+@pytest.mark.expect_log("connection refused")
+@pytest.mark.parametrize(
+    "known, later, reason",
+    [
+        (STRANGER, STRANGER, RejectReason.NOT_READY),
+        (STRANGER, REVOKED, RejectReason.KEY_REVOKED),
+        (REVOKED, MEMBER, RejectReason.KEY_REVOKED),
+    ],
+)
+async def test_who_is_in_no_log_is_told_so(known: Registry, later: Registry, reason: RejectReason) -> None:
+    answer = await answer_of(Log(known, later))
+    assert isinstance(answer, Fault) and answer.reason == reason
