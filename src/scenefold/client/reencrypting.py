@@ -12,7 +12,7 @@ from functools import partial
 
 import trio
 
-from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_IMPORT_BATCHES, CLIENT_TRIES_MAX
 from scenefold.base.location import FIRST, LAST, Location
@@ -23,11 +23,23 @@ from scenefold.client.ranging import entries
 from scenefold.client.reencryption import Pace, Reencryption, is_damaged, under_older_keys
 from scenefold.client.sealing import Key, NewerThanKnown, Opened, SceneIdentity, open_all
 from scenefold.client.together import together
-from scenefold.client.wishes import Wish
+from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import signed_place
 from scenefold.wire import RecordBytes
 
 _STORED = 0
+_OWN_FAULTS = frozenset(
+    {
+        RejectReason.BUSY,
+        RejectReason.ILL_FORMED,
+        RejectReason.OUTSIDE_BOUNDS,
+        RejectReason.SIGNATURE_INVALID,
+        RejectReason.TOO_LARGE_FOR_PACKET,
+        RejectReason.UNKNOWN_SCENE_OR_SPACE,
+    }
+)
+"""Refusals that may be for one record alone: not those for a scene that is rendered, a full disk, or rights that we have not. BUSY is
+what is said in the end of a record that nothing newer can take the place of."""
 COUNTED_AT_A_TIME = 4096
 WALKS_MAX = 8
 """A walk that still finds something means that a node has not heard of the new key; it hears of it within seconds."""
@@ -131,12 +143,37 @@ class _Work:
         if not old:
             return ()
         wishes = await self._wishes([keys[index] for index in old], [records[index] for index in old])
-        placed = await self._access.put(wishes)
-        done = [wish for wish, outcome in zip(wishes, placed, strict=True) if outcome.reason == _STORED]
+        tried, placed = await self._placed(wishes)
+        done = [wish for wish, outcome in zip(tried, placed, strict=True) if outcome.reason == _STORED]
         self.state.renew(len(done), sum(len(wish.payload) for wish in done))
-        overtaken = [wish.key for wish, outcome in zip(wishes, placed, strict=True) if outcome.reason != _STORED]
+        overtaken = [wish.key for wish, outcome in zip(tried, placed, strict=True) if outcome.reason != _STORED]
         self.state.overtaken += len(overtaken)
         return overtaken
+
+    async def _placed(self, wishes: Sequence[Wish]) -> tuple[Sequence[Wish], Sequence[Placed]]:
+        """Put them; gives those that were taken or overtaken. Whatever cannot be put for a reason of its own is complained about, and left.
+
+        What a batch that was refused had stored of it meets itself then, and counts as overtaken.
+        """
+        try:
+            return wishes, await self._access.put(wishes)
+        except Refused as problem:
+            if problem.reason not in _OWN_FAULTS:
+                raise
+        taken: list[tuple[Wish, Placed]] = []
+        problems: list[Refused] = []
+        for wish in wishes:
+            try:
+                taken += zip([wish], await self._access.put([wish]), strict=True)
+            except Refused as problem:
+                if problem.reason not in _OWN_FAULTS:
+                    raise
+                problems.append(problem)
+        if len(wishes) > 1 and not taken and all(one.reason is RejectReason.BUSY for one in problems):
+            raise problems[-1]  # not the records' fault
+        for one in problems:
+            self.state.complain(str(one))
+        return [wish for wish, _ in taken], [placed for _, placed in taken]
 
     async def _wishes(self, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[Wish]:
         try:
@@ -150,6 +187,11 @@ class _Work:
             if isinstance(found, Opened):
                 object_id = key[2] if len(key) == 3 else b""
                 place = signed_place(object_id) if object_id else key[1]
+                try:
+                    self._access.identity.check_kind(key[0], object_id)
+                except LocalFault as odd:
+                    self.state.complain(str(odd))
+                    continue
                 wishes.append(Wish(key[0], place, found.payload, found.digest, found.content_position, object_id))
             elif found is not None:
                 self.state.complain(str(found))

@@ -19,6 +19,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.progress import ProgressState
 from scenefold.client.reencryption import Pace, Reencryption, under_older_keys
 from scenefold.client.scene import Scene
+from scenefold.client.sealing import Draft, seal_all
 from scenefold.crypto import RecordHeader
 from scenefold.scene.layout import FILES, GEOMETRY
 from scenefold.wire import DAMAGED_RECORD, Packet, PutMany, RecordBytes, Role, SceneMode, SetMode
@@ -187,3 +188,21 @@ def test_the_time_that_is_left_is_said() -> None:
     state = Reencryption(1, begun=10.0, total=100, walks=1, walked=25, bytes=3 << 20)
     assert state.progress(20.0).unit == "records, 3.0 MiB sealed anew, 30 s left"
     assert state.progress(20.0).done == 25
+
+
+async def test_a_record_that_cannot_be_sealed_anew_ends_nothing(autojump_clock: MockClock, studio: Studio) -> None:
+    """A writer signed one with a place in a space where nodes choose it, and one that no version is above; lying nodes keep them."""
+    scene = await filled(studio)
+    objects = await scene.create_space("objects", node_managed=True)
+    await scene.grant(card_of(2), Role.WRITER)
+    ada = (await studio.kitchen(2)).access
+    assert ada.writer is not None
+    identity = replace(ada.identity, position=2**64 - 1)
+    (odd,) = seal_all(ada.identity, ada.writer, 1, [Draft(objects.id, PLACES[5], b"odd", None, 1, b"n" * 12, 1)])
+    (last,) = seal_all(identity, ada.writer, 1, [Draft(GEOMETRY, PLACES[9], b"last", None, 1, b"m" * 12, 1)])
+    studio.nodes.records[objects.id, PLACES[5]], studio.nodes.records[GEOMETRY, PLACES[9]] = odd, last
+    await scene.rotate_key()
+    report = await scene.reencrypt()
+    left = [key for key, item in studio.nodes.records.items() if RecordHeader.decode(item.header).key_epoch == 0]
+    assert sorted(left) == sorted([(objects.id, PLACES[5]), (GEOMETRY, PLACES[9])])
+    assert (report.unreadable, len(report.complaints)) == (2, 2)
