@@ -1,6 +1,7 @@
 """Who is let in, by the key in its certificate, and shown out again when that counts no longer (specs/15-cluster-log.md, Enrolling).
 
 A certificate stays valid after its keys were revoked, so TLS lets its holder in; here its connection ends. It is told why, once.
+Connections that this node opens are judged likewise.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import logging
 import trio
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import KeyId, address_of
+from scenefold.base.ids import KeyId
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.card_rules import refusal_of
 from scenefold.peer.cluster_log import ClusterLog
@@ -38,6 +39,7 @@ class Door:
         self._cluster_log = cluster_log
         self._handlers = handlers
         self._links = links
+        links.refusal_of = self._refusal_now
         self._quiet = QuietLog(_log)
         self._at = {priority: Guests() for priority in Priority}
         self._guests: dict[trio.CancelScope, tuple[str, KeyId | None]] = {}
@@ -64,12 +66,15 @@ class Door:
     async def _refusal_of(self, connection: Connection) -> Refused | None:
         """Why a peer is not let in. One that this node does not know yet may stand in the log of others."""
         for is_last in (False, True):
-            refusal = refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry, self._facts)
+            refusal = self._refusal_now(connection)
             if is_last or refusal is None or refusal.reason is not RejectReason.NOT_READY:
                 break
             with trio.move_on_after(NEWS_S_MAX):
                 await self._cluster_log.pull()
         return refusal
+
+    def _refusal_now(self, connection: Connection) -> Refused | None:
+        return refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry, self._facts)
 
     async def run(self) -> None:
         """Close what a newer log forbids, until cancelled."""
@@ -87,5 +92,4 @@ class Door:
             if refusal is not None:
                 _log.info("a connection of %s is closed: %s", peer, refusal)
                 scope.cancel()
-        for node in registry.barred:
-            self._links.drop(address_of(node))
+        self._links.check_again()

@@ -60,6 +60,10 @@ class Channel:
         return self._connection.peer
 
     @property
+    def connection(self) -> Connection:
+        return self._connection
+
+    @property
     def is_open(self) -> bool:
         return self._lost is None
 

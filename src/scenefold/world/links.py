@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
 import trio
 
-from scenefold.base.errors import Unreachable
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.wire import Packet
 from scenefold.world.channel import Channel, open_channel
-from scenefold.world.ports import Network, Priority, World
+from scenefold.world.ports import Connection, Network, Priority, World
 from scenefold.world.quiet import QuietLog
 from scenefold.world.tasks import background_tasks
 
@@ -42,6 +42,8 @@ class Links:
         self._quiet = QuietLog(logging.getLogger("scenefold.world.links"))
         self._scopes: set[trio.CancelScope] = set()
         self._is_closed = False
+        self.refusal_of: Callable[[Connection], Refused | None] = lambda _: None
+        """Why a peer that answers, and has shown its certificate, is told and asked nothing. Set by who knows whose keys count."""
 
     def close(self) -> None:
         """End all channels."""
@@ -49,10 +51,10 @@ class Links:
         for scope in self._scopes:
             scope.cancel()
 
-    def drop(self, address: str) -> None:
-        """End the channels to a node that is none of ours any more."""
-        for (known, _), link in list(self._links.items()):
-            if known == address and link.channel is not None:
+    def check_again(self) -> None:
+        """End the channels to those that are none of ours any more."""
+        for link in list(self._links.values()):
+            if link.channel is not None and self.refusal_of(link.channel.connection) is not None:
                 link.channel.end()
 
     async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
@@ -97,6 +99,10 @@ class Links:
                 scope.cancel()
             try:
                 connection = await self._network.connect(address, priority)
+                refusal = self.refusal_of(connection)
+                if refusal is not None:
+                    await connection.aclose()
+                    raise Unreachable(f"the node there is not talked to: {refusal.what}", where=address, remedy=refusal.remedy)
                 async with open_channel(connection, address, self._quiet) as channel:
                     link.channel = channel
                     link.settled.set()

@@ -59,6 +59,10 @@ class World:
     clock = Clock()
 
 
+class Pool:
+    """Of connections to others."""
+
+
 class Table:
     async def handle(self, packet: Packet, _peer: str) -> Packet:
         await trio.lowlevel.checkpoint()
@@ -66,7 +70,7 @@ class Table:
 
 
 def door(log: Log) -> Door:
-    return Door(World(), FACTS, log, Table(), object())  # type: ignore[arg-type]
+    return Door(World(), FACTS, log, Table(), Pool())  # type: ignore[arg-type]
 
 
 def knocking(number: int) -> Line:
