@@ -11,6 +11,9 @@ import pytest
 from integration.scenectl_process import Done, running, scenectl
 from loopback import ports_option
 
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+"""Some thirty commands, each a process."""
+
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 
 
