@@ -1,7 +1,7 @@
 """May this record be stored here? (Algorithm 6; specs/18-data.md, Writes). Pure; runs in the crypto lane.
 
 In this order, cheapest first: the header is that of the place it is offered for, and of the scene with this genesis;
-its epoch is not below the write floor; the scene's public header lists the writer for that epoch; the signature and
+its epoch is not below the write floor, nor one that the log has not come to; the scene's public header lists the writer for that epoch; the signature and
 the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
 
 Copies that another node hands over are verified alike, but for the write floor: they were accepted once, and must
@@ -104,6 +104,11 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
     if header.key_epoch < scene.public.key_epoch:
         raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
+    if header.epoch > scene.public.position:
+        # Versions are ordered by epoch first: nothing would ever be newer than a record of the last one.
+        raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
+    if header.key_epoch > scene.public.key_epoch:
+        raise Refused(RejectReason.ILL_FORMED, f"the scene has no key of epoch {header.key_epoch}")
     return Claim(Put(record, item.expect), key)
 
 
@@ -170,7 +175,7 @@ def epochs_of(items: Iterable[PutItem | HandItem]) -> dict[SceneId, int]:
     """The scenes of these records, in order, each with the highest log position that one of their authors claims to know.
 
     Asking for the scene at that position brings the header in which a new space or writer stands, if a push was missed. Who
-    claims too much costs a round of asking a second at most, and is refused all the same.
+    claims too much costs a round of asking a second at most, and is refused.
     """
     epochs: dict[SceneId, int] = {}
     for item in items:
