@@ -61,7 +61,10 @@ class Cluster:
         return await self.membership.card_of(name)
 
     async def public_key(self, key_id: KeyId) -> PublicKey | None:
-        """The public key with this id, of a member or of a scene, from any node that knows it; None if none does."""
+        """The public key with this id, of a member or of a scene, from any node that knows it; None if none does.
+
+        To look at, not to trust: keys of the same id can be searched for (client/public_keys.py).
+        """
         return await find_public_key(self.calls, [owner.address for owner in await self.nodes()], key_id)
 
     async def status(self) -> ClusterStatus:

@@ -1,4 +1,8 @@
-"""A public key by its id, from whoever has it: packets 3 and 4 (thesis C.2). The id is a hash of the key, so nobody needs to be trusted."""
+"""A public key by its id, from whoever has it: packets 3 and 4 (thesis C.2).
+
+The id is the beginning of the key's hash, so no node can tell any key that it likes. But it has 32 bits, and whoever tries four
+thousand million keys finds one with a given id: who somebody is, and who may write, say cards and verified scene headers alone.
+"""
 
 from __future__ import annotations
 
