@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
+from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import InvitedKind, Token
@@ -32,15 +32,15 @@ async def enrol(profile: Path, token: Token, node: NodeId = USER_AT, *, suite: i
     world = offline_world()
     token = await located(token)
     newcomer = await world.workers.run("import", lambda: Newcomer.at(profile, token, node, suite=suite))
+    now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
     try:
-        answer = await _ask(newcomer, token.addresses)
+        answer = await _ask(newcomer, token.addresses, now)
     except Unreachable:
         # Those that the token names may be gone, and others be near.
         nearby = tuple(address for address in await _nearby(token) if address not in token.addresses)
         if not nearby:
             raise
-        answer = await _ask(newcomer, nearby)
-    now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
+        answer = await _ask(newcomer, nearby, now)
     return await world.workers.run("import", newcomer.admitted, answer, now)
 
 
@@ -68,23 +68,32 @@ async def _nearby(token: Token) -> list[NodeId]:
     return await look_around(token.key, offline_world().entropy.token(NONCE_BYTES), token.high)
 
 
-async def _ask(newcomer: Newcomer, addresses: Sequence[NodeId]) -> Enrolled:
-    """The answer of the first that has one. Refused by the cluster; Unreachable, in the words of the last, if none of them answers."""
+async def _ask(newcomer: Newcomer, addresses: Sequence[NodeId], now: datetime.datetime) -> Enrolled:
+    """The first answer that is to be believed: a node that lies, or errs, speaks for itself only.
+
+    Else what the first refusal, or answer that is not believed, said; Unreachable, in the words of the last, if none of them answers.
+    """
     from scenefold.world.real.newcomers import request_enrolment
 
     token = newcomer.token
+    first: Refused | DamagedData | None = None
     last: ScenefoldError | None = None
     for address in addresses:
         if address == newcomer.node:
             continue
         try:
-            return await request_enrolment(address, token.high, token.mark, newcomer.request())
+            answer = await request_enrolment(address, token.high, token.mark, newcomer.request())
+            newcomer.check(answer, now)
+            return answer
         except (Unreachable, PeerFault) as problem:
             last = problem
-        except Refused as refusal:
-            if refusal.reason is not RejectReason.NOT_READY:
-                raise
-            last = refusal
+        except (Refused, DamagedData) as refusal:
+            if isinstance(refusal, Refused) and refusal.reason is RejectReason.NOT_READY:
+                last = refusal
+            else:
+                first = first or refusal
+    if first is not None:
+        raise first
     why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
     where = ", ".join(map(address_of, addresses))
     remedy = (last.remedy if last is not None else "") or "see that one of them runs, then try again"

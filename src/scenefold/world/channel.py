@@ -15,6 +15,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.limits import REQUESTS_IN_FLIGHT_MAX
+from scenefold.base.printable import printable
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost
@@ -98,7 +99,7 @@ class Channel:
             raise pending.answer
         assert pending.answer is not None
         if isinstance(pending.answer, Fault):
-            raise Refused(pending.answer.reason, pending.answer.text, where=self._where)
+            raise Refused(pending.answer.reason, printable(pending.answer.text), where=self._where)
         return pending.answer
 
     async def _put(self, packet: Packet) -> None:

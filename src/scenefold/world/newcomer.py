@@ -75,8 +75,8 @@ class Newcomer:
         form = EnrolForm(key.public.raw, name, self.node, tls_key_in(self.tls_key), self.secrets.public().encode()).encode()
         return RequestEnrolment(form=form, signature=key.sign(ENROL_DOMAIN, form))
 
-    def admitted(self, answer: Enrolled, now: datetime.datetime) -> ClusterProfile:
-        """Write the profile by what a node has answered; DamagedData if that does not verify, OutOfDate by a wrong clock."""
+    def check(self, answer: Enrolled, now: datetime.datetime) -> tuple[ClusterFacts, Card]:
+        """What a node has answered; DamagedData if that does not verify, OutOfDate by a wrong clock."""
         authority = authority_pem(answer.authority)
         if mark_of(authority) != self.token.mark:
             raise DamagedData("the answer is of another cluster than the token")
@@ -85,6 +85,12 @@ class Newcomer:
         own = (name, self.secrets.signing.public, self.secrets.sealing.public, tls_key_in(self.tls_key))
         if (card.name, card.keys.signing, card.keys.sealing, card.tls_key) != own:
             raise DamagedData("the certificate is for somebody else, or for other keys than ours")
+        return facts, card
+
+    def admitted(self, answer: Enrolled, now: datetime.datetime) -> ClusterProfile:
+        """Write the profile by what a node has answered; errors are those of `check`."""
+        facts, card = self.check(answer, now)
+        authority, name = authority_pem(answer.authority), card.name
         identity = Identity(name, pem_of(card.der), self.tls_key)
         known = _known_profile(self.profile, self.token)
         if known is None:

@@ -13,6 +13,7 @@ import trio
 from scenefold.base.errors import DamagedData, PeerFault, Refused, TurnedAway, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import HANDSHAKE_S_MAX, NEWCOMER_S_MAX
+from scenefold.base.printable import printable
 from scenefold.crypto import Card, authority_pem, mark_of, newcomer_context, peer_certificate
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
 from scenefold.wire.enrol_packets import Enrolled, Greeting, RequestEnrolment
@@ -62,7 +63,7 @@ async def _request(node: NodeId, port: int, mark: bytes, request: RequestEnrolme
         await secure.send_all(encode_frame(request))
         answer = await _next(secure, frames)
         if isinstance(answer, Fault):
-            raise Refused(answer.reason, answer.text, where=where)
+            raise Refused(answer.reason, printable(answer.text), where=where)
         if not isinstance(answer, Enrolled):
             raise PeerFault(f"a request to be enrolled was answered with a {type(answer).__name__}", where=where)
         return answer
