@@ -67,8 +67,8 @@ def emit_error(ending: Ending, *, as_json: bool, error: BaseException | None = N
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Columns as wide as they need; numbers to the right, words to the left."""
-    cells = [[str(cell) for cell in row] for row in rows]
+    """Columns as wide as they need; numbers to the right, words to the left. What would steer a terminal is written out."""
+    cells = [[_printable(str(cell)) for cell in row] for row in rows]
     numeric = [bool(cells) and all(_is_number(row[index]) for row in cells) for index in range(len(titles))]
     widths = [max(len(line[index]) for line in [list(titles), *cells]) for index in range(len(titles))]
     lines = [list(titles), *cells]
@@ -91,3 +91,8 @@ def size_text(count: float) -> str:
 
 def _is_number(cell: str) -> bool:
     return cell[:1].isdigit()
+
+
+def _printable(text: str) -> str:
+    """Names come from others, and a terminal obeys whoever writes to it."""
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)

@@ -147,7 +147,7 @@ class Draft:
 
     space: SpaceId
     location: Location
-    payload: bytes
+    payload: bytes = field(repr=False)
     expect: bytes | None
     seq: int
     nonce: bytes
@@ -161,7 +161,7 @@ class Draft:
 class Opened:
     """What a verified record holds, and its version."""
 
-    payload: bytes
+    payload: bytes = field(repr=False)
     seq: int
     digest: bytes
     content_position: int = 0

@@ -22,6 +22,10 @@ class Wish(NamedTuple):
     object: bytes = b""
     """Of a node-managed record: its id. `location` is then `signed_place` of it: the node chooses where it lies."""
 
+    def __repr__(self) -> str:
+        """Without what is to be sealed: errors are logged."""
+        return f"Wish(space={self.space}, location={self.location.hex()}, {len(self.payload)} bytes)"
+
     @property
     def key(self) -> Key:
         return (self.space, self.location, self.object) if self.object else (self.space, self.location)

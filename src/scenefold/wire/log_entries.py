@@ -6,7 +6,7 @@ which of them fits after which is the business of whoever folds the log.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, TypeAlias
 
@@ -117,7 +117,7 @@ class KeyEpoch:
     """From here on a new symmetric key is used, which stands in the lockboxes; `previous`: the one until now."""
 
     epoch: int
-    previous: bytes
+    previous: bytes = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,3 +77,8 @@ def test_space_names_are_those_of_the_scene_layout() -> None:
     from scenefold.scene.layout import SPACES
 
     assert {space.name: int(space.id) for space in SPACES} == {name: index + 1 for index, name in enumerate(SPACE_NAMES)}
+
+
+def test_a_name_that_others_chose_does_not_steer_the_terminal() -> None:
+    shown = table(("name",), [("\x1b[2Jkitchen\n\u202e\x9b",), ("küche 厨房",)])
+    assert shown.splitlines() == ["name", r"\x1b[2Jkitchen\n\u202e\x9b", "küche 厨房"]

@@ -55,6 +55,8 @@ class Contents:
             found = cls(Role(role), key_epoch, symmetric_key, PublicKey(header_key), *names, seed if any(seed) else None)
         except ValueError:
             raise DamagedData("a scene's lockbox holds no role, or no name") from None
+        if not all(name.isprintable() for name in names):
+            raise DamagedData("a scene's lockbox holds a name that cannot be shown")
         if found.encode() != data or (found.role is Role.OWNER) != (found.header_seed is not None):
             raise DamagedData("a scene's lockbox is ill-formed")
         if found.header_seed is not None and SigningKey(found.header_seed).public != found.header_key:

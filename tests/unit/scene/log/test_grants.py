@@ -11,14 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
-from scenefold.base.ids import KeyId, NodeId
+from scenefold.base.ids import KeyId, NodeId, SpaceId
+from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
 from scenefold.client.births import born, first_header, first_records, kept_keys
-from scenefold.crypto import HEADER_DOMAIN, InvalidSignature, SealingKey, SigningKey
+from scenefold.client.sealing import Draft, Opened
+from scenefold.client.wishes import Wish
+from scenefold.crypto import HEADER_DOMAIN, InvalidSignature, SigningKey
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
 from scenefold.scene.log import (
-    Contents,
     EpochKeys,
     OpenedLog,
     SceneKeys,
@@ -28,11 +30,9 @@ from scenefold.scene.log import (
     keys_after,
     keys_in,
     keys_with_log,
-    locked,
     open_private,
     own_lockbox,
     seal_private,
-    unlocked,
 )
 from scenefold.wire import Batch, KeyEntry, KeyEpoch, LogEntry, Revoke, Role, SceneLogPublic
 from unit.scene.log.members import MAKER, grant, secrets_of
@@ -257,51 +257,15 @@ def test_a_role_is_lowered_by_taking_it_and_granting_less() -> None:
     assert keys is not None and keys.role is Role.READER
 
 
-SIGNER = secrets_of(MAKER_NUMBER).signing
-CONTENTS = Contents(Role.OWNER, 3, bytes(24), SigningKey(b"h" * 32).public, "kitchen", "user:owner", b"h" * 32)
-
-
-def test_lockboxes_are_alike_from_outside() -> None:
-    reader = replace(CONTENTS, role=Role.READER, header_seed=None, name="k")
-    recipient = KeyEntry(1, SealingKey(bytes(32)).public.raw)
-    one, other = (locked(contents, recipient, bytes(32), SIGNER, Story().token) for contents in (CONTENTS, reader))
-    assert len(one.sealed) == len(other.sealed)
-
-
-@given(st.data())
-def test_a_lockbox_opens_for_its_member_scene_and_epoch_only(data: st.DataObject) -> None:
-    key = SealingKey(bytes(31) + b"\x05")
-    lockbox = locked(CONTENTS, KeyEntry(1, key.public.raw), b"g" * 32, SIGNER, Story().token)
-    assert unlocked(lockbox, key, b"g" * 32, 3) == CONTENTS
-    for other in ((SealingKey(bytes(32)), b"g" * 32, 3), (key, b"h" * 32, 3), (key, b"g" * 32, 2)):
-        with pytest.raises(DamagedData):
-            unlocked(lockbox, *other)
-    at, bit = data.draw(st.integers(0, len(lockbox.sealed) - 1)), data.draw(st.integers(0, 7))
-    flipped = bytearray(lockbox.sealed)
-    flipped[at] ^= 1 << bit
-    with pytest.raises(DamagedData):
-        unlocked(replace(lockbox, sealed=bytes(flipped)), key, b"g" * 32, 3)
-
-
-@given(st.binary(max_size=200))
-def test_whatever_a_lockbox_holds_is_keys_or_damaged(plain: bytes) -> None:
-    with pytest.raises(DamagedData):
-        Contents.decode(plain)
-
-
-@given(st.data())
-def test_changed_contents_are_other_keys_or_damaged(data: st.DataObject) -> None:
-    encoded = bytearray(CONTENTS.encode())
-    encoded[data.draw(st.integers(0, len(encoded) - 1))] ^= data.draw(st.integers(1, 255))
-    try:
-        found = Contents.decode(bytes(encoded))
-    except DamagedData:
-        return
-    assert found.encode() == bytes(encoded) != CONTENTS.encode()
-
-
 def test_no_key_shows_in_what_is_printed() -> None:
     keys = replace(Story().keys, epochs=EpochKeys({0: b"secretsecretsecretsecret", 4: bytes(24)}))
     assert "secret" not in repr(keys) and "header_seed" not in repr(keys)
     assert keys.epochs.newest_epoch == 4
+    printed = [
+        KeyEpoch(1, b"secret" * 4),
+        Draft(SpaceId(1), FIRST, b"secret", None, 1, bytes(12)),
+        Opened(b"secret", 1, bytes(32)),
+        Wish(SpaceId(1), FIRST, b"secret"),
+    ]
+    assert "secret" not in repr(printed)
     assert EpochKeys.of_rows(keys.epochs.rows()) == keys.epochs
