@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from scenectl.errors import DEGRADED, DONE
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
 
 if TYPE_CHECKING:
@@ -216,10 +217,10 @@ def rotate_key(
     resume: bool = False,
     rate: float | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
-) -> None:
+) -> int:
     """Change a scene's key, and seal everything in it anew while others read and write.
 
-    May be interrupted at any time; what is done stays done, and --resume goes on.
+    May be interrupted at any time; what is done stays done, and --resume goes on. Exit code 5 if something is left under an older key.
 
     Example: scenectl scene rotate-key kitchen --rate 20 --profile studio
 
@@ -252,7 +253,10 @@ def rotate_key(
     text = f"{scene} is under key epoch {report.key_epoch}: {report.renewed} records, {size_text(report.bytes)} sealed anew, {report.seconds:.1f} s."
     if report.unreadable:
         text += f"\n{report.unreadable} records stay as they are, among them:" + "".join(f"\n  {line}" for line in report.complaints)
+    if not report.ended:
+        text += "\nRecords under older keys were still found in the last walk: go on with --resume."
     emit(output, {"scene": scene, **report.document()}, text)
+    return DONE if report.is_complete else DEGRADED
 
 
 def _members(access: Access) -> str:

@@ -58,10 +58,10 @@ async def reencrypt(access: SceneAccess, progress: ProgressCallback = no_progres
     begun = clock.now()
     if state.key_epoch:
         await work.count(spaces)
-    while state.key_epoch and state.walks < WALKS_MAX:
+    state.ended = not state.key_epoch
+    while not state.ended and state.walks < WALKS_MAX:
         await work.walk(spaces)
-        if not state.renewed_in_walk:
-            break
+        state.ended = not state.renewed_in_walk
     state.seconds = clock.now() - begun
     return state
 

@@ -71,6 +71,13 @@ class Reencryption:
     unreadable: int = 0
     complaints: list[str] = field(default_factory=list)
     seconds: float = 0.0
+    ended: bool = False
+    """Whether a walk found nothing more to do."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is left under older keys, as far as anybody knows."""
+        return self.ended and not self.unreadable
 
     def begin_walk(self) -> None:
         """From the first record on."""
@@ -107,6 +114,7 @@ class Reencryption:
             "unreadable": self.unreadable,
             "complaints": list(self.complaints),
             "walks": self.walks,
+            "complete": self.is_complete,
             "seconds": round(self.seconds, 3),
         }
 

@@ -206,3 +206,15 @@ async def test_a_record_that_cannot_be_sealed_anew_ends_nothing(autojump_clock: 
     left = [key for key, item in studio.nodes.records.items() if RecordHeader.decode(item.header).key_epoch == 0]
     assert sorted(left) == sorted([(objects.id, PLACES[5]), (GEOMETRY, PLACES[9])])
     assert (report.unreadable, len(report.complaints)) == (2, 2)
+    assert report.ended and not report.is_complete and report.document()["complete"] is False
+
+
+async def test_walks_that_end_before_one_found_nothing_are_not_called_complete(
+    autojump_clock: MockClock, studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenefold.client.reencrypting.WALKS_MAX", 1)
+    scene = await filled(studio)
+    assert (await scene.reencrypt()).is_complete, "there is one key only"
+    await scene.rotate_key()
+    assert not (await scene.reencrypt()).is_complete
+    assert (await scene.reencrypt()).is_complete
