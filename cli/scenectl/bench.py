@@ -118,7 +118,8 @@ def seal(
 def hostile(
     *,
     attack: str | None = None,
-    seconds: Annotated[int, whole(1, 3600)] = 5,
+    seconds: Annotated[int, whole(1, 3600)] = 3,
+    rounds: Annotated[int, whole(1, 100)] = 3,
     nodes: Annotated[int, whole(1, 16)] = 3,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
@@ -132,7 +133,9 @@ def hostile(
     attack
         One attack by its name, as the table shows it; all of them otherwise.
     seconds
-        How long each attack lasts, and each measurement beside a process that burns as much processor time.
+        How long each turn lasts, of an attack, and beside a process that burns as much processor time.
+    rounds
+        How often these two take turns; the median counts.
     nodes
         Nodes of the cluster.
     ports
@@ -146,7 +149,7 @@ def hostile(
     if attack is not None and attack not in ATTACKS:
         raise LocalFault(f"there is no attack named {attack!r}", remedy="one of these: " + ", ".join(ATTACKS))
     chosen = () if attack is None else (attack,)
-    result = run(bench_hostile, HostileBench(attacks=chosen, seconds=seconds, nodes=nodes, ports=cluster_ports(ports)))
+    result = run(bench_hostile, HostileBench(attacks=chosen, seconds=seconds, rounds=rounds, nodes=nodes, ports=cluster_ports(ports)))
     emit(output, result, bench_text(result))
 
 

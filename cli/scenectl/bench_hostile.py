@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import os
+import statistics
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -42,6 +44,8 @@ class HostileBench:
     attacks: Sequence[str]
     """Names; none: all."""
     seconds: float
+    rounds: int
+    """Turns of attack and burner; the median counts."""
     nodes: int
     ports: Ports | None
 
@@ -98,6 +102,7 @@ async def bench_hostile(bench: HostileBench) -> dict[str, Any]:
         return {
             "nodes": bench.nodes,
             "seconds": bench.seconds,
+            "rounds": bench.rounds,
             "alone_records_per_second": alone,
             "attacks": rows,
             "wrong_bytes": honest.wrong,
@@ -115,32 +120,38 @@ async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, hones
         "seconds": bench.seconds + REST_S,
         "attack": name,
     }
-    before, failed = memory_bytes(nodes), honest.failed
-    report: dict[str, Any] = {}
+    before, failed, grown = memory_bytes(nodes), honest.failed, 0
+    seen, seconds, cpu_s = Counter[str](), 0.0, 0.0
+    attacked: list[float] = []
+    beside: list[float] = []
+    for _ in range(bench.rounds):
+        report: dict[str, Any] = {}
 
-    async def attack() -> None:
-        done = await trio.run_process([sys.executable, "-m", "scenectl.attacks", json.dumps(settings)], capture_stdout=True)
-        report.update(json.loads(done.stdout))
+        async def attack(report: dict[str, Any] = report) -> None:
+            done = await trio.run_process([sys.executable, "-m", "scenectl.attacks", json.dumps(settings)], capture_stdout=True)
+            report.update(json.loads(done.stdout))
 
-    async with trio.open_nursery() as nursery:
-        nursery.start_soon(attack)
-        await trio.sleep(REST_S)
-        attacked = await honest.rate(bench.seconds)
-        grown = memory_bytes(nodes) - before
-    share = min(0.99, report["cpu_s"] / report["seconds"])
-    async with trio.open_nursery() as nursery:
-        nursery.start_soon(partial(trio.run_process, [sys.executable, "-c", _BURN, str(share)], check=False))
-        await trio.sleep(REST_S)
-        beside = await honest.rate(bench.seconds)
-        nursery.cancel_scope.cancel()
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(attack)
+            await trio.sleep(REST_S)
+            attacked.append(await honest.rate(bench.seconds))
+            grown = max(grown, memory_bytes(nodes) - before)
+        seen.update(report["seen"])
+        seconds, cpu_s = seconds + report["seconds"], cpu_s + report["cpu_s"]
+        share = min(0.99, cpu_s / seconds)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(partial(trio.run_process, [sys.executable, "-c", _BURN, str(share)], check=False))
+            await trio.sleep(REST_S)
+            beside.append(await honest.rate(bench.seconds))
+            nursery.cancel_scope.cancel()
     return {
         "attack": name,
-        "seen": report["seen"],
-        "per_second": {what: count / report["seconds"] for what, count in report["seen"].items()},
-        "attacker_cores": share,
-        "records_per_second": attacked,
-        "beside_a_burner": beside,
-        "relative": attacked / beside if beside else 0.0,
+        "seen": dict(sorted(seen.items())),
+        "per_second": {what: count / seconds for what, count in sorted(seen.items())},
+        "attacker_cores": cpu_s / seconds,
+        "records_per_second": statistics.median(attacked),
+        "beside_a_burner": statistics.median(beside),
+        "relative": statistics.median(one / other if other else 0.0 for one, other in zip(attacked, beside, strict=True)),
         "memory_growth_bytes": grown,
         "failed_calls": honest.failed - failed,
     }

@@ -81,7 +81,10 @@ def test_every_attack_is_tried() -> None:
 @pytest.mark.slow
 def test_the_table_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     ports = ports_option("127.0.0.2", "127.0.0.3")
-    assert main(["bench", "hostile", "--attack", "garbage", "--seconds", "1", "--nodes", "1", "--ports", ports, "--json"]) == 0
+    assert (
+        main(["bench", "hostile", "--attack", "garbage", "--seconds", "1", "--rounds", "2", "--nodes", "1", "--ports", ports, "--json"])
+        == 0
+    )
     report = json.loads(capsys.readouterr().out)
     (row,) = report["attacks"]
     assert report["wrong_bytes"] == report["failed_calls"] == 0
