@@ -63,7 +63,10 @@ class SecretFolder:
 
     def lock(self, names: tuple[str, ...], passphrase: str, token: Callable[[int], bytes]) -> None:
         """Lock these secrets, now plain or under another passphrase; the new one is in force once this returns."""
-        secrets = {name: self.read(name) for name in names}
+        self.keep_locked({name: self.read(name) for name in names}, passphrase, token)
+
+    def keep_locked(self, secrets: Mapping[str, bytes], passphrase: str, token: Callable[[int], bytes]) -> None:
+        """Put these secrets here, locked: they never lie on the disk in the clear."""
         locked = lock(pack_archive(_KIND, secrets), passphrase, token)
         if unlock(locked, passphrase) != pack_archive(_KIND, secrets):
             raise LocalFault("what was locked does not open again", where=str(self.path), remedy="report this; nothing was changed")

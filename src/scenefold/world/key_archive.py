@@ -9,9 +9,12 @@ What comes in is never written over what is there, and a user's keys come in loc
 
 from __future__ import annotations
 
+import fcntl
+import os
 import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -83,20 +86,55 @@ def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> T
     kind, files = unpack_archive(unlock(data, passphrase, str(source)), (BACKUP, IDENTITY), str(source))
     if _SETTINGS not in files or any(_room(name) not in (_SETTINGS, _USERS, _AUTHORITY, _SCENES) for name in files):
         raise LocalFault("the file of keys is damaged", where=str(source), remedy="restore it from another copy")
-    draft = profile.with_name(f".{profile.name}.{secrets.token_hex(6)}")
-    try:
-        make_private_folder(draft)
+    of_users = [name for name in files if _room(name) == _USERS]
+    if any(len(name.split("/")) != len(("users", "name", "file")) or name.endswith(f"/{LOCKED_FILE}") for name in of_users):
+        raise LocalFault("the file of keys is damaged", where=str(source), remedy="restore it from another copy")
+    with _draft_for(profile) as draft:
         for name, content in files.items():
-            make_private_folder((draft / name).parent)
-            write_secret(draft / name, content)
+            if name not in of_users or Path(name).name in _PUBLIC:
+                make_private_folder((draft / name).parent)
+                write_secret(draft / name, content)
         taken = Taken.of(kind, files, _cluster_of(draft))
         for user in taken.users:
-            lock_user(SecretFolder(draft / _USERS / user), passphrase, token)
+            make_private_folder(draft / _USERS / user)
+            SecretFolder(draft / _USERS / user).keep_locked(_secrets_of(user, files), passphrase, token)
         make_private_folder(draft / _SCENES)
         _merge(draft, profile)
+    return taken
+
+
+def _secrets_of(user: str, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    own = {name.rpartition("/")[2]: content for name, content in files.items() if name.startswith(f"{_USERS}/{user}/")}
+    return {name: content for name, content in own.items() if name not in _PUBLIC}
+
+
+@contextmanager
+def _draft_for(profile: Path) -> Iterator[Path]:
+    """A folder beside the profile, which is gone afterwards; so are those that killed imports left."""
+    beginning = f".{profile.name}.import."
+    make_private_folder(profile.parent)
+    for stale in profile.parent.iterdir():
+        if stale.name.startswith(beginning):
+            with suppress(OSError), _held(stale):
+                shutil.rmtree(stale)
+    draft = profile.with_name(beginning + secrets.token_hex(6))
+    make_private_folder(draft)
+    try:
+        with _held(draft):
+            yield draft
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-    return taken
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """OSError if another process holds it. Whoever is killed holds nothing."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _merge(draft: Path, profile: Path) -> None:
@@ -110,20 +148,26 @@ def _merge(draft: Path, profile: Path) -> None:
         raise LocalFault(
             "the profile is of another cluster than the keys", where=str(profile), remedy="name a profile that does not exist yet"
         )
-    new = []
-    for user in _folders_in(draft / _USERS):
-        if (profile / _USERS / user).exists():
+    users = _folders_in(draft / _USERS)
+    new = [user for user in users if not (profile / _USERS / user).exists()]
+    for user in users:
+        # Some of several may be there because an earlier import was interrupted among them.
+        if user not in new and not (new and _is_same(draft / _USERS / user, profile / _USERS / user)):
             raise LocalFault(f"the profile has keys of {user} already", where=str(profile), remedy="move them away, or name a new profile")
-        new.append(user)
-    make_private_folder(profile / _USERS)
-    for user in new:
-        (draft / _USERS / user).rename(profile / _USERS / user)
     for room in (_SCENES, _AUTHORITY):
         make_private_folder(profile / room)
         for name in _files_in(draft / room):
             target = profile / room / name
             if not target.exists():
                 (draft / room / name).rename(target)
+    # Last: as long as they are missing, whoever was interrupted may repeat all of it.
+    make_private_folder(profile / _USERS)
+    for user in new:
+        (draft / _USERS / user).rename(profile / _USERS / user)
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    return all((one / name).exists() and (other / name).exists() and _content(one / name) == _content(other / name) for name in _PUBLIC)
 
 
 def _taken_from(profile: Path, ask: Callable[[str], str], user: str | None) -> Iterator[tuple[str, bytes]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
-from scenefold.crypto import passphrases
+from scenefold.crypto import passphrases, write_secret
 from scenefold.crypto.passphrases import WrongPassphrase, unlock
 from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder, refuse_to_ask
 from scenefold.world import key_archive
@@ -139,6 +139,79 @@ def test_a_lost_user_and_scene_come_back_into_a_profile_that_has_the_rest(profil
     assert sorted(path.name for path in (profile / "scenes").iterdir()) == ["garden.toml", "kitchen.toml"]
 
 
+class Killed(BaseException):
+    """The process ends here, and nothing is cleaned up."""
+
+
+def _killed(*_: object, **__: object) -> None:
+    raise Killed
+
+
+def _drafts(profile: Path) -> list[Path]:
+    return [path for path in profile.parent.iterdir() if path.name.startswith(f".{profile.name}.")]
+
+
+def test_a_killed_import_leaves_no_key_of_a_user_in_the_clear_and_the_next_one_clears_up(
+    profile: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, back = tmp_path / "keys.backup", tmp_path / "back"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    plain = [data for name, data in _files(profile / "users" / "owner").items() if name != "certificate.pem"]
+    written: list[bytes] = []
+
+    def written_down(path: Path, data: bytes, *, replace: bool = False) -> None:
+        written.append(data)
+        write_secret(path, data, replace=replace)
+
+    with monkeypatch.context() as dying:
+        dying.setattr(key_archive, "write_secret", written_down)
+        dying.setattr("scenefold.crypto.secret_folder.write_secret", written_down)
+        dying.setattr(key_archive, "_merge", _killed)
+        dying.setattr("shutil.rmtree", lambda *_, **__: None)
+        with pytest.raises(Killed):
+            import_keys(file, back, PASSPHRASE, os.urandom)
+    assert len(_drafts(back)) == 1 and written and not [data for data in written if data in plain]
+    import_keys(file, back, PASSPHRASE, os.urandom)
+    assert not _drafts(back) and _secrets_of(back) == [LOCKED_FILE]
+
+
+def test_what_others_make_beside_the_profile_stays(profile: Path, tmp_path: Path) -> None:
+    file, back = tmp_path / "keys.backup", tmp_path / "back"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    (tmp_path / ".back.0123456789ab").mkdir()
+    import_keys(file, back, PASSPHRASE, os.urandom)
+    assert [path.name for path in _drafts(back)] == [".back.0123456789ab"]
+
+
+@pytest.mark.parametrize("renames", range(4))
+def test_an_interrupted_import_can_be_repeated(profile: Path, tmp_path: Path, renames: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, before = tmp_path / "keys.backup", _files(profile)
+    shutil.copytree(profile / "users" / "owner", profile / "users" / "zoe")
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    for gone in ("users/owner", "users/zoe"):
+        shutil.rmtree(profile / gone)
+    for gone in ("authority/key.pem", "scenes/kitchen.toml"):
+        (profile / gone).unlink()
+    left, rename = [None] * renames, Path.rename
+
+    def dies(path: Path, target: Path) -> Path:
+        if not left:
+            raise Killed
+        left.pop()
+        return rename(path, target)
+
+    with monkeypatch.context() as dying:
+        dying.setattr(Path, "rename", dies)
+        with pytest.raises(Killed):
+            import_keys(file, profile, PASSPHRASE, os.urandom)
+    import_keys(file, profile, PASSPHRASE, os.urandom)
+    for user in ("owner", "zoe"):
+        assert _secrets_of(profile, user) == [LOCKED_FILE]
+    assert {name: data for name, data in _files(profile).items() if not name.startswith("users/")} == {
+        name: data for name, data in before.items() if not name.startswith("users/")
+    }
+
+
 def test_a_wrong_passphrase_and_a_damaged_file_are_told_apart_and_leave_nothing(profile: Path, tmp_path: Path) -> None:
     file = tmp_path / "keys.backup"
     export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
@@ -155,7 +228,20 @@ def test_a_wrong_passphrase_and_a_damaged_file_are_told_apart_and_leave_nothing(
     assert {path.name for path in tmp_path.iterdir()} == {"studio", "keys.backup"}
 
 
-@pytest.mark.parametrize("name", ["../evil", "/etc/passwd", "users/../../evil", "nodes/127.0.0.2/key.pem", "users/a/b/c/d", ""])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../evil",
+        "/etc/passwd",
+        "users/../../evil",
+        "nodes/127.0.0.2/key.pem",
+        "users/a/b/c/d",
+        "users/a/b/c",
+        "users/owner/locked",
+        "users/owner",
+        "",
+    ],
+)
 def test_a_file_that_would_lie_elsewhere_is_refused(profile: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     import json
 
