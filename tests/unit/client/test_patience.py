@@ -102,14 +102,6 @@ async def test_a_deleted_place_is_empty_and_free_again(autojump_clock: MockClock
         await space.put(FIRST, b"three", expect=ABSENT)
 
 
-async def test_deletions_differ_in_length(autojump_clock: MockClock) -> None:
-    nodes = FakeNodes()
-    space = _scene(nodes).space(FILES)
-    for place in PLACES:
-        await space.delete(place)
-    assert len({len(item.ciphertext) for item in nodes.records.values()}) > 1
-
-
 async def test_an_import_takes_the_places_of_deleted_records_unless_what_it_brings_is_there(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     scene = _scene(nodes)
