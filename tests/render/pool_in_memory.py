@@ -21,6 +21,7 @@ from scenefold.render.arrays import F32
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool.organiser import RenderRequest, organiser_of
 from scenefold.render.pool.service import RenderService
+from scenefold.scene.head import SceneHead
 from scenefold.scene.importers import read_scene
 from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.log import EpochKeys
@@ -87,7 +88,7 @@ class MemoryHost:
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._pool.deliver(f"node:{self.node_id}", node, packet)
 
-    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys) -> MemoryReader:
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> MemoryReader:
         return MemoryReader(self._pool.records)
 
     def record_count(self) -> int:

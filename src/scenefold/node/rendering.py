@@ -13,13 +13,14 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import NewerThanKnown, Opened, SceneIdentity, open_all, payload_of, writers_of
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
+from scenefold.scene.head import SceneHead, check_head
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet, RecordBytes, RecordKey
 from scenefold.world import World
@@ -76,8 +77,8 @@ class RenderHost:
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._context.peers.tell(node, priority_of(packet), packet, SEND_S_MAX)
 
-    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys) -> NodeReader:
-        return NodeReader(self._context, scene, genesis, keys)
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> NodeReader:
+        return NodeReader(self._context, scene, genesis, keys, head)
 
     def record_count(self) -> int:
         return self._context.store.record_count
@@ -91,6 +92,7 @@ class NodeReader:
     scene: SceneId
     genesis: bytes
     keys: EpochKeys
+    head: SceneHead
 
     async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
         """The payloads at these locations, in order; None where nothing lies. DamagedData if one does not verify."""
@@ -128,9 +130,8 @@ class NodeReader:
             raise Refused(RejectReason.KEY_REVOKED, what, where=unknown.where, remedy="start the render again") from unknown
 
     async def _identity(self, position: int = 0) -> SceneIdentity:
-        known = await self.context.scenes.known(self.scene, position=position)
-        if known.public.genesis != self.genesis:
-            raise DamagedData("the job speaks of another scene with the same id", where=f"scene {self.scene:08x}")
+        known = await self.context.scenes.known(self.scene, position=max(position, self.head.position))
+        check_head(known.public, self.genesis, self.head)
         return SceneIdentity(
             scene=self.scene,
             genesis=self.genesis,

@@ -17,6 +17,7 @@ from scenefold.render.arrays import F32
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool.organiser import LAYERS, RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
+from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob, unpack_value
 
 ASK_S_MAX = 60.0
@@ -78,7 +79,7 @@ async def render_still(cluster: Cluster, scene: Scene, options: StillOptions, pr
     watch = _Watch(cluster, address_of(owner), job)
     await scene.access.know_all_keys()
     identity = scene.access.identity
-    request = RenderRequest(job, identity.scene, identity.genesis, identity.keys, wanted)
+    request = RenderRequest(job, identity.scene, identity.genesis, identity.keys, wanted, _head(scene))
     await watch.start(request)
     try:
         state = await watch.until_done(progress)
@@ -87,6 +88,12 @@ async def render_still(cluster: Cluster, scene: Scene, options: StillOptions, pr
         await watch.let_go()
     layers = _unpack(image, wanted.width, wanted.height)
     return StillResult(layers, _report(state))
+
+
+def _head(scene: Scene) -> SceneHead:
+    """What the nodes must not fall behind of."""
+    log = scene.access.log
+    return NO_HEAD if log is None else SceneHead(scene.access.identity.position, log.keys.header_key.raw)
 
 
 class _Watch:

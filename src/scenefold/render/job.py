@@ -17,6 +17,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition
 from scenefold.render.passes import PassPlan
+from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import pack_value, unpack_value
 
@@ -91,6 +92,7 @@ class Job:
     nodes: tuple[NodeId, ...]
     """In line order; a node's index here is its index in the partition."""
     partition: Partition
+    head: SceneHead = NO_HEAD
 
     @property
     def plan(self) -> PassPlan:
@@ -116,6 +118,7 @@ class Job:
                 "camera": struct.pack(f"<{_CAMERA_NUMBERS}d", *self.camera),
                 "nodes": [int(node) for node in self.nodes],
                 "partition": self.partition.to_document(),
+                "head": self.head.row(),
             }
         )
 
@@ -148,6 +151,7 @@ class Job:
             camera=struct.unpack(f"<{_CAMERA_NUMBERS}d", document["camera"]),
             nodes=tuple(NodeId(_whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
             partition=Partition.from_document(document["partition"]),
+            head=SceneHead.of_row(document["head"]),
         )
         if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")

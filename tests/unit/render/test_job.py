@@ -13,6 +13,7 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
+from scenefold.scene.head import SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import pack_value, unpack_value
 
@@ -33,6 +34,7 @@ JOB = Job(
     camera=tuple(float(number) / 7 for number in range(16)),
     nodes=(NodeId(0x7F000002), NodeId(0x7F000003)),
     partition=Partition.voronoi([[0, 0, 0], [1, 2, 3]]),
+    head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
 
@@ -58,6 +60,9 @@ def test_every_entry_is_needed(key: str) -> None:
         ("size", [-1, 360]),
         ("size", [100_000, 360]),
         ("size", 640),
+        ("head", [-1, bytes(32)]),
+        ("head", [1, bytes(31)]),
+        ("head", [1]),
         ("samples", 0),
         ("samples", 2**40),
         ("depth", 0),

@@ -7,6 +7,7 @@ from typing import Protocol, TypeVar
 
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.pool.share import SceneReader
+from scenefold.scene.head import SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet
 from scenefold.world import World
@@ -49,7 +50,7 @@ class Host(Protocol):
         """Send a packet that has no answer. Unreachable."""
         ...
 
-    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys) -> SceneReader:
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> SceneReader:
         """A reader of a scene's records with the keys that came with a job."""
         ...
 

@@ -27,6 +27,7 @@ from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.render.pool.telling import error_of, failure_fields
+from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
@@ -49,6 +50,7 @@ class RenderRequest:
     genesis: bytes
     keys: EpochKeys
     options: RenderOptions
+    head: SceneHead = NO_HEAD
 
     def to_bytes(self) -> bytes:
         """The packed document."""
@@ -59,6 +61,7 @@ class RenderRequest:
                 "scene": int(self.scene),
                 "genesis": self.genesis,
                 "keys": self.keys.rows(),
+                "head": self.head.row(),
                 "width": options.width,
                 "height": options.height,
                 "samples": options.samples,
@@ -92,6 +95,7 @@ class RenderRequest:
                 bytes(document["genesis"]),
                 EpochKeys.of_rows(document["keys"]),
                 options,
+                SceneHead.of_row(document["head"]),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise PeerFault("a request to render is ill-formed", where=f"{type(error).__name__}: {error}") from error
@@ -170,7 +174,7 @@ class Organiser:
 
     async def _plan(self) -> tuple[Job, SceneTables]:
         host, request = self._host, self._request
-        reader = host.reader(request.scene, request.genesis, request.keys)
+        reader = host.reader(request.scene, request.genesis, request.keys, request.head)
         tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, tables)
         return job, tables
@@ -211,6 +215,7 @@ class Organiser:
             camera=camera_numbers(camera, options.width, options.height),
             nodes=nodes,
             partition=partition,
+            head=request.head,
         )
 
     async def _all_closed(self, job: Job) -> bool:

@@ -12,6 +12,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.gifts import gifts_in
 from scenefold.crypto import HEADER_DOMAIN, SigningKey
 from scenefold.peer.headers import checked_header
+from scenefold.scene.head import SceneHead, check_head
 from scenefold.scene.log import FOR_EVER, lockbox_for, proven_header_key, succeeded
 from scenefold.wire import KeyEntry, Role, SceneLogPublic, WriterEntry
 from unit.scene.log.members import MAKER, grant, secrets_of
@@ -85,3 +86,23 @@ def test_nobody_grants_a_scene_under_the_name_of_another() -> None:
     lockbox = lockbox_for(member, keys, story.header.key_epoch, MAKER.name, secrets_of(MAKER_NUMBER).signing, story.token)
     assert len(gifts_in([story.header], victim.sealing)) == 1
     assert gifts_in([usurped(story.header, lockboxes=(lockbox,), succession=())], victim.sealing) == []
+
+
+def test_no_node_renders_by_a_header_of_before_what_the_client_held() -> None:
+    story = Story()
+    story.do(grant(5, Role.OWNER))
+    before = story.header
+    story.revoke(5)
+    head = SceneHead(story.header.position, story.keys.header_key.raw)
+    check_head(story.header, story.header.genesis, head)
+    story.do(grant(6, Role.OWNER))
+    story.revoke(6)
+    check_head(story.header, story.header.genesis, head)
+    check_head(before, before.genesis, SceneHead(before.position, before.first_key))
+    with pytest.raises(Refused) as refused:
+        check_head(before, before.genesis, head)
+    assert refused.value.reason is RejectReason.NOT_READY
+    with pytest.raises(DamagedData):
+        check_head(replace(before, position=9), before.genesis, head)
+    with pytest.raises(DamagedData, match="another scene"):
+        check_head(before, bytes(32), head)
