@@ -331,7 +331,7 @@ async def test_a_malformed_answer_fails_its_request(worlds: Worlds) -> None:
     async def serve(connection: Connection) -> None:
         reader = FrameReader()
         [request] = await next_packets(connection, reader)
-        await connection.send(frame(bytes([0x94, 37, request.request_id, 0xC0, 0])))
+        await connection.send(frame(bytes([0x94, 37, request.request_id, 0xC0, 0xC3])))
         await connection.receive(1)
 
     async with trio.open_nursery() as nursery:
