@@ -121,9 +121,9 @@ PENDING_HANDSHAKES_MAX = 64
 HANDSHAKE_S_MAX = 10.0
 """Seconds that a peer may take to show a certificate: two cores under full load need about one."""
 NEWCOMERS_MAX = 8
-"""Connections of newcomers, which show no certificate, that a node talks to at a time."""
+"""Connections of newcomers, which show no certificate, that a node talks to at a time. One more pushes out the oldest of the address that has most."""
 NEWCOMER_S_MAX = 30.0
-"""Seconds that one of them may take in all: ten to ask, and the cluster's log has to take it in."""
+"""Seconds that one of them may take in all: three to ask, and the cluster's log has to take it in."""
 CONNECTIONS_MAX = 1_024
 """Authenticated connections to one port: every node and client of a cluster several times over."""
 REQUESTS_IN_FLIGHT_MAX = 256

@@ -39,7 +39,9 @@ from scenefold.world import Connection, Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
 
 ASK_S_MAX = 10.0
-"""A newcomer has so long to say what it wants; another node, to answer for us."""
+"""Another node has so long to answer for us."""
+REQUEST_S_MAX = 3.0
+"""A newcomer, to say what it wants: it has prepared that before it came."""
 SHARE_AGAIN_S = 10.0
 """After the authority's key could not be sealed to a node."""
 REQUEST_BYTES_MAX = 8192
@@ -93,7 +95,7 @@ class Enrolling:
 
     async def _request_of(self, connection: Connection) -> RequestEnrolment:
         frames = FrameReader(REQUEST_BYTES_MAX)
-        with trio.move_on_after(ASK_S_MAX):
+        with trio.move_on_after(REQUEST_S_MAX):
             while data := await connection.receive(RECEIVE_BYTES):
                 for frame in frames.feed(data):
                     packet = decode_packet(frame)

@@ -1,4 +1,4 @@
-"""Who may still be at the door: connections whose TLS handshake has not ended.
+"""Who may still be at the door: connections whose TLS handshake has not ended, or of newcomers, who have no certificate.
 
 Strangers can open as many connections as they like. Their number is bounded, and when it is reached, room is made by
 the source that has the most of them, its oldest first: so one pushy address never keeps out another one.
@@ -12,7 +12,7 @@ import trio
 
 
 class PendingHandshakes:
-    """Cancel scopes of the handshakes under way, in the order of arrival."""
+    """Cancel scopes of the handshakes, or of newcomers' connections, under way, in the order of arrival."""
 
     def __init__(self, count_max: int) -> None:
         assert count_max >= 1

@@ -135,7 +135,7 @@ class _Door:
         self._versions = versions
         self._serve = serve
         self._newcomers = newcomers
-        self._newcomers_here = 0
+        self._newcomers_here = PendingHandshakes(NEWCOMERS_MAX)
         self._handshake_s_max = handshake_s_max
         self._quiet = QuietLog(_log)
         self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
@@ -166,18 +166,21 @@ class _Door:
             await connection.aclose()
 
     async def _receive_newcomer(self, connection: TlsConnection, source: str) -> None:
+        began = time.monotonic()
         try:
-            if self._newcomers is None or self._newcomers_here >= NEWCOMERS_MAX:
-                self._quiet.say(time.monotonic(), source, "newcomers", f"refused: {self._newcomers_here} newcomers are at the door")
+            if self._newcomers is None:
                 return
-            self._newcomers_here += 1
-            try:
-                with trio.move_on_after(NEWCOMER_S_MAX):
+            with trio.move_on_after(NEWCOMER_S_MAX) as scope:
+                self._newcomers_here.admit(scope, source)
+                try:
                     await self._newcomers(connection)
-            except ConnectionLost as error:
-                self._quiet.say(time.monotonic(), source, "newcomer", f"a newcomer: {error}")
-            finally:
-                self._newcomers_here -= 1
+                except ConnectionLost as error:
+                    self._quiet.say(time.monotonic(), source, "newcomer", f"a newcomer: {error}")
+                finally:
+                    self._newcomers_here.leave(scope)
+            if scope.cancelled_caught:
+                why = "its time was over" if time.monotonic() - began >= NEWCOMER_S_MAX else "too many newcomers are at the door"
+                self._quiet.say(time.monotonic(), source, "newcomers", f"a newcomer is sent away: {why}")
         finally:
             await connection.aclose()
 
