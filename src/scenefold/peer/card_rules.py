@@ -112,6 +112,18 @@ def check_renewable(certificate: bytes, peer: str, registry: Registry, facts: Cl
     return card
 
 
+def not_due(card: Card, registry: Registry, facts: ClusterFacts, now: float) -> Card | None:
+    """The newest card of who shows this one, if it counts, and will for long enough; None if it is time for another.
+
+    So whoever asks for certificates all day makes no record of the log by it.
+    """
+    today = datetime.datetime.fromtimestamp(now, datetime.UTC)
+    known = card_of(card.name, registry, facts)
+    mine = [card] if known is None or known.tls_key != card.tls_key else [card, known]
+    good = [one for one in mine if one.counts(today) and today < one.renew_from]
+    return max(good, key=lambda one: one.not_after, default=None)
+
+
 def check_place(node: NodeId, addresses: tuple[str, ...]) -> None:
     """Refused unless a node is at its own address and nowhere else, and that is one that a machine can have."""
     if addresses != (address_of(node),):

@@ -15,7 +15,7 @@ from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreacha
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, authority_der
-from scenefold.peer.card_rules import card_of, check_renewable, credential_of
+from scenefold.peer.card_rules import card_of, check_renewable, credential_of, not_due
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.enrol_rules import IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.handlers import Handlers, Senders
@@ -210,7 +210,8 @@ class Enrolling:
 
     async def _on_renewal(self, packet: RequestRenewal, peer: str) -> Packet:
         card = check_renewable(packet.certificate, peer, self._registry, self._facts)
-        der = await self.renewed(card)
+        good = not_due(card, self._registry, self._facts, self._world.clock.wall())
+        der = await self.renewed(card) if good is None else good.der
         if der is None:
             trusted = ", ".join(map(address_of, sorted(self._registry.roll.trusted)))
             what = f"{address_of(self._me)} does not have the authority's key"

@@ -14,7 +14,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, Card, SigningKey
-from scenefold.peer.card_rules import check_issued, check_renewable, credential_of, refusal_of
+from scenefold.peer.card_rules import check_issued, check_renewable, credential_of, not_due, refusal_of
 from scenefold.peer.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.log_rules import check_proposer
 from scenefold.peer.registry import Registry
@@ -297,6 +297,21 @@ def test_a_certificate_is_renewed_for_its_holder_and_while_its_keys_count() -> N
     for asked, peer, then in ((card, "user:eve", registry), (card, "user:ada", revoked), (card_for("user:ada", 1), "user:ada", registry)):
         with pytest.raises(Refused):
             check_renewable(asked.der, peer, then, FACTS)
+
+
+def test_nothing_is_issued_anew_before_it_is_due() -> None:
+    first = card_for("user:ada", 0)
+    registry = log(invite("user:ada"), Enrol(invitation_key(1).public.raw, first.der))
+    due = first.renew_from.timestamp()
+    assert not_due(first, registry, FACTS, due - 1) == first
+    assert not_due(first, registry, FACTS, due + 1) is None
+    second = card_for("user:ada", 0, since=300 * DAY)
+    later = registry.apply(record(registry, RenewCard(second.der)))
+    now = (NOW + 300 * DAY).timestamp()
+    assert not_due(first, later, FACTS, now) == second, "the answer to the first request was lost"
+    assert not_due(first, later, FACTS, CLOCK) == first, "what a wrong clock dated does not count"
+    of_founder = card_for(f"node:{node(1)}", 1)
+    assert not_due(of_founder, registry, FACTS, CLOCK) == of_founder, "the log has no card of it"
 
 
 def refused(name: str, key: KeyId | None, registry: Registry, facts: ClusterFacts = FACTS) -> RejectReason | None:
