@@ -42,6 +42,8 @@ class Door:
         links.refusal_of = self._refusal_now
         self._quiet = QuietLog(_log)
         self._at = {priority: Guests() for priority in Priority}
+        # Of their own: they come under a member's name, and shall take nothing of its share.
+        self._refused = Guests()
         self._guests: dict[trio.CancelScope, tuple[str, KeyId | None]] = {}
 
     async def serve(self, priority: Priority, connection: Connection) -> None:
@@ -61,7 +63,7 @@ class Door:
             raise Refused(refusal.reason, refusal.what, remedy=refusal.remedy)
 
         with trio.move_on_after(LAST_WORD_S):
-            await serve_connection(connection, refuse, self._quiet, self._at[priority])
+            await serve_connection(connection, refuse, self._quiet, self._refused)
 
     async def _refusal_of(self, connection: Connection) -> Refused | None:
         """Why a peer is not let in. One that this node does not know yet may stand in the log of others."""

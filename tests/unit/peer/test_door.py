@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 import trio
+import trio.testing
 
+from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.door import Door
 from scenefold.peer.registry import Registry
@@ -109,3 +111,20 @@ async def test_a_member_that_we_know_is_let_in_at_once() -> None:
 async def test_who_is_in_no_log_is_told_so(known: Registry, later: Registry, reason: RejectReason) -> None:
     answer = await answer_of(Log(known, later))
     assert isinstance(answer, Fault) and answer.reason == reason
+
+
+@pytest.mark.expect_log("connection refused")
+async def test_who_is_refused_pushes_out_no_connection_of_the_member_whose_name_it_bears() -> None:
+    one_door = door(Log(MEMBER, MEMBER))
+    async with trio.open_nursery() as nursery:
+        member = knocking(1)
+        nursery.start_soon(one_door.serve, Priority.LOW, member)
+        for _ in range(CONNECTIONS_PER_PEER_MAX + 1):
+            thief = knocking(2)
+            thief.peer_key = NEWCOMERS[1].signing.key_id  # type: ignore[assignment]
+            nursery.start_soon(one_door.serve, Priority.LOW, thief)
+        await trio.testing.wait_all_tasks_blocked()
+        member.feed(encode_frame(ListScenes(request_id=3)))
+        await trio.testing.wait_all_tasks_blocked()
+        assert [decode_packet(answer[4:]).request_id for answer in member.answers] == [1, 3]
+        nursery.cancel_scope.cancel()
