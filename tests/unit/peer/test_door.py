@@ -114,6 +114,7 @@ async def test_who_is_in_no_log_is_told_so(known: Registry, later: Registry, rea
 
 
 @pytest.mark.expect_log("connection refused")
+@pytest.mark.expect_log("its oldest connection is closed")
 async def test_who_is_refused_pushes_out_no_connection_of_the_member_whose_name_it_bears() -> None:
     one_door = door(Log(MEMBER, MEMBER))
     async with trio.open_nursery() as nursery:
