@@ -14,7 +14,6 @@ import trio
 from scenefold.base.errors import ScenefoldError
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.crypto import MemberSecrets
 from scenefold.world import Connection, ConnectionLost, Priority, World, real_world
 
 if TYPE_CHECKING:
@@ -44,9 +43,9 @@ class Attacker:
 
     @property
     def world(self) -> World:
-        """That of a user whom the cluster has certified, and nobody has granted anything."""
+        """That of a spare: the cluster has certified it, and nobody has granted it anything."""
         if self._world is None:
-            identity = self.profile.authority().issue("user:mallory", [], keys=MemberSecrets.generate().public())
+            identity = self.profile.node_identity(self.profile.members[-1].address)
             self._world = real_world(identity, self.profile.authority_certificate(), ports=self.profile.ports)
         return self._world
 

@@ -1,4 +1,4 @@
-"""Attacks of a member: a user with a certificate of the cluster, and no key of any scene."""
+"""Attacks with a certificate of the cluster that counts, and no key of any scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from scenefold.base.reasons import RejectReason
 from scenefold.wire import (
     GetMany,
     GetManyReply,
-    HandRecords,
     ListScenes,
     MiniStatus,
     Packet,
@@ -151,12 +150,12 @@ def _flipped(data: bytes, dice: Random) -> bytes:
 
 
 async def others_names(me: Attacker) -> None:
-    """Packets in the name of nodes, and packets that only nodes may send."""
+    """Packets in the name of another node."""
     node = me.profile.members[0].node_id
     mini = MiniStatus(1 << 40, node, None, 0, 0, 0, 0, 0, 1 << 30)
     packets: tuple[tuple[Priority, Packet], ...] = (
         (Priority.HIGH, RequestTable(mini_status=mini)),
-        (Priority.LOW, HandRecords(())),
+        (Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),), mini_status=mini)),
     )
     async with open_links(me.world) as links:
 
