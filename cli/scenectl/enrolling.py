@@ -231,8 +231,8 @@ def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> 
 def renew(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Issue new certificates for all keys in a profile that has the authority's key. No node need run.
 
-    Needed only after the cluster was off for so long that certificates ran out: else they are renewed by themselves. Copy each
-    node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
+    Needed only after the cluster was off for so long that certificates ran out, or a clock was wrong: else they are renewed by
+    themselves. The first node's profile has that key, too, sealed to the node. Copy each node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
 
     Example: scenectl cluster renew --profile studio
     """

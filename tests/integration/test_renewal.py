@@ -10,12 +10,13 @@ import trio
 
 from integration.clusters import PATIENCE_S, nodes_here
 from loopback import addresses, free_ports
+from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.client import connect
 from scenefold.crypto import Authority, Card, Identity, NotOfThisCluster, OutOfDate, newcomer_context
 from scenefold.crypto.secrets_on_disk import write_secret
 from scenefold.node import NodeSettings, run_node
 from scenefold.world.profile import ClusterProfile
-from scenefold.world.reissue import reissue
+from scenefold.world.reissue import read_authority, reissue
 
 LOOK_S = 0.1
 DAY = datetime.timedelta(days=1)
@@ -99,6 +100,37 @@ async def test_a_cluster_that_slept_for_years_is_woken_with_the_authoritys_key(t
     async with nodes_here(tmp_path, 1, profile=profile), connect(profile.folder) as cluster:
         assert (await cluster.nodes())[0].address == "127.0.0.2"
         assert [card.name for card in (await cluster.membership.roll()).users] == ["user:owner"]
+
+
+async def test_a_first_node_that_ran_under_a_wrong_clock_is_woken_without_the_authoritys_key_file(tmp_path: Path) -> None:
+    profile = made(tmp_path, 1)
+    (profile.folder / "authority" / "key.pem").unlink()
+    certificate = profile.folder / "nodes" / "127.0.0.2" / "certificate.pem"
+    ahead = read_authority(profile).certify(
+        (card := Card.read(certificate.read_bytes())).name,
+        list(card.addresses),
+        card.tls_key,
+        keys=card.keys,
+        now=datetime.datetime.now(datetime.UTC) + 300 * DAY,
+    )
+    write_secret(certificate, ahead, replace=True)
+    with pytest.raises(OutOfDate, match="valid from"):
+        await run_node(NodeSettings(profile_folder=profile.folder, address="127.0.0.2", data_folder=tmp_path / "data"), extensions=())
+    reissue(profile)
+    async with nodes_here(tmp_path, 1, profile=profile), connect(profile.folder) as cluster:
+        assert (await cluster.nodes())[0].address == "127.0.0.2"
+
+
+def test_only_who_can_open_the_authoritys_key_issues_certificates_anew(tmp_path: Path) -> None:
+    profile = made(tmp_path, 2)
+    (profile.folder / "authority" / "key.pem").unlink()
+    sealed = profile.folder / "nodes" / "127.0.0.2" / "authority.sealed"
+    sealed.rename(profile.folder / "nodes" / "127.0.0.3" / "authority.sealed")
+    with pytest.raises(DamagedData):
+        reissue(profile)
+    (profile.folder / "nodes" / "127.0.0.3" / "authority.sealed").unlink()
+    with pytest.raises(LocalFault, match=r"key\.pem"):
+        reissue(profile)
 
 
 async def test_a_certificate_of_another_cluster_is_told_so(tmp_path: Path) -> None:

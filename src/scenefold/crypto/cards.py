@@ -197,10 +197,10 @@ def _check_time(card: Card, now: datetime.datetime) -> None:
         raise OutOfDate(
             f"the certificate is valid from {first:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}",
             where=card.name,
-            remedy="set the clock right",
+            remedy="set the clock right; if it is, a wrong one dated the certificate: scenectl cluster renew, where the authority's key is",
         )
     if now > last:
-        remedy = "have it renewed; if that date lies ahead, set the clock right"
+        remedy = "if that date lies ahead, set the clock right; else scenectl cluster renew, where the authority's key is"
         what = f"the certificate was valid until {last:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}"
         raise OutOfDate(what, where=card.name, remedy=remedy)
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenefold.crypto import Card, write_secret
-from scenefold.crypto.authority import CERTIFICATE_FILE
+from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, write_secret
+from scenefold.crypto.authority import CERTIFICATE_FILE, KEY_FILE
 from scenefold.crypto.secrets_on_disk import read_certificate
 from scenefold.world.profile import ClusterProfile
 
@@ -18,13 +18,25 @@ def reissue(profile: ClusterProfile) -> list[Card]:
 
     LocalFault without the authority's key, DamagedData for a certificate of another cluster.
     """
-    authority, cards = profile.authority(), []
+    authority, cards = read_authority(profile), []
     for place in _places(profile.folder):
         old = Card.verified(read_certificate(place), authority.certificate)
         pem = authority.certify(old.name, list(old.addresses), old.tls_key, keys=old.keys)
         write_secret(place, pem, replace=True)
         cards.append(Card.read(pem))
     return cards
+
+
+def read_authority(profile: ClusterProfile) -> Authority:
+    """The authority by its key in the profile: as it is, or sealed to a node whose keys lie there, too."""
+    if not (profile.folder / "authority" / KEY_FILE).exists():
+        here = [member for member in profile.members if (profile.folder / "nodes" / member.address).is_dir()]
+        for member in here:
+            sealed = profile.sealed_authority(member.address)
+            if sealed is not None:
+                key = profile.node_secrets(member.address).sealing.open(sealed, AUTHORITY_PURPOSE, profile.cluster_id)
+                return Authority.from_key(profile.authority_certificate(), key)
+    return profile.authority()
 
 
 def _places(folder: Path) -> list[Path]:
