@@ -21,6 +21,7 @@ from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.headers import checked_header
 from scenefold.peer.peers import Peers
 from scenefold.peer.proposals import answer_of, is_decided, rejection
+from scenefold.peer.scene_asking import ASK_S_MAX, listed_by, shown_by
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.verification import KnownScene
 from scenefold.store import Store
@@ -34,16 +35,12 @@ from scenefold.wire import (
     RequestSceneLog,
     RespondSceneLog,
     SceneLogPublic,
-    ScenesListed,
     Want,
-    check_page,
     hash_of_record,
     page_of,
 )
 from scenefold.world import Priority, World
 
-ASK_S_MAX = 2.0
-"""For one node to answer about a scene; the next one is asked then."""
 RELAY_S_MAX = 10.0
 MISS_S = 1.0
 """A scene that nobody knows is not asked for again within this time: unknown ids must not multiply requests."""
@@ -88,11 +85,12 @@ class Scenes:
         """Take the list of scenes of the first other member that answers; tell what this node decided and that list lacks."""
         for member in self._peers.others():
             try:
-                listed = await self._listed_by(member)
+                listed = await listed_by(self._peers, member)
             except (Unreachable, Refused, PeerFault):
                 continue
+            silent: set[NodeId] = set()
             for public in listed:
-                await self._try_adopt(public, address_of(member))
+                await self._adopt_shown(public, member, silent)
             told = {public.scene: public.position for public in listed}
             for scene in self.decided_by(self._own.me):
                 # It may have died between deciding and telling.
@@ -100,17 +98,6 @@ class Scenes:
                 if told.get(scene, 0) < public.position:
                     await self._push(public)
             return
-
-    async def _listed_by(self, member: NodeId) -> list[SceneLogPublic]:
-        """All scenes that a member knows, page by page."""
-        listed: list[SceneLogPublic] = []
-        while len(listed) < SCENES_LISTED_MAX:
-            after = listed[-1].scene if listed else 0
-            answer = await self._peers.ask(member, Priority.HIGH, ListScenes(after), ScenesListed, ASK_S_MAX)
-            listed += check_page(answer, after, address_of(member))
-            if not answer.more:
-                break
-        return listed
 
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene:
         """The scene, at this log position or later if anybody is so far; Refused (19) if nobody knows it."""
@@ -218,9 +205,13 @@ class Scenes:
         return RespondSceneLog(answer=answer_of(public, packet.nonce, private))
 
     async def on_push(self, packet: RespondSceneLog, peer: str) -> None:
-        """6 that nobody asked for: a header that was decided."""
-        if packet.answer is not None:
-            await self._try_adopt(packet.answer.public, peer)
+        """6 that nobody asked for: a header that was decided, by the word of the node that decides."""
+        if packet.answer is None:
+            return
+        if node_of(peer) != packet.answer.public.origin:
+            _log.warning("header of scene %08x from %s not taken: another node decides", packet.answer.public.scene, peer)
+            return
+        await self._try_adopt(packet.answer.public, peer)
 
     async def _on_list(self, packet: ListScenes, _peer: str) -> Packet:
         return page_of(self.all(), packet.after)
@@ -249,18 +240,36 @@ class Scenes:
     async def _ask_around(self, scene: SceneId, position: int) -> None:
         request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
         known = self._known.get(scene)
+        silent: set[NodeId] = set()
         for member in self._peers.others(first=None if known is None else known.public.origin):
-            try:
-                answer = (await self._peers.ask(member, Priority.HIGH, request, RespondSceneLog, ASK_S_MAX)).answer
-            except (Unreachable, Refused, PeerFault):
+            public = await shown_by(self._peers, member, request)
+            if public is None:
+                silent.add(member)
                 continue
-            if answer is not None and answer.public.scene == scene:
-                await self._try_adopt(answer.public, address_of(member))
-                if self._is_known(scene, position):
-                    return
+            was_decided = await self._adopt_shown(public, member, silent)
+            if self._is_known(scene, position):
+                return
+            if was_decided:
+                break  # What the node that decides does not know, there is not.
         if len(self._missed_at) > SCENES_LISTED_MAX:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
+
+    async def _adopt_shown(self, public: SceneLogPublic, member: NodeId, silent: set[NodeId]) -> bool:
+        """Take a header that a member shows; if it is news, what the node that decides says of it, unless that is silent.
+
+        An owner's header that was only proposed is as well signed as one that was decided. True if the node that decides was heard.
+        """
+        origin = public.origin
+        is_news = not self._is_known(public.scene, public.position)
+        if is_news and member != origin and origin not in silent and origin in self._peers.others():
+            decided = await shown_by(self._peers, origin, RequestSceneLog(public.scene, b"", 0, 0, Want.HEADER))
+            if decided is None:
+                silent.add(origin)
+            else:
+                public, member = decided, origin
+        await self._try_adopt(public, address_of(member))
+        return member == origin
 
     def _is_known(self, scene: SceneId, position: int) -> bool:
         found = self._known.get(scene)

@@ -81,6 +81,8 @@ class PlainPeers:
 
     def __init__(self) -> None:
         self.headers: dict[int, SceneLogPublic] = {}
+        self.shown: dict[NodeId, SceneLogPublic | None] = {}
+        """What one of them shows of the only scene in place of that."""
         self.asked: list[tuple[NodeId, Packet]] = []
         self.told: list[tuple[NodeId, Packet]] = []
         self.away = False
@@ -97,7 +99,7 @@ class PlainPeers:
             return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
         if not isinstance(packet, RequestSceneLog):
             return packet
-        header = self.headers.get(packet.scene)
+        header = self.shown.get(member, self.headers.get(packet.scene))
         return RespondSceneLog(header and SceneLogAnswer(0, 2, header.position, Ballot(0, NodeId(0)), (), header, None, 0, b""))
 
     async def tell(self, member: NodeId, _priority: Any, packet: Packet, _timeout: float) -> None:
@@ -260,7 +262,7 @@ async def test_who_died_between_deciding_and_telling_tells_when_it_is_back(told:
     assert all(isinstance(packet, RespondSceneLog) and packet.answer and packet.answer.public == second for _, packet in rig.peers.told)
 
 
-@pytest.mark.expect_log("not taken: this node keeps the scene's log")
+@pytest.mark.expect_log("not taken: (this node keeps the scene's log|another node decides)")
 async def test_whom_a_proposal_is_handed_to_cannot_stop_the_log_by_calling_it_decided(autojump_clock: MockClock) -> None:
     rig, second = Rig(), later_header(FIRST)
     await rig.scenes.on_propose(proposal(FIRST), USER)
@@ -273,16 +275,43 @@ async def test_whom_a_proposal_is_handed_to_cannot_stop_the_log_by_calling_it_de
 
 async def test_a_scene_whose_first_header_was_told_too_early_has_a_log_all_the_same(autojump_clock: MockClock) -> None:
     rig = Rig()
-    await rig.scenes.on_push(pushed(FIRST), NODE)
+    await rig.scenes.adopt(FIRST)
     assert isinstance(await rig.scenes.on_propose(proposal(FIRST), USER), AcceptSceneProposal)
     assert rig.store.private == {FIRST.scene: b"log"}
 
 
 async def test_an_origin_that_lost_the_log_goes_on_hearing_of_headers(autojump_clock: MockClock) -> None:
     rig, second = Rig(), later_header(FIRST)
-    await rig.scenes.on_push(pushed(FIRST), NODE)
-    await rig.scenes.on_push(pushed(second), NODE)
-    assert rig.scenes.all() == [second]
+    await rig.scenes.adopt(FIRST)
+    rig.peers.headers[FIRST.scene] = second
+    assert (await rig.scenes.known(FIRST.scene, position=2)).public == second
+
+
+@pytest.mark.expect_log("not taken: another node decides")
+async def test_a_header_counts_as_decided_by_the_word_of_the_node_that_decides(autojump_clock: MockClock) -> None:
+    """A relay has it before it is decided, and it may never be."""
+    rig = Rig()
+    first = first_header(origin=THIRD)
+    proposed = later_header(first)
+    rig.peers.shown[OTHER], rig.peers.shown[THIRD] = proposed, first
+    await rig.scenes.on_push(pushed(proposed), "node:2")
+    assert rig.scenes.all() == []
+    for _ in range(2):
+        assert (await rig.scenes.known(first.scene, position=2)).public == first
+        await trio.sleep(MISS_S)
+    rig.peers.headers[first.scene] = proposed
+    await rig.scenes.catch_up()
+    assert rig.scenes.all() == [first]
+    decided = later_header(first, write_floor=2)
+    await rig.scenes.on_push(pushed(decided), "node:3")
+    assert rig.scenes.all() == [decided]
+
+
+async def test_while_the_node_that_decides_is_away_others_are_believed(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    first = first_header(origin=THIRD)
+    rig.peers.shown[OTHER], rig.peers.shown[THIRD] = later_header(first), None
+    assert (await rig.scenes.known(first.scene)).public == later_header(first)
 
 
 def pushed(public: SceneLogPublic) -> RespondSceneLog:
