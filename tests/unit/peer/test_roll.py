@@ -104,6 +104,13 @@ def test_keys_that_were_replaced_count_no_longer() -> None:
     assert not same.is_revoked("node:5", NEWCOMERS[1].signing.key_id)
 
 
+def test_only_members_that_count_take_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenefold.peer.roll.LISTED_MAX", 1)
+    roll = after(invite(1, "user:ada"), enrol(1, "user:ada"), invite(2, "user:bob"))
+    assert refusal(roll, enrol(2, "user:bob", 1)) == RejectReason.LIMIT_EXCEEDED
+    assert after(RevokeUser("user:ada", NEWCOMERS[0].signing.key_id), enrol(2, "user:bob", 1), roll=roll).card_of("user:bob")
+
+
 def test_trust_goes_with_the_key_or_when_it_is_withdrawn() -> None:
     roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True), Trust(NodeId(5), True, b"sealed"))
     assert roll.trusted == {NodeId(5)} and roll.sealed == {NodeId(5): b"sealed"}
