@@ -11,7 +11,7 @@ from cyclopts.validators import Number
 
 from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, trust, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
-from scenectl.member_values import TokenOption
+from scenectl.member_values import TokenOption, given_token
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
 
@@ -72,7 +72,7 @@ def init(
 
 @app.command
 def join(
-    token: TokenOption,
+    token: Annotated[TokenOption, Parameter(allow_leading_hyphen=True)],
     /,
     *,
     address: Annotated[AddressOption | None, Parameter(env_var="SCENEFOLD_ADDRESS")] = None,
@@ -96,7 +96,7 @@ def join(
     Parameters
     ----------
     token
-        The token; or the IPv4 address of a node of the cluster that runs.
+        The token, or - to read it from standard input; or the IPv4 address of a node of the cluster that runs.
     address
         The joining node's own IPv4 address; by default the one by which this computer reaches the cluster, or, without a
         token, that of the one spare whose keys are in the profile.
@@ -116,6 +116,7 @@ def join(
     log_level
         Least important lines that are logged.
     """
+    import sys
     from dataclasses import replace
 
     from scenectl.joining import Telling
@@ -128,6 +129,7 @@ def join(
     from scenefold.world.profile import ClusterProfile
 
     seeds: tuple[str, ...] = ()
+    token = given_token(token, sys.stdin)
     if token.is_address:
         folder, seeds = profile_folder(output.profile), (token.text,)
         own: str | None = ClusterProfile.load(folder).spare_here(besides=token.text) if address is None else address.text

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated, Self, TextIO
 
 from scenectl.values import ONE_WORD, check_address, is_digits
+from scenefold.base.errors import UsageFault
 from scenefold.base.ids import NodeId, address_of, checked_node_id
 
 ADDRESS_CHARACTERS_MAX = 40
 """What is longer is meant as a token."""
+STANDARD_INPUT = "-"
+"""In place of a token: other users of a machine see what stands on a command line."""
+TOKEN_CHARACTERS_MAX = 1000
 DURATION_S_MAX = 30 * 86_400
 _UNITS_S = {"d": 86_400, "h": 3_600, "m": 60}
 
@@ -22,7 +26,7 @@ class TokenOrAddress:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        if len(text) <= ADDRESS_CHARACTERS_MAX:
+        if len(text) <= ADDRESS_CHARACTERS_MAX and text != STANDARD_INPUT:
             check_address(text)
         return cls(text)
 
@@ -32,6 +36,16 @@ class TokenOrAddress:
 
     def __str__(self) -> str:
         return self.text
+
+
+def given_token(asked: TokenOrAddress, given: TextIO | None) -> TokenOrAddress:
+    """What was asked for; in place of "-" the first line of standard input."""
+    if asked.text != STANDARD_INPUT:
+        return asked
+    line = "" if given is None else given.readline(TOKEN_CHARACTERS_MAX).strip()
+    if len(line) <= ADDRESS_CHARACTERS_MAX:
+        raise UsageFault("no token comes on standard input", where="-", remedy="give it as one line")
+    return TokenOrAddress(line)
 
 
 @dataclass(frozen=True)
