@@ -13,7 +13,18 @@ from dataclasses import dataclass
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.client.calls import Calls
-from scenefold.crypto import AUTHORITY_PURPOSE, ORDER_DOMAIN, Card, InvitedKind, MemberSecrets, SigningKey, Token, mark_of, pem_of
+from scenefold.crypto import (
+    AUTHORITY_PURPOSE,
+    ORDER_DOMAIN,
+    Card,
+    InvitedKind,
+    MemberSecrets,
+    SealingPublicKey,
+    SigningKey,
+    Token,
+    mark_of,
+    pem_of,
+)
 from scenefold.wire import RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import (
@@ -128,9 +139,9 @@ class Membership:
         """Trust a node with the authority's key, or no longer. Who has that key seals it to the node; else a trusted node will."""
         sealed = b""
         if trusted and (self._profile.folder / "authority" / "key.pem").exists():
-            card = await self.card_of(f"node:{node}")
+            to = await self._sealing_key(node)
             key = self._profile.authority().key_der()
-            sealed = card.keys.sealing.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
+            sealed = to.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
         await self._order(Trust(node, trusted, sealed))
 
     async def renew(self) -> Card | None:
@@ -145,15 +156,30 @@ class Membership:
             try:
                 packet = RequestRenewal(certificate=card.der)
                 answer = await self._calls.ask(address_of(node), packet, Enrolled, priority=Priority.HIGH)
-            except (Refused, Unreachable, PeerFault) as problem:
+                newer = card.check_renewed(answer.certificate, authority, self._now())
+            except (Refused, Unreachable, PeerFault, DamagedData) as problem:
                 last = problem
                 continue
-            newer = card.check_renewed(answer.certificate, authority, self._now())
             pem = pem_of(newer.der)
             await self._calls.world.workers.run("import", self._profile.keep_user_certificate, pem)
             self._calls.world.network.show(pem)
             return newer
         raise last or LocalFault("no node is trusted to renew certificates", remedy="see `scenectl cluster nodes`")
+
+    async def _sealing_key(self, node: NodeId) -> SealingPublicKey:
+        """What the authority's key may be sealed to, by the voter's word: another node could show a card whose keys were replaced."""
+        name, voter = f"node:{node}", address_of(self._profile.voters[0])
+
+        async def ask() -> RespondRoll:
+            return await self._calls.ask(voter, RequestRoll(name=name), RespondRoll, priority=Priority.HIGH)
+
+        cards = (await self._calls.patiently(ask, refresh=False)).cards
+        if cards:
+            return self._believed(cards[0], name).keys.sealing
+        known = next((member for member in self._profile.members if member.node_id == node), None)
+        if known is None:
+            raise LocalFault("no node of this cluster has this address", where=address_of(node), remedy="see `scenectl cluster nodes`")
+        return known.sealing_key
 
     async def _signing_id(self, node: NodeId) -> KeyId:
         known = next((member for member in self._profile.members if member.node_id == node), None)

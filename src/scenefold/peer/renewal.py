@@ -56,7 +56,7 @@ class Renewal:
                 await self._world.clock.sleep(TRY_AGAIN_S)
 
     async def _renewed(self, card: Card) -> Card:
-        newer = card.check_renewed(await self._answer(card), self._facts.authority, self._today())
+        newer = await self._answer(card)
         pem = pem_of(newer.der)
         await self._world.workers.run("import", self._papers.keep, pem)
         self._world.network.show(pem)
@@ -65,18 +65,18 @@ class Renewal:
         _log.info("the certificate of this node is renewed, until %s", f"{newer.not_after:%Y-%m-%d}")
         return newer
 
-    async def _answer(self, card: Card) -> bytes:
-        """A newer certificate: of our own making, if we are trusted with that, else that of another trusted node."""
+    async def _answer(self, card: Card) -> Card:
+        """A newer certificate that counts today: of our own making, if we are trusted with that, else that of another trusted node."""
         await self._cluster_log.changed_after(0)
         own = await self._enrolling.renewed(card)
         if own is not None:
-            return own
+            return card.check_renewed(own, self._facts.authority, self._today())
         last: ScenefoldError | None = None
         for node in sorted(self._cluster_log.registry.roll.trusted):
             try:
                 reply = await self._peers.ask(node, Priority.HIGH, RequestRenewal(certificate=card.der), Enrolled, ASK_S_MAX)
-                return reply.certificate
-            except (Refused, Unreachable, PeerFault) as problem:
+                return card.check_renewed(reply.certificate, self._facts.authority, self._today())
+            except (Refused, Unreachable, PeerFault, DamagedData) as problem:
                 last = problem
         trusted = ", ".join(map(address_of, sorted(self._cluster_log.registry.roll.trusted)))
         raise last or Unreachable("no node is trusted to renew it", where=trusted)
