@@ -13,13 +13,14 @@ import trio
 from scenefold.base.ids import NodeId
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.wire.enrol_packets import InvitationState
-from scenefold.world import Priority, World
+from scenefold.world import Priority, QuietLog, World
 from scenefold.world.discovery import Question, pack_answer, read_question
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.ports import Datagrams
 
 ANSWERS_PER_S_MAX = 10
-"""Signatures that are verified, and answers that are sent."""
+CHECKS_PER_S_MAX = 100
+"""Signatures that are verified: more than answers, so that questions with wrong ones take none away. A hundredth of a processor."""
 
 _log = logging.getLogger("scenefold.peer.discovery")
 
@@ -48,7 +49,9 @@ class Discovery:
         self._me = me
         self._address = address
         self._cluster_log = cluster_log
-        self._allowance = Allowance(ANSWERS_PER_S_MAX)
+        self._checks, self._answers = Allowance(CHECKS_PER_S_MAX), Allowance(ANSWERS_PER_S_MAX)
+        # Other clusters look for their nodes, too: nothing to warn of. What is not said is counted.
+        self._quiet = QuietLog(_log, logging.INFO)
 
     async def run(self) -> None:
         """Answer until cancelled; at once over where nobody can be enrolled, or no broadcast is heard."""
@@ -73,12 +76,21 @@ class Discovery:
         while True:
             data, source = await datagrams.receive()
             question = read_question(data)
-            if question is not None and self.is_ours(question):
-                await speaker.send(pack_answer(question.nonce, self._me), source)
+            why_not = "it is no question" if question is None else self.why_not(question)
+            if question is None or why_not:
+                self._quiet.say(self._world.clock.now(), source.address, "broadcast", f"a broadcast is not answered: {why_not}")
+                continue
+            await speaker.send(pack_answer(question.nonce, self._me), source)
 
-    def is_ours(self, question: Question) -> bool:
-        """Whether somebody holds an invitation of this cluster, and is to be answered now."""
+    def why_not(self, question: Question) -> str:
+        """Empty if somebody holds an invitation of this cluster, and is to be answered now."""
+        clock = self._world.clock
         invitation = self._cluster_log.registry.roll.invitations.get(question.invitation)
-        if invitation is None or invitation.state is InvitationState.WITHDRAWN:
-            return False
-        return self._allowance.take(self._world.clock.now()) and question.is_signed()
+        # One that was used may be that of a newcomer who has not heard the answer.
+        if invitation is None or invitation.state is InvitationState.WITHDRAWN or clock.wall() > invitation.entry.expires:
+            return "no invitation that counts"
+        if not self._checks.take(clock.now()):
+            return "too many ask"
+        if not question.is_signed():
+            return "the signature is wrong"
+        return "" if self._answers.take(clock.now()) else "too many were answered"
