@@ -148,11 +148,6 @@ class Registry:
             return self.is_revoked(node, known.key.key_id)
         return any(revoked == node for revoked, _ in self._revoked)
 
-    @property
-    def barred(self) -> tuple[NodeId, ...]:
-        """All that `is_barred` is true of, in id order."""
-        return tuple(sorted({node for node, _ in self._revoked if self.is_barred(node)}))
-
     def is_trusted(self, node: NodeId) -> bool:
         return node in self.roll.trusted
 
