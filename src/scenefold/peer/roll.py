@@ -152,7 +152,9 @@ def check_invited(roll: Roll, invite: Invite, name: str, key: KeyId) -> None:
     if known is not None and (invite.name == ANY_NODE or node_named(name) is None):
         raise _forbidden(f"{name} is a member already")
     if known is None and sum(roll.card_of(member) is not None for member in roll.cards) >= LISTED_MAX:
-        raise Refused(RejectReason.LIMIT_EXCEEDED, f"{LISTED_MAX} members are enrolled already", remedy="revoke those that are none any more")
+        raise Refused(
+            RejectReason.LIMIT_EXCEEDED, f"{LISTED_MAX} members are enrolled already", remedy="revoke those that are none any more"
+        )
 
 
 @lru_cache(maxsize=4096)

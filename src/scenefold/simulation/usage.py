@@ -64,7 +64,12 @@ def _parser() -> Parser:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seeds", type=_seeds, default=range(20), metavar="A:B", help="from A to B, B excluded (default 0:20)")
     which.add_argument("--replay", type=number(int, 0, SEED_MAX), metavar="SEED", help="run one seed again")
-    parser.add_argument("--workload", choices=WORKLOADS, default="all", help="data: no joins and drains; members: mostly those; keys: the scene's key changes, too")
+    parser.add_argument(
+        "--workload",
+        choices=WORKLOADS,
+        default="all",
+        help="data: no joins and drains; members: mostly those; keys: the scene's key changes, too",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--jobs", type=number(int, 1, JOBS_MAX), default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--mutant", choices=sorted(MUTANTS), metavar="NAME", help=f"break the product first: {', '.join(sorted(MUTANTS))}")

@@ -18,7 +18,9 @@ def test_users_are_named_and_nodes_by_id_or_address(who: str, name: str) -> None
     assert member_name(who) == name
 
 
-@pytest.mark.parametrize("who", ["", "ada", "user:", "user:a/b", "user:" + "x" * 51, "node:x", "node:05", "0.0.0.0", "user:ada\n", "USER:ada"])
+@pytest.mark.parametrize(
+    "who", ["", "ada", "user:", "user:a/b", "user:" + "x" * 51, "node:x", "node:05", "0.0.0.0", "user:ada\n", "USER:ada"]
+)
 def test_what_names_nobody_is_refused(who: str) -> None:
     with pytest.raises(UsageFault, match="names no member"):
         member_name(who)
