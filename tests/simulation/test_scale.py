@@ -17,7 +17,9 @@ def test_thirty_nodes_in_virtual_minutes(capsys: pytest.CaptureFixture[str]) -> 
     assert scale.main(["--nodes", "30", "--only", "traffic,join,removal", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["violations"] == [] and not found["prepared"]
-    assert found["start_s"] < 10 and found["start_datagrams_per_node"] < 3 * 30, "a start is not a flood"
+    assert found["start_s"] < 10 and found["start_datagrams_per_node"] < 4 * 30, (
+        "a start is not a flood, the challenges of first contacts included"
+    )
     assert found["table_complete_s"] < 2
     assert found["removal_s"] < 150
     told = found["a_node_and_second"]
