@@ -4,8 +4,8 @@ In this order, cheapest first: the header is that of the place it is offered for
 its epoch is not below the write floor, nor one that the log has not come to; the scene's public header lists the writer for that epoch; the signature and
 the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
 
-Copies that another node hands over are verified alike, but for the write floor: they were accepted once, and must
-be movable in every mode.
+Copies that another node hands over are verified alike, but for the write floor and former keys: they were accepted once, and must
+be movable in every mode. Under a key that the scene does not have yet no record was ever accepted.
 """
 
 from __future__ import annotations
@@ -107,8 +107,7 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
     if header.epoch > scene.public.position:
         # Versions are ordered by epoch first: nothing would ever be newer than a record of the last one.
         raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
-    if header.key_epoch > scene.public.key_epoch:
-        raise Refused(RejectReason.ILL_FORMED, f"the scene has no key of epoch {header.key_epoch}")
+    _check_key_epoch(header, scene)
     return Claim(Put(record, item.expect), key)
 
 
@@ -117,6 +116,7 @@ def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
     header, key = _claimed(record, item, scene)
     if item.object != object_of(header):
         raise Refused(RejectReason.ILL_FORMED, "the record is that of another object")
+    _check_key_epoch(header, scene)
     return Claim(Put(record, at=item.location if item.object else None), key)
 
 
@@ -144,6 +144,15 @@ def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tup
     except DamagedData as problem:
         raise _refused(problem) from problem
     return header, key
+
+
+def _check_key_epoch(header: RecordHeader, scene: KnownScene) -> None:
+    """Refused if the scene has no such key, as far as it is known at the record's position: no owner ever took such a record."""
+    if header.key_epoch <= scene.public.key_epoch:
+        return
+    if header.epoch > scene.public.position:
+        raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
+    raise Refused(RejectReason.ILL_FORMED, f"the scene has no key of epoch {header.key_epoch}")
 
 
 def _signed(claim: Claim) -> Put:

@@ -115,9 +115,21 @@ def test_nobody_takes_a_place_for_ever_by_an_epoch_that_has_not_come() -> None:
         with pytest.raises(Refused) as caught:
             verified_put(offered(record), scene)
         assert caught.value.reason is reason
-        # One that was let in by an earlier program, or by its only node, can be moved.
-        verified_copy(HandItem(SCENE.scene, SPACE, PLACE, b"", record.signature, record.header_bytes, record.ciphertext), scene)
+        copy = HandItem(SCENE.scene, SPACE, PLACE, b"", record.signature, record.header_bytes, record.ciphertext)
+        if key_epoch == 1:
+            # One that was let in by an earlier program, or by its only node, can be moved.
+            verified_copy(copy, scene)
     verified_put(offered(sealed(SCENE, epoch=4, key_epoch=1)), scene)
+
+
+def test_no_copy_is_kept_under_a_key_that_the_scene_does_not_have() -> None:
+    scene = KnownScene.of(later_header(SCENE, position=4, key_epoch=1))
+    # Who handed over the second one may know a header that is not here.
+    for epoch, key_epoch, reason in ((4, 2, RejectReason.ILL_FORMED), (5, 2, RejectReason.NOT_READY)):
+        record = sealed(SCENE, epoch=epoch, key_epoch=key_epoch)
+        with pytest.raises(Refused) as caught:
+            verified_copy(HandItem(SCENE.scene, SPACE, PLACE, b"", record.signature, record.header_bytes, record.ciphertext), scene)
+        assert caught.value.reason is reason
 
 
 def test_each_record_has_a_verdict_of_its_own() -> None:
