@@ -194,13 +194,20 @@ def trust(
     from scenectl.running import connected, run
     from scenefold.base.ids import node_id_of
 
-    async def work() -> None:
-        async with connected(output.profile) as cluster:
-            await cluster.membership.trust(node_id_of(address.text), trusted=not withdraw)
+    node = node_id_of(address.text)
 
-    run(work)
+    async def work() -> bool:
+        async with connected(output.profile) as cluster:
+            await cluster.membership.trust(node, trusted=not withdraw)
+            return node in cluster.profile.voters
+
+    is_voter = run(work)
     words = "is trusted no longer" if withdraw else "is trusted: it can enrol others and renew certificates"
-    emit(output, {"address": address.text, "trusted": not withdraw}, f"Node {address} {words}.")
+    warning = (
+        "It decides the cluster's log and has read the authority's key: its owner could trust it again." if withdraw and is_voter else ""
+    )
+    document = {"address": address.text, "trusted": not withdraw, "warning": warning}
+    emit(output, document, f"Node {address} {words}." + (f"\n{warning}" if warning else ""))
 
 
 def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:

@@ -137,12 +137,14 @@ class Membership:
 
     async def trust(self, node: NodeId, *, trusted: bool = True) -> None:
         """Trust a node with the authority's key, or no longer. Who has that key seals it to the node; else a trusted node will."""
-        sealed = b""
-        if trusted and (self._profile.folder / "authority" / "key.pem").exists():
-            to = await self._sealing_key(node)
+        if not trusted:
+            await self._order(Trust(node, False))
+            return
+        to, sealed = await self._sealing_key(node), b""
+        if (self._profile.folder / "authority" / "key.pem").exists():
             key = self._profile.authority().key_der()
             sealed = to.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
-        await self._order(Trust(node, trusted, sealed))
+        await self._order(Trust(node, True, to.raw, sealed))
 
     async def renew(self) -> Card | None:
         """Have this user's certificate renewed, if two thirds of its time are over, and keep it; the newer one's card, None if none is due."""

@@ -12,7 +12,7 @@ from scenefold.base.ids import KeyId, NodeId, address_of, checked_node_id
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Card, OutOfDate, node_named
 from scenefold.peer.registry import Registry
-from scenefold.wire.enrol_entries import Enrol, RenewCard
+from scenefold.wire.enrol_entries import Enrol, RenewCard, Trust
 from scenefold.world.facts import ClusterFacts, Credential
 
 CARD_LIFE_MAX = datetime.timedelta(days=366)
@@ -122,6 +122,15 @@ def not_due(card: Card, registry: Registry, facts: ClusterFacts, now: float) -> 
     mine = [card] if known is None or known.tls_key != card.tls_key else [card, known]
     good = [one for one in mine if one.counts(today) and today < one.renew_from]
     return max(good, key=lambda one: one.not_after, default=None)
+
+
+def check_trust(entry: Trust, registry: Registry, facts: ClusterFacts) -> None:
+    """Refused unless this is a node of the cluster, and what may be sealed to, if anything, the key that it has."""
+    known = credential_of(entry.node, registry, facts)
+    if known is None:
+        raise _forbidden(f"{address_of(entry.node)} is no node of this cluster", "see `scenectl cluster nodes`")
+    if entry.trusted and entry.sealing_key != known.sealing_key.raw:
+        raise _forbidden(f"{address_of(entry.node)} opens with another key than the one that was sealed to", "trust it again")
 
 
 def check_place(node: NodeId, addresses: tuple[str, ...]) -> None:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, node_named
-from scenefold.peer.card_rules import administrators, card_of, check_place, credential_of, is_original
+from scenefold.peer.card_rules import administrators, card_of, check_place, check_trust, credential_of, is_original
 from scenefold.peer.registry import Registry
 from scenefold.peer.roll import Invitation, check_invited
 from scenefold.wire import RemoveNode, RevokeNode
@@ -133,12 +133,9 @@ def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts, now: f
             if not registry.is_barred(member.node):
                 raise _forbidden(f"{address_of(member.node)} leaves by itself, or once it is silent", "use `scenectl node drain`")
         case Trust(node, trusted):
-            if credential_of(node, registry, facts) is None:
-                raise _forbidden(f"{address_of(node)} is no node of this cluster", "see `scenectl cluster nodes`")
-            if not trusted and registry.roll.trusted <= {node}:
-                raise _forbidden(
-                    f"{address_of(node)} is the only trusted node: nobody could be enrolled any more", "trust another one first"
-                )
+            check_trust(order.entry, registry, facts)
+            if not trusted:
+                _check_others_issue(node, registry)
         case _:
             raise Refused(RejectReason.ILL_FORMED, f"nobody orders a {type(order.entry).__name__}")
 
@@ -169,6 +166,17 @@ def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts:
         raise _forbidden(f"{address_of(entry.node)} is no node with such a key", "see `scenectl cluster nodes`")
     if entry.node in registry.voters:
         raise _forbidden(f"{address_of(entry.node)} decides the cluster's log, which cannot do without it")
+    _check_others_issue(entry.node, registry)
+
+
+def _check_others_issue(node: NodeId, registry: Registry) -> None:
+    """Refused if nobody could be enrolled any more, and no certificate renewed, without this node."""
+    if registry.issuers == {node}:
+        what = f"{address_of(node)} is the only trusted node that has the authority's key"
+        waiting = ", ".join(map(address_of, sorted(registry.roll.trusted - {node})))
+        if waiting:
+            raise Refused(RejectReason.NOT_READY, what, remedy=f"wait until it was sealed to {waiting}")
+        raise _forbidden(what, "trust another one first: scenectl cluster trust ADDRESS")
 
 
 def _date(moment: float) -> str:

@@ -202,7 +202,7 @@ class Enrolling:
                 if known is not None:
                     key, cluster = authority.key_der(), self._facts.cluster_id
                     sealed = known.sealing_key.seal(key, AUTHORITY_PURPOSE, cluster, self._world.entropy.token)
-                    await self._cluster_log.propose(Trust(node, True, sealed))
+                    await self._cluster_log.propose(Trust(node, True, known.sealing_key.raw, sealed))
         except (Refused, Unreachable) as problem:
             self._quiet.say(self._world.clock.now(), "authority", "share", f"the authority's key cannot be shared: {problem}")
             return False

@@ -13,7 +13,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Card
-from scenefold.peer.card_rules import check_issued, credential_of
+from scenefold.peer.card_rules import check_issued, check_trust, credential_of
 from scenefold.peer.lives import Lives
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode
@@ -24,27 +24,35 @@ from scenefold.world.facts import ClusterFacts
 def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts, now: float) -> None:
     """Refused (12) if this node may not propose this entry. `now`: seconds since 1970, by the voter's clock."""
     match entry:
-        case AddNode(member, key, sealing_key):
-            if member.node != proposer:
-                raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
-            credential = credential_of(member.node, registry, facts)
-            if credential is not None and (credential.public_key.raw, credential.sealing_key.raw) != (key, sealing_key):
-                raise _not_authorised(f"{address_of(member.node)} was certified with other keys")
-            if credential is None and facts.authority:
-                raise _not_authorised(f"{address_of(member.node)} was never enrolled, or its key was revoked")
+        case AddNode():
+            _check_registration(entry, proposer, registry, facts)
         case RemoveNode():
             if registry.current(proposer) is None:
                 raise _not_authorised(f"{address_of(proposer)} is no member, and removes nobody")
         case Enrol() | RenewCard():
             check_issued(entry, registry, facts, now)
-        case Trust(node, True, sealed) if sealed and registry.is_trusted(node):
+        case Trust(node, True, _, sealed) if sealed and registry.is_trusted(node):
             if not registry.is_trusted(proposer):
                 raise _not_authorised("only a trusted node seals the authority's key to another one")
+            check_trust(entry, registry, facts)
         case Trust() | RevokeNode() | Invite() | Withdraw() | RevokeUser():
             if proposer not in registry.voters:
                 raise _not_authorised("only a voter takes an administrator's orders into the log")
+            if isinstance(entry, Trust):
+                check_trust(entry, registry, facts)
         case _:
             raise Refused(RejectReason.ILL_FORMED, f"nobody proposes a {type(entry).__name__} to the cluster's log")
+
+
+def _check_registration(entry: AddNode, proposer: NodeId, registry: Registry, facts: ClusterFacts) -> None:
+    node = entry.member.node
+    if node != proposer:
+        raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
+    credential = credential_of(node, registry, facts)
+    if credential is not None and (credential.public_key.raw, credential.sealing_key.raw) != (entry.key, entry.sealing_key):
+        raise _not_authorised(f"{address_of(node)} was certified with other keys")
+    if credential is None and facts.authority:
+        raise _not_authorised(f"{address_of(node)} was never enrolled, or its key was revoked")
 
 
 def predecessor(entry: LogEntry, registry: Registry) -> Member | None:
@@ -69,7 +77,7 @@ def in_words(entry: LogEntry) -> str:
             return f"{address_of(member.node)} is a member ({member.incarnation.hex()[:8]})"
         case RemoveNode(member, reason):
             return f"{address_of(member.node)} is removed: {reason}"
-        case Trust(node, trusted, sealed):
+        case Trust(node, trusted, _, sealed):
             key = ", and has the key of the authority" if sealed else ""
             return f"{address_of(node)} is {'trusted' if trusted else 'no longer trusted'}{key}"
         case Invite(_, name, _, _, by):

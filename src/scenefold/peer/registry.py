@@ -151,6 +151,11 @@ class Registry:
     def is_trusted(self, node: NodeId) -> bool:
         return node in self.roll.trusted
 
+    @property
+    def issuers(self) -> frozenset[NodeId]:
+        """The trusted nodes that the authority's key is sealed to."""
+        return self.roll.trusted & {*self.roll.sealed, *self.voters}
+
     def position_of(self, request_id: bytes) -> int | None:
         """Where a request was committed; None if it was not."""
         return self._requests.get(request_id)
@@ -226,7 +231,7 @@ class Registry:
         self.order = tuple(nodes)
         self.voters = entry.voters
         # It was given the authority's key when the cluster was made.
-        self.roll = self.roll.after(Trust(entry.voters[0], True))
+        self.roll = self.roll.after(Trust(entry.voters[0], True, self._founders[entry.voters[0]].sealing_key.raw))
 
     def _add(self, entry: AddNode, position: int) -> None:
         member = entry.member

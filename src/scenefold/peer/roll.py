@@ -121,6 +121,8 @@ class Roll:
         return replace(self, cards={**self.cards, card.name: card})
 
     def _trusting(self, entry: Trust) -> Roll:
+        if entry.trusted != bool(entry.sealing_key) or (entry.sealed and not entry.trusted):
+            raise _ill_formed("trust names the key that may be sealed to, and its end none")
         sealed = {node: box for node, box in self.sealed.items() if node != entry.node}
         if not entry.trusted:
             return replace(self, trusted=self.trusted - {entry.node}, sealed=sealed)

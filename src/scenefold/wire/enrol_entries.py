@@ -20,10 +20,14 @@ ANY_NODE = "node"
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """Whether a node is trusted with the authority's key; `sealed`: that key, sealed to it, once somebody who has it has done so."""
+    """Whether a node is trusted with the authority's key. `sealing_key`: the one that may be sealed to, so that nobody on the way puts
+    another in its place (an id of 32 bits would not do: keys of the same id can be searched for); empty if trust is withdrawn.
+    `sealed`: the authority's key, once somebody who has it has sealed it.
+    """
 
     node: NodeId
     trusted: bool
+    sealing_key: bytes = b""
     sealed: bytes = b""
 
 
@@ -73,7 +77,7 @@ INVITATION_KEY = Bin(lengths=(32,))
 CARD = Bin(CARD_BYTES_MAX)
 MEMBER_NAME = Text(MEMBER_NAME_BYTES_MAX)
 ENROL_ENTRIES: dict[int, Struct[Any]] = {
-    34: Struct(Trust, ("node", U32), ("trusted", BOOL), ("sealed", Bin(512))),
+    34: Struct(Trust, ("node", U32), ("trusted", BOOL), ("sealing_key", Bin(lengths=(0, 32))), ("sealed", Bin(512))),
     37: Struct(Invite, ("key", INVITATION_KEY), ("name", MEMBER_NAME), ("is_administrator", BOOL), ("expires", U32), ("by", MEMBER_NAME)),
     38: Struct(Enrol, ("invitation", INVITATION_KEY), ("card", CARD)),
     39: Struct(RenewCard, ("card", CARD)),

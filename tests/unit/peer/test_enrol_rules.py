@@ -24,7 +24,7 @@ from scenefold.wire.log_entries import SingleEntry
 from scenefold.wire.orders import EnrolForm, Order
 from scenefold.world.facts import ClusterFacts
 from unit.peer import logs_made
-from unit.peer.logs_made import add, found, key_of, node, record
+from unit.peer.logs_made import add, found, key_of, node, record, secrets_of
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, invitation_key
 
 DAY = datetime.timedelta(days=1)
@@ -39,6 +39,9 @@ def log(*entries: LogEntry) -> Registry:
     for entry in (found(2), add(0), add(1), *entries):
         registry = registry.apply(record(registry, entry))
     return registry
+
+
+TRUST = Trust(node(1), True, secrets_of(1).sealing.public.raw)
 
 
 def invite(name: str, number: int = 1, *, admin: bool = False, by: str = "user:owner") -> Invite:
@@ -207,12 +210,29 @@ def test_the_cluster_keeps_an_administrator_its_voter_and_a_trusted_node() -> No
     assert "decides the cluster's log" in forbidden(registry, order(RevokeNode(node(0), key_of(0).key_id)))
     assert ordered(registry, order(RevokeNode(node(1), key_of(1).key_id)))
     assert "only trusted node" in forbidden(registry, order(Trust(node(0), False)))
-    assert ordered(registry, order(Trust(node(1), True)))
-    assert "no node of this cluster" in forbidden(registry, order(Trust(NEWCOMER, True)))
+    assert ordered(registry, order(TRUST))
+    assert "no node of this cluster" in forbidden(registry, order(replace(TRUST, node=NEWCOMER)))
     known = registry.current(node(1))
     assert known is not None
     assert "leaves by itself" in forbidden(registry, order(RemoveNode(known.member, "out")))
     assert ordered(log(RevokeNode(node(1), key_of(1).key_id)), order(RemoveNode(known.member, "its key was revoked")))
+
+
+def test_trust_in_the_last_node_that_has_the_authoritys_key_cannot_be_withdrawn() -> None:
+    with pytest.raises(Refused, match="wait until it was sealed to") as caught:
+        ordered(log(TRUST), order(Trust(node(0), False)))
+    assert caught.value.reason is RejectReason.NOT_READY, "nobody could seal the key to it any more"
+    both = log(TRUST, replace(TRUST, sealed=b"sealed"))
+    assert ordered(both, order(Trust(node(0), False)))
+    other = log(TRUST, replace(TRUST, sealed=b"sealed"), Trust(node(0), False))
+    for entry in (Trust(node(1), False), RevokeNode(node(1), key_of(1).key_id)):
+        assert "only trusted node" in forbidden(other, order(entry))
+
+
+def test_an_order_to_trust_names_the_key_that_the_node_has() -> None:
+    swapped = replace(TRUST, sealing_key=NEWCOMERS[0].sealing.public.raw)
+    assert "another key" in forbidden(log(), order(swapped))
+    assert "another key" in forbidden(log(), order(replace(swapped, sealed=b"sealed")))
 
 
 @pytest.mark.parametrize("entry", [add(1), found(2), Enrol(bytes(32), card_for("user:ada", 0).der)])

@@ -61,10 +61,19 @@ def test_members_propose_removals_and_voters_the_rest() -> None:
     check_proposer(remove(1), node(1), registry, facts(3), 0.0)
     check_proposer(remove(2), node(1), registry, facts(3), 0.0)
     assert refusal(remove(1), 2, registry) == RejectReason.NOT_AUTHORISED, "no member yet"
-    for entry in (Trust(node(1), True), RevokeNode(node(1), key_of(1).public.key_id)):
+    for entry in (Trust(node(1), True, secrets_of(1).sealing.public.raw), RevokeNode(node(1), key_of(1).public.key_id)):
         check_proposer(entry, node(0), registry, facts(3), 0.0)
         assert refusal(entry, 1, registry) == RejectReason.NOT_AUTHORISED
     assert refusal(found(3), 0, registry) == RejectReason.ILL_FORMED
+
+
+def test_nothing_is_sealed_to_other_keys_than_the_members() -> None:
+    registry = folded(found(3), add(0), add(1))
+    for sealed in (b"", b"sealed"):
+        assert refusal(Trust(node(1), True, secrets_of(2).sealing.public.raw, sealed), 0, registry) == RejectReason.NOT_AUTHORISED
+    trusted = folded(found(3), add(0), add(1), Trust(node(1), True, secrets_of(1).sealing.public.raw))
+    check_proposer(Trust(node(1), True, secrets_of(1).sealing.public.raw, b"sealed"), node(0), trusted, facts(3), 0.0)
+    assert refusal(Trust(node(1), True, secrets_of(2).sealing.public.raw, b"sealed"), 0, trusted) == RejectReason.NOT_AUTHORISED
 
 
 def test_only_another_incarnation_of_the_same_node_has_to_go_first() -> None:

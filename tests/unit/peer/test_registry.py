@@ -85,7 +85,7 @@ def test_a_revoked_key_opens_nothing() -> None:
 
 
 def test_trust_comes_and_goes() -> None:
-    registry = folded(found(2), Trust(node(1), True))
+    registry = folded(found(2), Trust(node(1), True, bytes(32)))
     assert registry.is_trusted(node(1))
     assert not registry.apply(record(registry, Trust(node(1), False))).is_trusted(node(1))
 
@@ -113,7 +113,7 @@ def test_a_request_is_committed_once() -> None:
     assert caught.value.reason == RejectReason.ILL_FORMED
 
 
-@pytest.mark.parametrize("entry", [add(0), remove(0), SetMode(SceneMode.RENDER), Trust(node(0), True)])
+@pytest.mark.parametrize("entry", [add(0), remove(0), SetMode(SceneMode.RENDER), Trust(node(0), True, bytes(32))])
 def test_a_log_begins_with_its_founders_and_holds_nothing_of_scenes(entry: LogEntry) -> None:
     assert refusal(Registry(), entry) in (RejectReason.ILL_FORMED, RejectReason.WRONG_INCARNATION)
     if isinstance(entry, SetMode):

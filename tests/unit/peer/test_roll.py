@@ -17,6 +17,7 @@ from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, Re
 from scenefold.wire.enrol_packets import InvitationState
 from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
 
+KEY = NEWCOMERS[0].sealing.public.raw
 YEAR = datetime.timedelta(days=365)
 
 
@@ -90,7 +91,7 @@ def test_who_is_revoked_does_not_come_back_by_an_invitation_that_it_gave() -> No
 
 
 def test_only_an_invitation_that_names_a_node_gives_it_other_keys_and_they_are_not_trusted() -> None:
-    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, b"sealed"), invite(2, ANY_NODE), invite(3, "node:5"))
+    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, KEY, b"sealed"), invite(2, ANY_NODE), invite(3, "node:5"))
     assert refusal(roll, enrol(2, "node:5", 1)) == RejectReason.NOT_AUTHORISED
     again = after(enrol(3, "node:5", 1), roll=roll)
     assert NodeId(5) not in again.trusted and not again.sealed
@@ -112,10 +113,15 @@ def test_only_members_that_count_take_room(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_trust_goes_with_the_key_or_when_it_is_withdrawn() -> None:
-    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True), Trust(NodeId(5), True, b"sealed"))
+    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, KEY), Trust(NodeId(5), True, KEY, b"sealed"))
     assert roll.trusted == {NodeId(5)} and roll.sealed == {NodeId(5): b"sealed"}
     for gone in (after(Trust(NodeId(5), False), roll=roll), roll.without("node:5", NEWCOMERS[0].signing.key_id)):
         assert not gone.trusted and not gone.sealed
+
+
+@pytest.mark.parametrize("entry", [Trust(NodeId(5), True), Trust(NodeId(5), False, KEY), Trust(NodeId(5), False, b"", b"sealed")])
+def test_trust_says_what_may_be_sealed_to(entry: Trust) -> None:
+    assert refusal(Roll(), entry) == RejectReason.ILL_FORMED
 
 
 def test_a_renewed_card_has_the_same_keys() -> None:
@@ -137,7 +143,7 @@ ENTRIES: st.SearchStrategy[EnrolEntry] = st.one_of(
     st.builds(enrol, st.integers(0, 3), st.sampled_from(NAMES), st.integers(0, 1)),
     st.builds(lambda number: Withdraw(invitation_key(number).public.raw), st.integers(0, 3)),
     st.builds(lambda name, who: RevokeUser(name, NEWCOMERS[who].signing.key_id), st.sampled_from(NAMES[:2]), st.integers(0, 1)),
-    st.builds(lambda trusted: Trust(NodeId(5), trusted, b"sealed" if trusted else b""), st.booleans()),
+    st.builds(lambda trusted: Trust(NodeId(5), trusted, *((KEY, b"sealed") if trusted else ())), st.booleans()),
     st.builds(lambda name, who: RenewCard(card_for(name, who, since=YEAR).der), st.sampled_from(NAMES), st.integers(0, 1)),
 )
 

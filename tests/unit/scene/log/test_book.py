@@ -117,7 +117,7 @@ def test_a_shadow_lies_where_its_parent_lies() -> None:
         [space(node_managed=True), ScaleSpace(HALL, 2.0)],
         [AddParticipant(Member(NodeId(1), bytes(16))), AddParticipant(Member(NodeId(1), b"i" * 16))],
         [RemoveObserver(Member(NodeId(1), bytes(16)))],
-        [Trust(NodeId(1), True)],
+        [Trust(NodeId(1), True, bytes(32))],
         [Batch((space(), space()))],
     ],
 )
