@@ -20,6 +20,8 @@ CONTENTS = [
     packed_challenge(bytes(16)),
     packed_answer(bytes(16)),
     packed_answer(bytes(16), bytes(16)),
+    packed_answer(bytes(16), first=True),
+    packed_answer(bytes(16), bytes(16), first=True),
 ]
 
 
@@ -71,6 +73,7 @@ def contents(data: bytes, _dice: random.Random) -> str:
         Kind.PACKET: packed_packet(found.packet),
         Kind.CHALLENGE: packed_challenge(found.challenge),
         Kind.ANSWER: packed_answer(found.echo, found.challenge),
+        Kind.FIRST_ANSWER: packed_answer(found.echo, found.challenge, first=True),
     }[found.kind]
     if again != data:
         raise Finding("contents were accepted from bytes that are not their own")

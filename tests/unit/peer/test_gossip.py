@@ -15,7 +15,7 @@ from scenefold.peer.hearing import CLAIM_PATIENCE_S
 from scenefold.peer.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
 from scenefold.peer.status import arc_of_status
 from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status
-from unit.peer.village import Village, incarnation_of, key_of, node_at, until, village
+from unit.peer.village import BETWEEN_ROUNDS_S, Village, incarnation_of, key_of, node_at, until, village
 from unit.peer.voices import Voice, opened, say
 
 DROPPED = pytest.mark.expect_log("is dropped|has no business here")
@@ -313,7 +313,7 @@ async def test_who_is_claimed_against_tells_all_where_its_arc_is(autojump_clock:
     async with village(30) as them:
         for index in range(3):
             await them.start(index)
-        await trio.sleep(120)
+        await trio.sleep(120 + BETWEEN_ROUNDS_S)
         victim, liar = them.of(0), them.of(1)
         claim = signed(replace(liar.own.signed(), left_fence=None))
         lie = PingBroadcast((claim,), request_id=1)
@@ -363,7 +363,7 @@ async def test_a_repeated_question_is_no_flood_of_answers(autojump_clock: trio.t
         friend = them.of(1)
         voice, question = Voice(them, friend.own.me), RequestState(request_id=1)
         await voice.say(PingBroadcast((friend.own.signed(),)), node_at(0))
-        await trio.sleep(1.0)
+        await trio.sleep(1.0 + BETWEEN_ROUNDS_S)
 
         def answers(since: int) -> int:
             told = (opened(source, target, data) for source, target, data in them.ether.sent[since:] if source == "127.0.0.2")

@@ -32,6 +32,8 @@ from scenefold.world.facts import ClusterFacts, Credential
 
 FIRST = node_id_of("127.0.0.2")
 DELAY_S = 0.001
+BETWEEN_ROUNDS_S = 0.5
+"""Nodes that start together throw their dice in the same moments, in any order: what is compared then is chance."""
 
 
 def node_at(index: int) -> NodeId:
@@ -243,7 +245,6 @@ async def village(
     count: int, *, seeds: tuple[str, ...] = (), registered: int | None = None, remove_after_s: float = 120.0
 ) -> AsyncIterator[Village]:
     """`count` nodes with credentials, all founders; the first `registered` of them (all) have taken their seats."""
-    random = Random(1)
     members = [node_at(index) for index in range(count)]
     facts = ClusterFacts(
         name="village",
@@ -263,7 +264,8 @@ async def village(
         for index, member in enumerate(members):
             own = OwnStatus(member, address_of(member), incarnation_of(index), 1, MemberSecrets(key_of(member), sealing_key_of(member)))
             own.arc = arcs[index]
-            world, roster, log = a_world(them.ether, random), Roster(member), Log(them, member)
+            # Each has dice of its own: in which order tasks of one moment run, is the scheduler's whim.
+            world, roster, log = a_world(them.ether, Random(member)), Roster(member), Log(them, member)
             calls = cast(Any, Calls(them, member))
             gossip = Gossip(world, own, roster, cast(Any, log), facts, seeds)
             settings = cast(Any, SimpleNamespace(remove_after_s=remove_after_s))

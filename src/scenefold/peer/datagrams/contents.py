@@ -18,10 +18,12 @@ class Kind(IntEnum):
     PACKET = 1
     CHALLENGE = 2
     ANSWER = 3
+    FIRST_ANSWER = 4
+    """Like an answer, of one that has answered no other challenge under this salt: nothing that it said before has counted."""
 
 
 class Content(NamedTuple):
-    """`packet` of a PACKET; `challenge` of a CHALLENGE; of an ANSWER what it `echo`es, and a challenge of its own or b""."""
+    """`packet` of a PACKET; `challenge` of a CHALLENGE; of answers what it `echo`es, and a challenge of its own or b""."""
 
     kind: Kind
     packet: bytes = b""
@@ -37,8 +39,8 @@ def packed_challenge(challenge: bytes) -> bytes:
     return b"\x02" + challenge
 
 
-def packed_answer(echo: bytes, challenge: bytes = b"") -> bytes:
-    return b"".join((b"\x03", echo, challenge))
+def packed_answer(echo: bytes, challenge: bytes = b"", *, first: bool = False) -> bytes:
+    return b"".join((b"\x04" if first else b"\x03", echo, challenge))
 
 
 def unpacked(data: bytes) -> Content:
@@ -49,6 +51,6 @@ def unpacked(data: bytes) -> Content:
             return Content(Kind.PACKET, packet=rest)
         case b"\x02", 16:
             return Content(Kind.CHALLENGE, challenge=rest)
-        case b"\x03", 16 | 32:
-            return Content(Kind.ANSWER, echo=rest[:CHALLENGE_BYTES], challenge=rest[CHALLENGE_BYTES:])
+        case b"\x03" | b"\x04", 16 | 32:
+            return Content(Kind(data[0]), echo=rest[:CHALLENGE_BYTES], challenge=rest[CHALLENGE_BYTES:])
     raise DamagedData(f"what is sealed in it, {len(data)} bytes, is of no known kind")

@@ -9,6 +9,9 @@ Outgoing: the key under the own salt, and a counter. Incoming: the salt that cou
 
 Our challenge is drawn after the salt that counts was accepted, so whoever echoes it lives later than that: salts are accepted
 in the order of the peer's boots. The answer to an answer carries no challenge, so three datagrams end what one began.
+
+What the peer said before its answer may arrive behind it. In an earlier life of ours it may have counted, and be played again;
+but not if the answer is the first that the peer has given under its salt, since no salt counts anywhere before that.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from enum import StrEnum
 
 from scenefold.base.errors import DamagedData
 from scenefold.crypto import DatagramHead, DatagramKey, ReplayWindow
-from scenefold.peer.datagrams.contents import CHALLENGE_BYTES, Kind, packed_answer, packed_challenge, packed_packet, unpacked
+from scenefold.peer.datagrams.contents import CHALLENGE_BYTES, Content, Kind, packed_answer, packed_challenge, packed_packet, unpacked
 
 HELD_MAX = 4
 """Packets of one peer that wait for the answer to a challenge; beyond it the oldest goes."""
@@ -76,10 +79,12 @@ class Pairing:
     """One peer's. `incoming` gives the key of what the peer says under a salt; `token` draws challenges."""
 
     __slots__ = (
+        "_answered",
         "_answered_at",
         "_challenge",
         "_challenged_at",
         "_dead",
+        "_first_answered",
         "_held",
         "_incoming",
         "_key",
@@ -108,6 +113,9 @@ class Pairing:
         self._challenge = b""
         self._challenged_at = -math.inf
         self._answered_at = {True: -math.inf, False: -math.inf}
+        self._answered = (b"", -math.inf)
+        self._first_answered: bytes | None = None if first_counter else b""
+        """The one challenge that was answered under our salt; None: several, or an earlier pairing may have answered others."""
 
     def seal(self, packet: bytes) -> bytes:
         """The datagram that carries a packet to the peer."""
@@ -136,14 +144,14 @@ class Pairing:
                 self._ask(taken, now)
             case Kind.CHALLENGE:
                 self._answer(content.challenge, taken, now, counts=counts, asks_back=not counts)
-            case Kind.ANSWER:
-                self._hear_answer(content.echo, key, head.counter, taken, now, counts=counts)
-                if content.challenge and self._key is key:
+            case Kind.ANSWER | Kind.FIRST_ANSWER:
+                self._hear_answer(content, key, head.counter, taken, now, counts=counts)
+                if content.challenge and self._key is key and not self._has_just_answered(content.challenge, now):
                     self._answer(content.challenge, taken, now, counts=True, asks_back=False)
         return taken
 
-    def _hear_answer(self, echo: bytes, key: DatagramKey, counter: int, taken: Taken, now: float, *, counts: bool) -> None:
-        if not self._challenge or echo != self._challenge:
+    def _hear_answer(self, answer: Content, key: DatagramKey, counter: int, taken: Taken, now: float, *, counts: bool) -> None:
+        if not self._challenge or answer.echo != self._challenge:
             taken.drop(Drop.UNASKED, "it answers no challenge of ours, or one that was answered")
             return
         if not counts:
@@ -151,7 +159,8 @@ class Pairing:
                 self._dead.append(self._key.salt)
             self._key = key
             # What the peer said before its answer may have been here in an earlier life of ours, but for what was held.
-            self._window = ReplayWindow(counter + 1)
+            self._window = ReplayWindow(0 if answer.kind is Kind.FIRST_ANSWER else counter)
+            self._window.accept(counter)
         self._challenge = b""
         held, self._held = self._held, deque()
         for one in held:
@@ -179,8 +188,14 @@ class Pairing:
         if now - self._answered_at[counts] < ANSWER_S_MIN:
             taken.drop(Drop.CROWDED, "challenges come too often")
             return
-        self._answered_at[counts] = now
-        taken.replies.append(self._sealed(packed_answer(challenge, self._own_challenge(now) if asks_back else b"")))
+        self._answered_at[counts], self._answered = now, (challenge, now)
+        is_first = self._first_answered in (b"", challenge)
+        self._first_answered = challenge if is_first else None
+        taken.replies.append(self._sealed(packed_answer(challenge, self._own_challenge(now) if asks_back else b"", first=is_first)))
+
+    def _has_just_answered(self, challenge: bytes, now: float) -> bool:
+        """Two that speak at the same moment challenge each other, and again in their answers: one answer is enough."""
+        return self._answered[0] == challenge and now - self._answered[1] < ANSWER_S_MIN
 
     def _own_challenge(self, now: float) -> bytes:
         """The same until it is answered: an answer that was on its way for long counts, too."""
