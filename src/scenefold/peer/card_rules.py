@@ -10,7 +10,7 @@ import datetime
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId, address_of, checked_node_id
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Card, OutOfDate, node_named
+from scenefold.crypto import Card, OutOfDate, PublicKey, node_named
 from scenefold.peer.registry import Registry
 from scenefold.wire.enrol_entries import Enrol, RenewCard, Trust
 from scenefold.world.facts import ClusterFacts, Credential
@@ -41,27 +41,50 @@ def administrators(registry: Registry, facts: ClusterFacts) -> list[str]:
     return [card.name for card in cards if card is not None and card.keys.is_administrator]
 
 
+def is_user_key(key: PublicKey, registry: Registry, facts: ClusterFacts) -> bool:
+    """Whether some user signs with this key. In a cluster in memory, which has no authority, nobody can tell, and any may be."""
+    if not facts.authority:
+        return True
+    names = (*registry.roll.cards, *(Card.read(owner).name for owner in facts.owners))
+    cards = (card_of(name, registry, facts) for name in names if node_named(name) is None)
+    return any(card is not None and card.keys.signing == key for card in cards)
+
+
 def refusal_of(name: str, key: KeyId | None, registry: Registry, facts: ClusterFacts) -> Refused | None:
-    """Why a peer whose certificate has this signing key (None: none) is not talked to; None if it is.
+    """Why a peer whose certificate has this signing key (None: none) is not talked to; None if it is, or is a node that nobody knows.
 
     17: the key counts no longer. 16: it is not the member's key as far as this log goes, and a newer one may say otherwise.
     """
     node = node_named(name)
     if (key is not None and registry.roll.is_revoked(name, key)) or (node is not None and key is None and registry.is_barred(node)):
-        return Refused(RejectReason.KEY_REVOKED, f"the key of {name} is revoked")
-    if not facts.authority:
+        return Refused(RejectReason.KEY_REVOKED, f"the key of {name} is revoked", remedy="ask an administrator for a new invitation")
+    if not facts.authority or is_unknown(name, registry, facts):
         return None
     if node is None:
         card = card_of(name, registry, facts)
-        is_known, known = True, None if card is None else card.signing_id
+        known = None if card is None else card.signing_id
     else:
-        credential = credential_of(node, registry, facts)
-        # Nodes are told of newcomers by each other; one that nobody enrolled becomes no member (log_rules.py).
-        is_known, known = credential is not None, None if credential is None else credential.public_key.key_id
-    if not is_known or (known is not None and known == key):
+        known = _node_key(node, registry, facts)
+    if known is not None and known == key:
         return None
     remedy = "if it has just become one, try again in a moment"
     return Refused(RejectReason.NOT_READY, f"{name} is no member by this key, as far as this node knows the cluster's log", remedy=remedy)
+
+
+def is_unknown(name: str, registry: Registry, facts: ClusterFacts) -> bool:
+    """Whether neither log nor facts know any key of a node. It may be a newcomer of which the log tells more elsewhere, or one that
+    somebody certified who should not have: it is told the log, and may register itself, which the voter judges (log_rules.py).
+    """
+    node = node_named(name)
+    return bool(facts.authority) and node is not None and _node_key(node, registry, facts) is None
+
+
+def _node_key(node: NodeId, registry: Registry, facts: ClusterFacts) -> KeyId | None:
+    """What a node signs with: by its card, else as it was certified when the cluster was made, else as it has registered."""
+    certified, registered = credential_of(node, registry, facts), registry.key_of(node)
+    if certified is not None:
+        return certified.public_key.key_id
+    return None if registered is None or registry.is_revoked(node, registered.key_id) else registered.key_id
 
 
 def is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:

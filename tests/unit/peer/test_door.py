@@ -8,15 +8,30 @@ import pytest
 import trio
 import trio.testing
 
+from scenefold.base.ids import SceneId
 from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.door import Door
+from scenefold.peer.log_packets import proposal_of
 from scenefold.peer.registry import Registry
-from scenefold.wire import Fault, ListScenes, LogEntry, Packet, decode_packet, encode_frame
+from scenefold.wire import (
+    Fault,
+    ListScenes,
+    LogEntry,
+    LogRecord,
+    MiniStatus,
+    Packet,
+    RemoveNode,
+    RequestSceneLog,
+    RequestTable,
+    Want,
+    decode_packet,
+    encode_frame,
+)
 from scenefold.wire.enrol_entries import Enrol, Invite, RevokeUser
 from scenefold.world import Priority
 from unit.peer import logs_made
-from unit.peer.logs_made import add, found, record
+from unit.peer.logs_made import add, found, member, node, record
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, card_for, invitation_key
 from unit.world.test_guests import Line
 
@@ -129,3 +144,66 @@ async def test_who_is_refused_pushes_out_no_connection_of_the_member_whose_name_
         await trio.testing.wait_all_tasks_blocked()
         assert [decode_packet(answer[4:]).request_id for answer in member.answers] == [1, 3]
         nursery.cancel_scope.cancel()
+
+
+GHOST = f"node:{node(7)}"
+CLUSTER_LOG = FACTS.genesis_header.scene
+
+
+def asked(want: Want, scene: SceneId = CLUSTER_LOG) -> Packet:
+    return RequestSceneLog(scene, b"", 0, 0, want)
+
+
+def proposed(entry: LogEntry) -> Packet:
+    return proposal_of(LogRecord(1, bytes(32), bytes(16), node(7), entry), FACTS)
+
+
+async def answer_to_ghost(log: Log, packet: Packet) -> Packet:
+    """What a node hears whose certificate is the authority's, and whose key stands in no log."""
+    line = Line(GHOST)
+    line.peer_key = KEY  # type: ignore[assignment]
+    line.feed(encode_frame(replace(packet, request_id=1)))
+    line.close()
+    await door(log).serve(Priority.LOW, line)  # type: ignore[arg-type]
+    return decode_packet(line.answers[0][4:])
+
+
+@pytest.mark.parametrize("packet", [asked(Want.LOG), asked(Want.HEADER), proposed(add(7, left_of=0))])
+async def test_a_node_that_nobody_knows_may_read_the_clusters_log_and_register(packet: Packet) -> None:
+    mini = MiniStatus(1, node(7), None, 0, 0, 0, 0, 0)
+    log = Log(STRANGER, STRANGER)
+    answer = await answer_to_ghost(log, replace(packet, mini_status=mini))
+    assert type(answer) is type(packet) and answer.mini_status is None, "what it says of itself is not taken"
+    assert log.pulls == 1
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        ListScenes(),
+        RequestTable(),
+        asked(Want.LEASE),
+        asked(Want.LOG, SceneId(5)),
+        proposed(RemoveNode(member(1), "out")),
+        replace(proposed(add(7, left_of=0)), private=b"no record"),  # type: ignore[type-var]
+    ],
+)
+async def test_a_node_that_nobody_knows_may_do_nothing_else(packet: Packet) -> None:
+    answer = await answer_to_ghost(Log(STRANGER, STRANGER), packet)
+    assert isinstance(answer, Fault) and answer.reason is RejectReason.NOT_AUTHORISED and "no member of this cluster" in answer.text
+
+
+async def test_a_node_that_registered_elsewhere_is_let_in_once_we_have_asked() -> None:
+    line = Line(GHOST)
+    line.peer_key = logs_made.key_of(7).public.key_id  # type: ignore[assignment]
+    line.feed(encode_frame(ListScenes(request_id=1)))
+    line.close()
+    await door(Log(STRANGER, log(add(7, left_of=0)))).serve(Priority.LOW, line)  # type: ignore[arg-type]
+    assert isinstance(decode_packet(line.answers[0][4:]), ListScenes)
+
+
+@pytest.mark.expect_log("connection refused")
+async def test_nobody_takes_the_name_of_a_node_that_registered_without_a_card() -> None:
+    registered = log(add(7, left_of=0))
+    answer = await answer_to_ghost(Log(registered, registered), ListScenes())
+    assert isinstance(answer, Fault) and answer.reason is RejectReason.NOT_READY
