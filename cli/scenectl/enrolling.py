@@ -15,7 +15,7 @@ from scenectl.values import DEFAULT_SUITE, AddressOption, SuiteOption
 if TYPE_CHECKING:
     from scenefold.client.membership import Roll
     from scenefold.crypto import Token
-    from scenefold.wire.enrol_packets import KnownInvitation
+    from scenefold.world.roll import Invitation
 
 ID_DIGITS = 16
 AN_HOUR = Duration(3600)
@@ -139,11 +139,11 @@ def invitations(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     found, now = _roll(output).invitations, time.time()
     documents = [
         {
-            "id": _id(one.key),
-            "name": one.name,
-            "admin": one.is_administrator,
-            "by": one.by,
-            "expires": _time(one.expires),
+            "id": _id(one.entry.key),
+            "name": one.entry.name,
+            "admin": one.entry.is_administrator,
+            "by": one.entry.by,
+            "expires": _time(one.entry.expires),
             "state": _state(one, now),
         }
         for one in found
@@ -263,10 +263,10 @@ def _roll(output: ProfileOutput) -> Roll:
     return run(work)
 
 
-def _state(invitation: KnownInvitation, now: float) -> str:
-    from scenefold.wire.enrol_packets import InvitationState
+def _state(invitation: Invitation, now: float) -> str:
+    from scenefold.world.roll import InvitationState
 
-    if invitation.state is InvitationState.OPEN and invitation.expires < now:
+    if invitation.state is InvitationState.OPEN and invitation.entry.expires < now:
         return "expired"
     return invitation.state.name.lower()
 

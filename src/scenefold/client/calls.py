@@ -75,6 +75,10 @@ class Calls:
         self._node_slots: dict[str, trio.CapacityLimiter] = {}
         self._silent: dict[str, None] = {}
         """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
+        self.check_own: Callable[[], None] = lambda: None
+        """Raises what forbids this client to ask anything, such as that its own key was revoked."""
+        self.heard: Callable[[str, int], None] = lambda _address, _position: None
+        """Told of each node that answers how far it knows the cluster's log."""
 
     def address_of(self, node_id: NodeId) -> str:
         """Where to reach a node; one that the table does not know yet is taken by its id."""
@@ -100,6 +104,7 @@ class Calls:
         timeout_s: float = CLIENT_REQUEST_S,
     ) -> Answer:
         """One request, one try. Unreachable if there is no reply, Refused if it is a Fault, PeerFault if it is no such answer."""
+        self.check_own()
         try:
             reply = await self._links.request(address, priority, packet, timeout_s)
         except Unreachable:
@@ -109,7 +114,7 @@ class Calls:
             self._silent.pop(address, None)
             raise
         self._silent.pop(address, None)
-        self._notice(reply)
+        self._notice(reply, address)
         if not isinstance(reply, answer):
             raise PeerFault(f"{type(reply).__name__} is no answer to {type(packet).__name__}", where=address)
         return reply
@@ -172,8 +177,13 @@ class Calls:
         async def ask(address: str) -> Result:
             return judged(await self.ask(address, packet, answer, priority=priority))
 
+        return await self.several(ask)
+
+    async def several(self, ask: Callable[[str], Awaitable[Result]], *, first: NodeId | None = None) -> list[Result]:
+        """What `ask` returns for some nodes, by address, as `opinions`; `first` is one of them."""
+
         async def once() -> list[Result]:
-            tries = [partial(ask, address) for address in self._addresses_from(None)]
+            tries = [partial(ask, address) for address in self._addresses_from(first)]
             return await some_answers(
                 tries, count=CLIENT_OPINIONS, next_after_s=CLIENT_NEXT_S, more_within_s=CLIENT_OPINION_S, at_a_time=CLIENT_ASKED_MAX
             )
@@ -236,8 +246,10 @@ class Calls:
         turned = [*owning[start:], *owning[:start], *empty]
         return [owner.address for owner in sorted(turned, key=lambda owner: owner.node_id != first)]
 
-    def _notice(self, reply: Packet) -> None:
+    def _notice(self, reply: Packet, address: str) -> None:
         news = reply.mini_status
+        if news is not None:
+            self.heard(address, news.log_position)
         # A node that owns nothing keeps its old place until the table is asked for again; until then it forwards.
         if news is not None and news.right_bound is not None:
             known = self.table.by_id(news.node)

@@ -15,6 +15,7 @@ from scenefold.base.location import FIRST, Arc
 from scenefold.client.calls import Calls, no_answer
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
+from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
 from scenefold.client.membership import Membership
 from scenefold.client.public_keys import find_public_key
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
@@ -25,6 +26,7 @@ from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
+from scenefold.world.log_file import LogFile
 from scenefold.world.profile import ClusterProfile
 
 Result = TypeVar("Result")
@@ -38,17 +40,22 @@ ASKED_MAX = 64
 
 
 class Cluster:
-    """Made by `connect`. `calls` and `links` are there for rooms above, such as the renderer's client."""
+    """Made by `connect`. `calls` and `links` are there for rooms above, such as the renderer's client; `log` is to be run."""
 
-    def __init__(self, profile: ClusterProfile, world: World, links: Links, secrets: MemberSecrets) -> None:
+    def __init__(self, profile: ClusterProfile, world: World, links: Links, secrets: MemberSecrets, known: Known = NOTHING_KNOWN) -> None:
+        """`known`: what the profile has kept of the cluster's log."""
         founders = [member for member in profile.members if member.node_id in profile.founders]
         spares = [(member.node_id, member.address) for member in profile.members if member.node_id not in profile.founders]
         self.profile = profile
         self.name = profile.name
         self.links = links
         self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
-        self.membership = Membership(self.calls, profile, secrets)
         member = f"user:{profile.user}"
+        me, file = (member, secrets.signing.public.key_id), LogFile(profile.folder)
+        self.log = KnownLog(self.calls, profile.genesis_header, profile.log_key, profile.voters[0], me, file, known, links.check_again)
+        self.calls.check_own, self.calls.heard = self.log.check_own, self.log.heard
+        links.refusal_of = self.log.refusal_of
+        self.membership = Membership(self.calls, profile, secrets, self.log)
         self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0], member, card_of=self.membership.card_of)
 
     async def nodes(self) -> list[Owner]:

@@ -8,10 +8,12 @@ from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.client.cluster import Cluster
+from scenefold.client.known_log import Known
 from scenefold.client.renewal import renew_if_due
 from scenefold.crypto import DEFAULT_SUITE, MemberSecrets, SecretFolder, refuse_to_ask
 from scenefold.crypto.secret_folder import AskPassphrase
-from scenefold.world import Ports, World, offline_world, open_links, real_world
+from scenefold.world import Ports, World, background_tasks, offline_world, open_links, real_world
+from scenefold.world.log_file import LogFile
 from scenefold.world.profile import ClusterProfile
 
 DEFAULT_PROFILE = "default"
@@ -25,23 +27,26 @@ async def connect(profile: str | Path | None = None, ask: AskPassphrase = refuse
 
     Nothing is sent before the first call; that one finds the nodes by those that the profile lists, and takes the
     table of who is there from the first that answers. Only if the user's certificate is due to be renewed, that comes first.
-    LocalFault if there is no such profile, OutOfDate if the certificate does not count by this computer's clock.
+    LocalFault if there is no such profile, OutOfDate if the certificate does not count by this computer's clock, Refused (17) if this
+    profile has seen that its user's key was revoked.
     """
-    known, world, secrets = await offline_world().workers.run("import", _read, profile, ask)
-    async with open_links(world) as links:
-        cluster = Cluster(known, world, links, secrets)
+    known, world, secrets, log = await offline_world().workers.run("import", _read, profile, ask)
+    async with open_links(world) as links, background_tasks() as nursery:
+        cluster = Cluster(known, world, links, secrets, log)
+        cluster.log.check_own()
+        nursery.start_soon(cluster.log.run)
         await renew_if_due(cluster.membership)
         yield cluster
 
 
-def _read(profile: str | Path | None, ask: AskPassphrase) -> tuple[ClusterProfile, World, MemberSecrets]:
+def _read(profile: str | Path | None, ask: AskPassphrase) -> tuple[ClusterProfile, World, MemberSecrets, Known]:
     """What of a profile lies on disk, and the world that its user's identity opens."""
     known = ClusterProfile.load(profile_folder(profile))
     opened = SecretFolder(known.user_folder(), ask)
     identity = known.user_identity(secrets=opened)
     known.check_date(identity)
     world = real_world(identity, known.authority_certificate(), ports=known.ports)
-    return known, world, known.user_secrets(secrets=opened)
+    return known, world, known.user_secrets(secrets=opened), LogFile(known.folder).load()
 
 
 def profile_folder(profile: str | Path | None) -> Path:

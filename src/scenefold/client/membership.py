@@ -1,7 +1,7 @@
 """Who belongs to a cluster, and what its administrators order (specs/15-cluster-log.md, Enrolling).
 
 An order is signed by the administrator's own key, so whatever node takes it to the voter can neither alter it nor give it again.
-What nodes say of others counts as far as the authority's signature goes.
+Who is a member, and by which keys, says the cluster's log, whoever shows it (known_log.py).
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
-from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
+from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.client.calls import Calls
+from scenefold.client.known_log import KnownLog
 from scenefold.crypto import (
     AUTHORITY_PURPOSE,
     ORDER_DOMAIN,
@@ -23,6 +24,7 @@ from scenefold.crypto import (
     SigningKey,
     Token,
     mark_of,
+    node_named,
     pem_of,
 )
 from scenefold.wire import RemoveNode, RevokeNode
@@ -31,26 +33,29 @@ from scenefold.wire.enrol_packets import (
     Administer,
     Administered,
     Enrolled,
-    InvitationState,
-    KnownInvitation,
+    RequestCard,
     RequestRenewal,
-    RequestRoll,
-    RespondRoll,
+    RespondCard,
 )
 from scenefold.wire.log_entries import SingleEntry
 from scenefold.wire.orders import Order
 from scenefold.wire.scene_log_packets import Member
 from scenefold.world import Priority
 from scenefold.world.keyring import checked_name
+from scenefold.world.log_view import LogView, NodeKeys
 from scenefold.world.profile import ClusterProfile
+from scenefold.world.roll import Invitation, InvitationState
+
+FRESH_S = 5.0
+"""What was learnt of the log so lately serves for a question, unless it says no."""
 
 
 @dataclass(frozen=True, slots=True)
 class Roll:
-    """Who belongs to the cluster, as a node knows it. `cards`: users, and nodes that were enrolled by a token."""
+    """Who belongs to the cluster. `cards`: users, and nodes that were enrolled by a token; `revoked`: names of those whose key counts no longer."""
 
     cards: tuple[Card, ...]
-    invitations: tuple[KnownInvitation, ...]
+    invitations: tuple[Invitation, ...]
     trusted: tuple[NodeId, ...]
     revoked: tuple[str, ...]
 
@@ -62,38 +67,54 @@ class Roll:
 class Membership:
     """Of one cluster, under the keys of one user."""
 
-    def __init__(self, calls: Calls, profile: ClusterProfile, secrets: MemberSecrets) -> None:
+    def __init__(self, calls: Calls, profile: ClusterProfile, secrets: MemberSecrets, log: KnownLog) -> None:
         self._calls = calls
         self._profile = profile
         self._secrets = secrets
+        self._cluster_log = log
         self._me = f"user:{profile.user}"
 
     async def roll(self) -> Roll:
-        """Users, invitations, trusted nodes. A card that the authority did not issue is nobody's."""
-        answer = await self._calls.ask_any(RequestRoll(name=""), RespondRoll, first=self._profile.voters[0])
+        """Users, invitations, trusted nodes, as the cluster's log says. A card that the authority did not issue is nobody's."""
+        view = await self._cluster_log.newest()
         authority = self._profile.authority_certificate()
         # Also those that ran out: one member that was away for long must not hide the others.
-        cards = tuple(Card.verified(der, authority) for der in answer.cards)
-        return Roll(cards, answer.invitations, answer.trusted, answer.revoked)
+        cards = tuple(Card.verified(card.der, authority) for card in view.cards(self._profile.owners()))
+        revoked = tuple(sorted({name for name, _ in view.roll.revoked}))
+        return Roll(cards, tuple(view.roll.invitations.values()), tuple(sorted(view.roll.trusted)), revoked)
 
     async def card_of(self, name: str) -> Card:
         """The card of "user:<name>" or "node:<id>": whose signature counts, and what to seal to. LocalFault if there is no such member."""
-        answer = await self._calls.ask_any(RequestRoll(name=name), RespondRoll, first=self._profile.voters[0])
-        if not answer.cards and name.startswith("node:"):
-            # It was there from the start, so the log has no card of it: it shows its own.
-            address = address_of(NodeId(int(name[5:])))
-            if NodeId(int(name[5:])) not in [status.node for status in (await self._calls.refresh(self._profile.voters[0])).statuses]:
-                raise LocalFault("no node of this cluster has this address", where=address, remedy="see `scenectl cluster nodes`")
-            answer = await self._calls.ask(address, RequestRoll(name=name), RespondRoll, priority=Priority.HIGH)
-        if not answer.cards:
-            raise LocalFault(f"{name} is no member of {self._profile.name}", where=name, remedy="see `scenectl cluster users`")
-        return self._believed(answer.cards[0], name)
+        owners = self._profile.owners()
+        view = await self._cluster_log.newest(age_s_max=FRESH_S)
+        if not _is_member(name, view, owners):
+            view = await self._cluster_log.newest()
+        card = view.card_of(name, owners)
+        if card is not None:
+            return self._believed(card.der, name)
+        node = node_named(name)
+        keys = None if node is None else view.keys_of(node)
+        if node is None or keys is None:
+            raise self._no_member(name, view)
+        # It was there from the start, so the log has its keys and no card: it shows its own.
+        shown = await self._calls.ask(address_of(node), RequestCard(), RespondCard, priority=Priority.HIGH)
+        card = self._believed(shown.card, name)
+        if (card.keys.signing.raw, card.keys.sealing.raw) != keys:
+            raise DamagedData(f"{name} shows a card for other keys than the cluster's log has", where=address_of(node))
+        return card
 
     def _believed(self, der: bytes, name: str) -> Card:
         card = Card.verified(der, self._profile.authority_certificate(), self._now())
         if card.name != name:
             raise DamagedData(f"a node shows the card of {card.name} as that of {name}")
         return card
+
+    def _no_member(self, name: str, view: LogView) -> LocalFault:
+        node = node_named(name)
+        was_revoked = any(revoked == name for revoked, _ in view.roll.revoked)
+        what = f"the key of {name} is revoked" if was_revoked else f"{name} is no member of {self._profile.name}"
+        where = name if node is None else address_of(node)
+        return LocalFault(what, where=where, remedy=f"see `scenectl cluster {'users' if node is None else 'nodes'}`")
 
     # ------------------------------------------------------------------------------------------------------------ orders
 
@@ -115,7 +136,9 @@ class Membership:
     async def withdraw(self, invitation: bytes) -> None:
         """Let an invitation count no longer: its key, or as much of the beginning as tells it from others."""
         open_ones = [
-            one.key for one in (await self.roll()).invitations if one.state is InvitationState.OPEN and one.key.startswith(invitation)
+            one.entry.key
+            for one in (await self.roll()).invitations
+            if one.state is InvitationState.OPEN and one.entry.key.startswith(invitation)
         ]
         if len(open_ones) != 1:
             what = "no open invitation has this id" if not open_ones else "several invitations begin so"
@@ -129,8 +152,7 @@ class Membership:
 
     async def revoke_node(self, node: NodeId) -> None:
         """Let a node's key count no longer, and take it off the line."""
-        key = await self._signing_id(node)
-        await self._order(RevokeNode(node, key))
+        await self._order(RevokeNode(node, (await self._keys_of(node)).signing_id))
         for status in (await self._calls.refresh(self._profile.voters[0])).statuses:
             if status.node == node:
                 await self._order(RemoveNode(Member(node, status.incarnation), "its key was revoked"))
@@ -140,7 +162,7 @@ class Membership:
         if not trusted:
             await self._order(Trust(node, False))
             return
-        to, sealed = await self._sealing_key(node), b""
+        to, sealed = SealingPublicKey((await self._keys_of(node)).sealing), b""
         if (self._profile.folder / "authority" / "key.pem").exists():
             key = self._profile.authority().key_der()
             sealed = to.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
@@ -152,9 +174,8 @@ class Membership:
         card = Card.verified(self._profile.user_certificate(), authority)
         if self._now() < card.renew_from:
             return None
-        trusted = (await self._calls.ask_any(RequestRoll(name=""), RespondRoll, first=self._profile.voters[0])).trusted
         last: ScenefoldError | None = None
-        for node in trusted:
+        for node in (await self.roll()).trusted:
             try:
                 packet = RequestRenewal(certificate=card.der)
                 answer = await self._calls.ask(address_of(node), packet, Enrolled, priority=Priority.HIGH)
@@ -168,29 +189,16 @@ class Membership:
             return newer
         raise last or LocalFault("no node is trusted to renew certificates", remedy="see `scenectl cluster nodes`")
 
-    async def _sealing_key(self, node: NodeId) -> SealingPublicKey:
-        """What the authority's key may be sealed to, by the voter's word: another node could show a card whose keys were replaced."""
-        name, voter = f"node:{node}", address_of(self._profile.voters[0])
-
-        async def ask() -> RespondRoll:
-            return await self._calls.ask(voter, RequestRoll(name=name), RespondRoll, priority=Priority.HIGH)
-
-        cards = (await self._calls.patiently(ask, refresh=False)).cards
-        if cards:
-            return self._believed(cards[0], name).keys.sealing
-        known = next((member for member in self._profile.members if member.node_id == node), None)
-        if known is None:
-            raise LocalFault("no node of this cluster has this address", where=address_of(node), remedy="see `scenectl cluster nodes`")
-        return known.sealing_key
-
-    async def _signing_id(self, node: NodeId) -> KeyId:
-        known = next((member for member in self._profile.members if member.node_id == node), None)
-        answer = await self._calls.ask_any(RequestRoll(name=f"node:{node}"), RespondRoll, first=self._profile.voters[0])
-        if answer.cards:
-            return self._believed(answer.cards[0], f"node:{node}").signing_id
-        if known is None:
-            raise LocalFault("no node of this cluster has this address", where=address_of(node), remedy="see `scenectl cluster nodes`")
-        return known.public_key.key_id
+    async def _keys_of(self, node: NodeId) -> NodeKeys:
+        """What a node signs with, and what is sealed to it, as the log says; of one that was certified and never came, as the profile does."""
+        view = await self._cluster_log.newest()
+        keys = view.keys_of(node)
+        if keys is not None:
+            return keys
+        known = next((member for member in self._profile.members if member.node_id == node and node not in view.nodes), None)
+        if known is None or view.roll.is_revoked(f"node:{node}", known.public_key.key_id):
+            raise self._no_member(f"node:{node}", view)
+        return NodeKeys(known.public_key.raw, known.sealing_key.raw)
 
     async def _order(self, entry: SingleEntry) -> int:
         world = self._calls.world
@@ -202,7 +210,14 @@ class Membership:
         async def give() -> Administered:
             return await self._calls.ask(voter, packet, Administered, priority=Priority.HIGH)
 
-        return (await self._calls.patiently(give, refresh=False)).position
+        position = (await self._calls.patiently(give, refresh=False)).position
+        self._cluster_log.has_grown()
+        return position
 
     def _now(self) -> datetime.datetime:
         return datetime.datetime.fromtimestamp(self._calls.world.clock.wall(), datetime.UTC)
+
+
+def _is_member(name: str, view: LogView, owners: Sequence[bytes]) -> bool:
+    node = node_named(name)
+    return view.card_of(name, owners) is not None or (node is not None and view.keys_of(node) is not None)

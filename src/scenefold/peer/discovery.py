@@ -12,11 +12,11 @@ import trio
 
 from scenefold.base.ids import NodeId
 from scenefold.peer.cluster_log import ClusterLog
-from scenefold.wire.enrol_packets import InvitationState
 from scenefold.world import Priority, QuietLog, World
 from scenefold.world.discovery import Question, pack_answer, read_question
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.ports import Datagrams
+from scenefold.world.roll import InvitationState
 
 ANSWERS_PER_S_MAX = 10
 CHECKS_PER_S_MAX = 100

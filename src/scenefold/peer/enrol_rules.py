@@ -16,12 +16,11 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, node_named
 from scenefold.peer.card_rules import administrators, card_of, check_place, check_trust, credential_of, is_original
 from scenefold.peer.registry import Registry
-from scenefold.peer.roll import Invitation, check_invited
 from scenefold.wire import RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
-from scenefold.wire.enrol_packets import InvitationState
 from scenefold.wire.orders import EnrolForm, Order
 from scenefold.world.facts import ClusterFacts
+from scenefold.world.roll import Invitation, InvitationState, check_invited
 
 ORDER_S_MAX = 3600.0
 """An order counts so long, and clocks may differ by as much: what was refused once is not carried out a week later."""

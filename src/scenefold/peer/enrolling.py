@@ -15,7 +15,7 @@ from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreacha
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, authority_der
-from scenefold.peer.card_rules import card_of, check_renewable, credential_of, not_due
+from scenefold.peer.card_rules import check_renewable, credential_of, not_due
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.enrol_rules import IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.handlers import Handlers, Senders
@@ -25,15 +25,14 @@ from scenefold.peer.registry import Registry
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
 from scenefold.wire.enrol_entries import Enrol, RenewCard, Trust
 from scenefold.wire.enrol_packets import (
-    LISTED_MAX,
     Administer,
     Administered,
     Enrolled,
     Greeting,
+    RequestCard,
     RequestEnrolment,
     RequestRenewal,
-    RequestRoll,
-    RespondRoll,
+    RespondCard,
 )
 from scenefold.world import Connection, Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
@@ -75,7 +74,7 @@ class Enrolling:
         handlers.add(RequestEnrolment, self._on_enrolment, senders=Senders.NODES)
         handlers.add(RequestRenewal, self._on_renewal)
         handlers.add(Administer, self._on_order)
-        handlers.add(RequestRoll, self._on_roll)
+        handlers.add(RequestCard, self._on_card)
 
     # ------------------------------------------------------------------------------------------------------- newcomers
 
@@ -237,19 +236,6 @@ class Enrolling:
         position = await self._cluster_log.propose(order.entry, order.request)
         return Administered(position=position)
 
-    def _own_card(self) -> Card | None:
-        return Card.verified(self.papers.certificate, self._facts.authority) if self.papers.certificate else None
-
-    async def _on_roll(self, packet: RequestRoll, _peer: str) -> Packet:
-        registry, facts = self._registry, self._facts
-        if packet.name:
-            card = self._own_card() if packet.name == f"node:{self._me}" else card_of(packet.name, registry, facts)
-            return RespondRoll(cards=() if card is None else (card.der,), invitations=(), trusted=(), revoked=())
-        owners = [Card.read(owner).name for owner in facts.owners]
-        cards = (card_of(name, registry, facts) for name in sorted({*owners, *registry.roll.cards}))
-        return RespondRoll(
-            cards=tuple(card.der for card in cards if card is not None)[:LISTED_MAX],
-            invitations=tuple(invitation.listed() for invitation in registry.roll.invitations.values())[-LISTED_MAX:],
-            trusted=tuple(sorted(registry.roll.trusted)),
-            revoked=tuple(sorted({name for name, _ in registry.roll.revoked}))[:LISTED_MAX],
-        )
+    async def _on_card(self, _packet: RequestCard, _peer: str) -> Packet:
+        certificate = self.papers.certificate
+        return RespondCard(card=Card.verified(certificate, self._facts.authority).der if certificate else b"")

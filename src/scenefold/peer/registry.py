@@ -20,9 +20,9 @@ from scenefold.base.location import Arc, arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.peer.registered import NO_INCARNATION, Registered, Removal, Seat, check_address, sealing_key_from, signing_key_from
-from scenefold.peer.roll import Roll
 from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.world.roll import Roll
 
 
 class Registry:

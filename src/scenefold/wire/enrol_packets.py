@@ -6,18 +6,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import ClassVar
 
-from scenefold.base.limits import NODES_MAX
-from scenefold.wire.common import BOOL, SIGNATURE, U32, U64, Carrier, NodeId, Packet, row
-from scenefold.wire.containers import Many, Struct
-from scenefold.wire.enrol_entries import CARD, INVITATION_KEY, MEMBER_NAME
-from scenefold.wire.kinds import Bin, Choice
+from scenefold.wire.common import SIGNATURE, U64, Carrier, Packet, row
+from scenefold.wire.enrol_entries import CARD
+from scenefold.wire.kinds import Bin
 from scenefold.wire.orders import FORM_BYTES_MAX, ORDER_BYTES_MAX
 
 CHARTER_BYTES_MAX = 256 * 1024
-LISTED_MAX = 2048
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,53 +69,20 @@ class Administered(Packet):
 
 
 @dataclass(frozen=True, slots=True)
-class RequestRoll(Packet):
-    """Who belongs to the cluster? `name`: this member only; empty: everybody, and the invitations."""
+class RequestCard(Packet):
+    """What is your certificate? Of a node that was there from the start the log has only the keys."""
 
     TYPE: ClassVar[int] = 83
-    BULK_ANSWER: ClassVar[bool] = True
-    name: str
-
-
-class InvitationState(IntEnum):
-    OPEN = 0
-    USED = 1
-    WITHDRAWN = 2
 
 
 @dataclass(frozen=True, slots=True)
-class KnownInvitation:
-    """An invitation as the log has it. Whether an open one is out of date, the reader's clock says."""
-
-    key: bytes
-    name: str
-    is_administrator: bool
-    expires: int
-    by: str
-    state: InvitationState
-
-
-@dataclass(frozen=True, slots=True)
-class RespondRoll(Packet):
-    """`cards`: certificates (DER) of members, newest each; `revoked`: names of those whose key counts no longer."""
+class RespondCard(Packet):
+    """The node's own certificate (DER); empty if it has none."""
 
     TYPE: ClassVar[int] = 84
-    cards: tuple[bytes, ...]
-    invitations: tuple[KnownInvitation, ...]
-    trusted: tuple[NodeId, ...]
-    revoked: tuple[str, ...]
+    card: bytes
 
 
-KNOWN_INVITATION = Struct(
-    KnownInvitation,
-    ("key", INVITATION_KEY),
-    ("name", MEMBER_NAME),
-    ("is_administrator", BOOL),
-    ("expires", U32),
-    ("by", MEMBER_NAME),
-    ("state", Choice(InvitationState)),
-)
-STRUCTS = (KNOWN_INVITATION,)
 ROWS = (
     row(Greeting, Carrier.TCP_HIGH, ("authority", CARD)),
     row(RequestEnrolment, Carrier.TCP_HIGH, ("form", Bin(FORM_BYTES_MAX)), ("signature", Bin(lengths=(64,)))),
@@ -127,13 +90,6 @@ ROWS = (
     row(RequestRenewal, Carrier.TCP_HIGH, ("certificate", CARD)),
     row(Administer, Carrier.TCP_HIGH, ("order", Bin(ORDER_BYTES_MAX)), ("signature", SIGNATURE)),
     row(Administered, Carrier.TCP_HIGH, ("position", U64)),
-    row(RequestRoll, Carrier.TCP_HIGH, ("name", MEMBER_NAME)),
-    row(
-        RespondRoll,
-        Carrier.TCP_HIGH,
-        ("cards", Many(CARD, LISTED_MAX)),
-        ("invitations", Many(KNOWN_INVITATION, LISTED_MAX)),
-        ("trusted", Many(U32, NODES_MAX)),
-        ("revoked", Many(MEMBER_NAME, LISTED_MAX)),
-    ),
+    row(RequestCard, Carrier.TCP_HIGH),
+    row(RespondCard, Carrier.TCP_HIGH, ("card", CARD)),
 )

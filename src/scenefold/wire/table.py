@@ -65,7 +65,6 @@ STRUCTS = (
     *data_packets.STRUCTS,
     *handover_packets.STRUCTS,
     *log_records.STRUCTS,
-    *enrol_packets.STRUCTS,
     *orders.STRUCTS,
 )
 """What stands inside packets as an array of its own."""

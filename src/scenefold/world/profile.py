@@ -48,6 +48,7 @@ from scenefold.crypto import (
 )
 from scenefold.crypto.authority import CERTIFICATE_FILE
 from scenefold.crypto.secrets_on_disk import read_certificate
+from scenefold.wire import SceneLogPublic
 from scenefold.world.charter import facts_of
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import Keyring, checked_name
@@ -142,6 +143,15 @@ class ClusterProfile:
         authority = self.authority_certificate()
         own, chartered = self._own_facts(), facts_of(self.charter, authority)
         return replace(own, authority=authority, charter=self.charter, owners=chartered.owners)
+
+    @property
+    def genesis_header(self) -> SceneLogPublic:
+        """The unsigned header with which the cluster's log begins."""
+        return self._own_facts().genesis_header
+
+    def owners(self) -> tuple[bytes, ...]:
+        """Cards (DER) of the users that the cluster began with, by its charter; errors as those of `facts`."""
+        return facts_of(self.charter, self.authority_certificate()).owners
 
     def _own_facts(self) -> ClusterFacts:
         return ClusterFacts(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,9 +17,11 @@ from scenefold.client.membership import Membership
 from scenefold.crypto import AUTHORITY_PURPOSE, Card
 from scenefold.wire import Packet
 from scenefold.wire.enrol_entries import Trust
-from scenefold.wire.enrol_packets import Administer, Administered, Enrolled, RequestRenewal, RequestRoll, RespondRoll
+from scenefold.wire.enrol_packets import Administer, Administered, Enrolled, RequestRenewal, RespondCard
 from scenefold.wire.orders import Order
 from scenefold.world.facts import Credential
+from scenefold.world.log_view import LogView, NodeKeys
+from scenefold.world.roll import Roll
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for
 
 VOTER, OTHER, THIRD = (node_id_of(f"127.0.0.{number}") for number in (2, 3, 4))
@@ -52,18 +55,35 @@ class Nodes:
         answer: Packet = self.answers[node_id_of(address)]
         return answer
 
-    async def ask_any(self, packet: Packet, answer: object, **_: object) -> Packet:
-        return await self.ask(address_of(OTHER if OTHER in self.answers else VOTER), packet, answer)
-
     async def patiently(self, ask: Any, **_: object) -> Any:
         return await ask()
 
 
-def roll(*cards: Card, trusted: tuple[NodeId, ...] = ()) -> RespondRoll:
-    return RespondRoll(cards=tuple(card.der for card in cards), invitations=(), trusted=trusted, revoked=())
+def keys_of(who: int) -> NodeKeys:
+    public = NEWCOMERS[who].public()
+    return NodeKeys(public.signing.raw, public.sealing.raw)
 
 
-def membership(nodes: Nodes, folder: Path, kept: list[bytes]) -> Membership:
+class Log:
+    """The cluster's log, as several nodes have shown it."""
+
+    def __init__(self, view: LogView) -> None:
+        self.view = view
+
+    def has_grown(self) -> None:
+        pass
+
+    async def newest(self, *, age_s_max: float = 0.0) -> LogView:
+        del age_s_max
+        await trio.lowlevel.checkpoint()
+        return self.view
+
+
+def enrolled_as(*cards: Card) -> LogView:
+    return LogView(roll=Roll(cards={card.name: card for card in cards}))
+
+
+def membership(nodes: Nodes, folder: Path, kept: list[bytes], view: LogView) -> Membership:
     keys = NEWCOMERS[2].public()
     profile = SimpleNamespace(
         folder=folder,
@@ -74,35 +94,77 @@ def membership(nodes: Nodes, folder: Path, kept: list[bytes]) -> Membership:
         members=(Credential(THIRD, address_of(THIRD), keys.signing, keys.sealing),),
         authority=lambda: AUTHORITY,
         authority_certificate=lambda: AUTHORITY.certificate,
+        owners=lambda: (),
         user_certificate=lambda: card_for("user:ada", 0).der,
         keep_user_certificate=kept.append,
     )
-    return Membership(nodes, profile, NEWCOMERS[0])  # type: ignore[arg-type]
+    return Membership(nodes, profile, NEWCOMERS[0], Log(view))  # type: ignore[arg-type]
 
 
-async def sealed_to(node: NodeId, nodes: Nodes, folder: Path) -> bytes:
+async def trust_in(node: NodeId, view: LogView, folder: Path) -> Trust:
+    """What an administrator orders who has the authority's key."""
+    nodes = Nodes(NOW, {})
     (folder / "authority").mkdir()
     (folder / "authority" / "key.pem").touch()
-    await membership(nodes, folder, []).trust(node)
+    await membership(nodes, folder, [], view).trust(node)
     order = Order.decode(next(packet for packet in nodes.asked if isinstance(packet, Administer)).order)
     assert isinstance(order.entry, Trust)
-    return order.entry.sealed
+    return order.entry
 
 
-async def test_the_authoritys_key_is_sealed_to_the_keys_that_the_voter_names(tmp_path: Path) -> None:
-    nodes = Nodes(NOW, {VOTER: roll(card_for(NODE, 1)), OTHER: roll(card_for(NODE, 0))})
-    sealed = await sealed_to(OTHER, nodes, tmp_path)
-    assert NEWCOMERS[1].sealing.open(sealed, AUTHORITY_PURPOSE, bytes(16)) == AUTHORITY.key_der()
+@pytest.mark.parametrize(
+    "node, view, who",
+    [
+        (OTHER, enrolled_as(card_for(NODE, 1)), 1),
+        (OTHER, LogView(nodes={OTHER: keys_of(1)}), 1),
+        (OTHER, LogView(nodes={OTHER: keys_of(0)}, roll=Roll(cards={NODE: card_for(NODE, 1)})), 1),
+        (THIRD, LogView(), 2),
+    ],
+    ids=["enrolled by a token", "there from the start", "back under other keys", "certified and never come"],
+)
+async def test_the_authoritys_key_is_sealed_to_the_keys_that_the_log_names(node: NodeId, view: LogView, who: int, tmp_path: Path) -> None:
+    entry = await trust_in(node, view, tmp_path)
+    assert entry.sealing_key == NEWCOMERS[who].sealing.public.raw
+    assert NEWCOMERS[who].sealing.open(entry.sealed, AUTHORITY_PURPOSE, bytes(16)) == AUTHORITY.key_der()
 
 
-async def test_a_node_that_was_there_from_the_start_has_the_keys_in_the_profile(tmp_path: Path) -> None:
-    sealed = await sealed_to(THIRD, Nodes(NOW, {VOTER: roll()}), tmp_path)
-    assert NEWCOMERS[2].sealing.open(sealed, AUTHORITY_PURPOSE, bytes(16)) == AUTHORITY.key_der()
-
-
-async def test_a_node_that_nobody_knows_is_sealed_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "node, view",
+    [
+        (OTHER, LogView()),
+        (OTHER, LogView(nodes={OTHER: keys_of(1)}, roll=Roll(revoked=frozenset({(NODE, keys_of(1).signing_id)})))),
+        (THIRD, LogView(roll=Roll(revoked=frozenset({(f"node:{THIRD}", keys_of(2).signing_id)})))),
+    ],
+    ids=["nobody", "revoked", "certified and revoked"],
+)
+async def test_a_node_without_keys_that_count_is_sealed_nothing(node: NodeId, view: LogView, tmp_path: Path) -> None:
     with pytest.raises(LocalFault):
-        await sealed_to(OTHER, Nodes(NOW, {VOTER: roll()}), tmp_path)
+        await trust_in(node, view, tmp_path)
+
+
+async def shown(card: Card, view: LogView, folder: Path) -> Card:
+    """The card of OTHER, which shows this one."""
+    return await membership(Nodes(NOW, {OTHER: RespondCard(card=card.der)}), folder, [], view).card_of(NODE)
+
+
+async def test_a_node_that_was_there_from_the_start_shows_its_card_and_no_other_keys(tmp_path: Path) -> None:
+    view = LogView(nodes={OTHER: keys_of(1)})
+    assert await shown(card_for(NODE, 1), view, tmp_path) == card_for(NODE, 1)
+    for wrong in (card_for(NODE, 0), card_for(f"node:{THIRD}", 1)):
+        with pytest.raises(DamagedData):
+            await shown(wrong, view, tmp_path)
+
+
+async def test_nobody_shows_the_card_of_a_revoked_member(tmp_path: Path) -> None:
+    for name, view in (
+        ("user:ada", enrolled_as(card_for("user:ada", 1))),
+        (NODE, LogView(nodes={OTHER: keys_of(1)})),
+    ):
+        revoked = replace(view, roll=view.roll.without(name, keys_of(1).signing_id))
+        nodes = Nodes(NOW, {OTHER: RespondCard(card=card_for(NODE, 1).der)})
+        assert (await membership(nodes, tmp_path, [], view).card_of(name)).name == name
+        with pytest.raises(LocalFault, match="is revoked"):
+            await membership(nodes, tmp_path, [], revoked).card_of(name)
 
 
 def enrolled(since: datetime.timedelta) -> Enrolled:
@@ -110,16 +172,13 @@ def enrolled(since: datetime.timedelta) -> Enrolled:
     return Enrolled(certificate=Card.verified(pem, AUTHORITY.certificate).der, authority=b"", charter=b"")
 
 
-class TrustedNodes(Nodes):
-    async def ask_any(self, packet: Packet, answer: object, **_: object) -> Packet:
-        await trio.lowlevel.checkpoint()
-        return roll(trusted=(VOTER, OTHER)) if isinstance(packet, RequestRoll) else await super().ask_any(packet, answer)
+TRUSTED = LogView(roll=Roll(trusted=frozenset({VOTER, OTHER})))
 
 
 async def test_a_trusted_node_with_a_wrong_clock_does_not_keep_others_from_renewing(tmp_path: Path) -> None:
     kept: list[bytes] = []
-    nodes = TrustedNodes(NOW + 300 * DAY, {VOTER: enrolled(600 * DAY), OTHER: enrolled(300 * DAY)})
-    newer = await membership(nodes, tmp_path, kept).renew()
+    nodes = Nodes(NOW + 300 * DAY, {VOTER: enrolled(600 * DAY), OTHER: enrolled(300 * DAY)})
+    newer = await membership(nodes, tmp_path, kept, TRUSTED).renew()
     assert newer is not None and newer.der == nodes.answers[OTHER].certificate
     assert len(kept) == 1 and nodes.shown == kept
     assert sum(isinstance(packet, RequestRenewal) for packet in nodes.asked) == 2
@@ -127,7 +186,7 @@ async def test_a_trusted_node_with_a_wrong_clock_does_not_keep_others_from_renew
 
 async def test_a_certificate_that_is_not_believed_is_not_kept(tmp_path: Path) -> None:
     kept: list[bytes] = []
-    nodes = TrustedNodes(NOW + 300 * DAY, {VOTER: enrolled(600 * DAY), OTHER: enrolled(-DAY)})
+    nodes = Nodes(NOW + 300 * DAY, {VOTER: enrolled(600 * DAY), OTHER: enrolled(-DAY)})
     with pytest.raises(DamagedData):
-        await membership(nodes, tmp_path, kept).renew()
+        await membership(nodes, tmp_path, kept, TRUSTED).renew()
     assert not kept and not nodes.shown

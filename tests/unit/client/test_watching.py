@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,9 +37,23 @@ class Street:
     def watch(self) -> Watch:
         members = [SimpleNamespace(node_id=node_id_of(address), address=address) for address in ADDRESSES]
         ids = [member.node_id for member in members]
-        profile: Any = SimpleNamespace(members=members, founders=ids, voters=ids[:1], name="studio", keyring=None, user="owner")
+        profile: Any = SimpleNamespace(
+            members=members,
+            founders=ids,
+            voters=ids[:1],
+            voter=SimpleNamespace(node_id=ids[0], public_key=SigningKey(bytes(32)).public),
+            name="studio",
+            keyring=None,
+            user="owner",
+            folder=Path(),
+            genesis_header=None,
+            log_key=None,
+        )
         links: Any = self
         return Watch(Cluster(profile, make_world(), links, secrets_of(SigningKey(bytes(32)))))
+
+    def check_again(self) -> None:
+        raise AssertionError("nothing was learnt of the log")
 
     async def request(self, address: str, _priority: Priority, packet: Packet, timeout: float) -> Packet:
         if address in self.hung:

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 from typing import Any
 
 from scenefold.peer.discovery import ANSWERS_PER_S_MAX, CHECKS_PER_S_MAX, Discovery
-from scenefold.peer.roll import Roll
 from scenefold.wire.enrol_entries import Withdraw
 from scenefold.world.discovery import Question, pack_question, read_question
+from scenefold.world.roll import Roll
 from unit.peer.members_made import NOW, invitation_key
-from unit.peer.test_roll import enrol, invite
+from unit.world.test_roll import enrol, invite
 
 EXPIRES = invite(1, "user:ada").expires
 

@@ -1,13 +1,14 @@
 """Who was invited, who is enrolled, whose key was revoked, whom the cluster trusts: a part of the log's fold (specs/15-cluster-log.md).
 
 Members that the cluster began with do not stand here: the charter has its first user, and the facts have the nodes' credentials. That a
-card was issued by the authority is judged before it is committed (card_rules.py); here it is only taken apart. Values, all of it.
+card was issued by the authority is judged before it is committed (peer/card_rules.py); here it is only taken apart. Values, all of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum, auto
 from functools import lru_cache
 
 from scenefold.base.errors import DamagedData, Refused
@@ -15,20 +16,24 @@ from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import NAME_PATTERN, Card, node_named
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
-from scenefold.wire.enrol_packets import LISTED_MAX, InvitationState, KnownInvitation
+
+LISTED_MAX = 2048
+"""Open invitations, and members that were enrolled and count."""
+
+
+class InvitationState(Enum):
+    OPEN = auto()
+    USED = auto()
+    WITHDRAWN = auto()
 
 
 @dataclass(frozen=True, slots=True)
 class Invitation:
-    """As the log has it. `card`: what was issued for it."""
+    """As the log has it. `card`: what was issued for it. Whether an open one is out of date, the reader's clock says."""
 
     entry: Invite
     state: InvitationState = InvitationState.OPEN
     card: Card | None = None
-
-    def listed(self) -> KnownInvitation:
-        entry = self.entry
-        return KnownInvitation(entry.key, entry.name, entry.is_administrator, entry.expires, entry.by, self.state)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.roll import Roll
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
-from scenefold.wire.enrol_packets import InvitationState
+from scenefold.world.roll import InvitationState, Roll
 from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
 
 KEY = NEWCOMERS[0].sealing.public.raw
@@ -106,7 +105,7 @@ def test_keys_that_were_replaced_count_no_longer() -> None:
 
 
 def test_only_members_that_count_take_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenefold.peer.roll.LISTED_MAX", 1)
+    monkeypatch.setattr("scenefold.world.roll.LISTED_MAX", 1)
     roll = after(invite(1, "user:ada"), enrol(1, "user:ada"), invite(2, "user:bob"))
     assert refusal(roll, enrol(2, "user:bob", 1)) == RejectReason.LIMIT_EXCEEDED
     assert after(RevokeUser("user:ada", NEWCOMERS[0].signing.key_id), enrol(2, "user:bob", 1), roll=roll).card_of("user:bob")

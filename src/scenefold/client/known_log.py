@@ -1,0 +1,157 @@
+"""The cluster's log as a client knows it: asked of several nodes, verified, and kept (specs/15-cluster-log.md, Who is who).
+
+A node can show the log of yesterday, but no other one, and none older than what this profile has seen. So the longest of several answers
+counts; every answer of a node tells how far it knows the log, and whoever claims to know more is asked for it. Keys that the log has revoked
+are talked to no more: neither a node's, nor by us under our own.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+
+import trio
+
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.ids import KeyId, NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.client.calls import Calls
+from scenefold.crypto import HEADER_DOMAIN, PublicKey
+from scenefold.wire import MalformedPacket, RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic, SignedRecord, Want, unpack_log
+from scenefold.world import Connection, Priority
+from scenefold.world.log_file import LogFile
+from scenefold.world.log_view import LogView
+
+LOOK_S = 60.0
+"""A client asks several nodes so often, whatever those that it talks to claim."""
+PAUSE_S = 1.0
+"""Between two looks, so that who claims more and more binds little of us."""
+CLAIMANTS_MAX = 2
+
+Known = tuple[LogView, Sequence[SignedRecord]]
+"""A view, and the records that it is the fold of."""
+NOTHING_KNOWN: Known = (LogView(), ())
+
+_log = logging.getLogger("scenefold.client.log")
+
+
+class KnownLog:
+    """Of one client. `view` is the newest; `changed` is called after each that is newer."""
+
+    def __init__(
+        self,
+        calls: Calls,
+        genesis: SceneLogPublic,
+        log_key: PublicKey,
+        voter: NodeId,
+        me: tuple[str, KeyId],
+        file: LogFile | None = None,
+        known: Known = NOTHING_KNOWN,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`me`: our name, and the id of the key that we sign with. `known`: what lies in `file`."""
+        self._calls = calls
+        self._genesis = genesis
+        self._log_key = log_key
+        self._voter = voter
+        self._me = me
+        self._file = file
+        self.view, self._records = known[0], list(known[1])
+        self._changed = changed
+        self._taking = trio.Lock()
+        self._claims: dict[str, int] = {}
+        self._claimed = trio.Event()
+        self._asked_at = -math.inf
+
+    # ------------------------------------------------------------------------------------------------- who counts
+
+    def refusal_of(self, connection: Connection) -> Refused | None:
+        """Why a node that answers is not talked to."""
+        return self.view.refusal_of(connection.peer, connection.peer_key)
+
+    def check_own(self) -> None:
+        """Refused if our own key counts no longer: no honest node would answer."""
+        refusal = self.view.refusal_of(*self._me)
+        if refusal is not None:
+            raise refusal
+
+    # --------------------------------------------------------------------------------------------------- learning
+
+    def heard(self, address: str, position: int) -> None:
+        """A node has answered something, and claims to know the log so far."""
+        if position > self.view.position:
+            self._claims[address] = position
+            self._claimed.set()
+
+    async def run(self) -> None:
+        """Follow the log until cancelled."""
+        while True:
+            with trio.move_on_after(LOOK_S) as look:
+                await self._claimed.wait()
+            try:
+                await (self.newest() if look.cancelled_caught else self._follow())
+            except ScenefoldError as problem:
+                _log.debug("the cluster's log is not told: %s", problem)
+            await self._calls.world.clock.sleep(PAUSE_S)
+
+    def has_grown(self) -> None:
+        """What was asked for before this moment is old, however short a time ago that was."""
+        self._asked_at = -math.inf
+
+    async def newest(self, *, age_s_max: float = 0.0) -> LogView:
+        """The view after several nodes were asked, the one that decides the log among them. Unreachable if none answers.
+
+        `age_s_max`: it may be as old as that.
+        """
+        began = self._calls.world.clock.now()
+        if began - self._asked_at > age_s_max:
+            await self._calls.several(self._pull, first=self._voter)
+            self._asked_at = began
+        return self.view
+
+    async def _follow(self) -> None:
+        """Ask those who claim to know more; one that cannot show it must not be asked for ever."""
+        claims, self._claims, self._claimed = self._claims, {}, trio.Event()
+        for address in sorted(claims, key=lambda address: (-claims[address], address))[:CLAIMANTS_MAX]:
+            if claims[address] > self.view.position:
+                await self._pull(address)
+
+    async def _pull(self, address: str) -> None:
+        """Take all that a node has. PeerFault if that does not verify."""
+        while True:
+            have = self.view.position
+            packet = RequestSceneLog(self._genesis.scene, self._genesis.genesis, have, 0, Want.LOG)
+            answer = (await self._calls.ask(address, packet, RespondSceneLog, priority=Priority.HIGH)).answer
+            if answer is None:
+                raise Refused(RejectReason.NOT_READY, "the node does not know the cluster's log yet", where=address)
+            await self._take(answer, address)
+            if self.view.position == have or self.view.position >= answer.position:
+                return
+
+    async def _take(self, answer: SceneLogAnswer, address: str) -> None:
+        async with self._taking:
+            try:
+                view, fresh = await self._calls.world.workers.run("crypto", self._verified, answer)
+            except (MalformedPacket, DamagedData, Refused) as problem:
+                raise PeerFault(f"the node's log of the cluster does not verify: {problem}", where=address) from problem
+            if not fresh:
+                return
+            self.view = view
+            self._records += fresh
+            if self._file is not None:
+                await self._keep(self._file)
+        self._changed()
+
+    def _verified(self, answer: SceneLogAnswer) -> tuple[LogView, list[SignedRecord]]:
+        if answer.public.genesis != self._genesis.genesis:
+            raise DamagedData("it is that of another cluster")
+        self._log_key.verify(answer.public.signature, HEADER_DOMAIN, answer.public.signable())
+        return self.view.after(unpack_log(answer.private) if answer.private else (), self._log_key)
+
+    async def _keep(self, file: LogFile) -> None:
+        try:
+            await self._calls.world.workers.run("import", file.save, tuple(self._records))
+        except (LocalFault, OSError) as problem:
+            # A profile may be where nothing can be written: then the next client asks again.
+            _log.info("the cluster's log is not kept in the profile: %s", problem)

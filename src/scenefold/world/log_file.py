@@ -1,0 +1,90 @@
+"""The cluster's log in a profile: what its clients have seen, so that none of them falls behind it again (specs/15-cluster-log.md, Profile).
+
+    members.log    "SFML" | version u8 = 1 | count u32 | count times: size u32 | SignedRecord, as a log of one | SHA-256 of all that
+
+No secret is in it, and no signature is verified again when it is read: whoever can write here can write cluster.toml.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.crypto import write_secret
+from scenefold.wire import MalformedPacket, SignedRecord, pack_log, unpack_log
+from scenefold.world.log_view import LogView
+
+LOG_FILE = "members.log"
+FILE_BYTES_MAX = 256 * 1024 * 1024
+_HEAD = struct.Struct(">4sBI")
+_SIZE = struct.Struct(">I")
+_DIGEST_BYTES = 32
+_MAGIC, _VERSION = b"SFML", 1
+
+
+class LogFile:
+    """In the folder of a profile. `records` are from the first on."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / LOG_FILE
+
+    def load(self) -> tuple[LogView, list[SignedRecord]]:
+        """What was kept, and its fold; nothing if nothing was. LocalFault if it cannot be read, or is damaged."""
+        try:
+            with self._path.open("rb") as file:
+                content = file.read(FILE_BYTES_MAX + 1)
+        except FileNotFoundError:
+            return LogView(), []
+        except OSError as problem:
+            raise LocalFault(
+                f"cannot read the file: {problem.strerror}", where=str(self._path), remedy="check its permissions"
+            ) from problem
+        try:
+            return LogView().after(_unpacked(content), None)
+        except (DamagedData, MalformedPacket, Refused, struct.error, ValueError) as problem:
+            remedy = "remove this file: the nodes have all of it"
+            raise LocalFault(f"the file is damaged: {problem}", where=str(self._path), remedy=remedy) from problem
+
+    def save(self, records: Sequence[SignedRecord]) -> None:
+        """Keep these, durably, unless as many lie there already: other clients of the profile write it, too."""
+        if self._count() < len(records):
+            write_secret(self._path, _packed(records), replace=True)
+
+    def _count(self) -> int:
+        try:
+            with self._path.open("rb") as file:
+                head = file.read(_HEAD.size)
+        except OSError:
+            return 0
+        return int(_HEAD.unpack(head)[2]) if len(head) == _HEAD.size and head.startswith(_MAGIC) else 0
+
+
+def _packed(records: Sequence[SignedRecord]) -> bytes:
+    parts = [_HEAD.pack(_MAGIC, _VERSION, len(records))]
+    for record in records:
+        packed = pack_log((record,))
+        parts += (_SIZE.pack(len(packed)), packed)
+    content = b"".join(parts)
+    return content + hashlib.sha256(content).digest()
+
+
+def _unpacked(content: bytes) -> list[SignedRecord]:
+    content, digest = content[:-_DIGEST_BYTES], content[-_DIGEST_BYTES:]
+    if hashlib.sha256(content).digest() != digest:
+        raise ValueError("its digest is wrong")
+    magic, version, count = _HEAD.unpack_from(content)
+    if (magic, version) != (_MAGIC, _VERSION):
+        raise ValueError("it is of another format")
+    records, at = list[SignedRecord](), _HEAD.size
+    for _ in range(count):
+        (size,) = _SIZE.unpack_from(content, at)
+        at += _SIZE.size
+        (record,) = unpack_log(content[at : at + size])
+        records.append(record)
+        at += size
+    if at != len(content):
+        raise ValueError("something follows its end")
+    return records

@@ -1,0 +1,101 @@
+"""What a client sees of the cluster's log: who is a member by which keys, and who is one no more (specs/15-cluster-log.md, Who is who).
+
+Every record is signed with the log's key and bears the hash of the one before, so whoever shows it can leave off its end and nothing else.
+A node folds the whole log (peer/registry.py), whose entries its voter has judged; here only what clients ask for is kept. Values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import KeyId, NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import LOG_DOMAIN, Card, PublicKey, key_id_of
+from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, RevokeNode, SignedRecord, hash_of_record
+from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.world.roll import Roll
+
+
+class NodeKeys(NamedTuple):
+    """Ed25519 and X25519, raw."""
+
+    signing: bytes
+    sealing: bytes
+
+    @property
+    def signing_id(self) -> KeyId:
+        return key_id_of(self.signing)
+
+
+@dataclass(frozen=True, slots=True)
+class LogView:
+    """As of one position. `nodes`: the keys with which nodes founded the cluster or were added to it, newest."""
+
+    position: int = 0
+    head: bytes = NO_RECORD
+    roll: Roll = field(default_factory=Roll)
+    nodes: Mapping[NodeId, NodeKeys] = field(default_factory=dict)
+    revoked_at: Mapping[tuple[str, KeyId], int] = field(default_factory=dict)
+    """Where in the log keys ceased to count."""
+
+    def keys_of(self, node: NodeId) -> NodeKeys | None:
+        """What a node signs with, and what is sealed to it; None if it has no keys that count."""
+        name = f"node:{node}"
+        card = self.roll.card_of(name)
+        keys = self.nodes.get(node) if card is None else NodeKeys(card.keys.signing.raw, card.keys.sealing.raw)
+        return None if keys is None or self.roll.is_revoked(name, keys.signing_id) else keys
+
+    def refusal_of(self, name: str, key: KeyId | None) -> Refused | None:
+        """Why a member under this key is none any more; None if this log knows nothing against it."""
+        if key is None or not self.roll.is_revoked(name, key):
+            return None
+        at = f" (position {self.revoked_at[name, key]} of the cluster's log)" if (name, key) in self.revoked_at else ""
+        return Refused(RejectReason.KEY_REVOKED, f"the key of {name} is revoked{at}", remedy="ask an administrator for a new invitation")
+
+    def after(self, records: Sequence[SignedRecord], key: PublicKey | None) -> tuple[LogView, list[SignedRecord]]:
+        """The view after those of the records that it lacks, and these. `key`: the log's; None for what was verified before.
+
+        DamagedData (a wrong signature among it), MalformedPacket, or Refused: then nothing of them counts.
+        """
+        view, fresh = self, []
+        for signed in records:
+            if key is not None:
+                key.verify(signed.signature, LOG_DOMAIN, signed.record)
+            record = signed.decoded()
+            if record.position > view.position:
+                view = view._followed(record, hash_of_record(signed.record))
+                fresh.append(signed)
+        return view, fresh
+
+    def _followed(self, record: LogRecord, record_hash: bytes) -> LogView:
+        if record.position != self.position + 1 or record.prev_hash != self.head:
+            raise DamagedData(f"record {record.position} does not follow what is known, which ends at {self.position}")
+        roll, nodes, entry = self.roll, self.nodes, record.entry
+        match entry:
+            case Found():
+                if not entry.voters or entry.voters[0] not in [founder.node for founder in entry.founders]:
+                    raise DamagedData("its first voter did not found the cluster")
+                nodes = {founder.node: NodeKeys(founder.key, founder.sealing_key) for founder in entry.founders}
+                roll = roll.after(Trust(entry.voters[0], True, nodes[entry.voters[0]].sealing))
+            case AddNode():
+                nodes = {**nodes, entry.member.node: NodeKeys(entry.key, entry.sealing_key)}
+            case RevokeNode(node, key):
+                roll = roll.without(f"node:{node}", key)
+            case Trust() | Invite() | Enrol() | RenewCard() | RevokeUser() | Withdraw():
+                roll = roll.after(entry)
+        revoked_at = self.revoked_at
+        if roll.revoked is not self.roll.revoked:
+            revoked_at = {**revoked_at, **dict.fromkeys(roll.revoked - self.roll.revoked, record.position)}
+        return LogView(record.position, record_hash, roll, nodes, revoked_at)
+
+    def cards(self, owners: Sequence[bytes]) -> list[Card]:
+        """The newest cards of all members that have one and count, by name. `owners`: of the users that the cluster began with."""
+        known = {card.name: card for card in map(Card.read, owners)} | dict(self.roll.cards)
+        return [known[name] for name in sorted(known) if not self.roll.is_revoked(name, known[name].signing_id)]
+
+    def card_of(self, name: str, owners: Sequence[bytes]) -> Card | None:
+        """The newest card of a member, if it has one and counts."""
+        return next((card for card in self.cards(owners) if card.name == name), None)
