@@ -27,7 +27,12 @@ class TokenOrAddress:
     @classmethod
     def parse(cls, text: str) -> Self:
         if len(text) <= ADDRESS_CHARACTERS_MAX and text != STANDARD_INPUT:
-            check_address(text)
+            try:
+                check_address(text)
+            except ValueError:
+                # Most who type something short have not copied a token whole.
+                hint = "copy the whole word that `scenectl cluster invite` printed, or name a node that runs"
+                raise ValueError(f"{text!r} is neither a whole token nor an IPv4 address; {hint}") from None
         return cls(text)
 
     @property

@@ -112,7 +112,8 @@ class Membership:
     def _no_member(self, name: str, view: LogView) -> LocalFault:
         node = node_named(name)
         was_revoked = any(revoked == name for revoked, _ in view.roll.revoked)
-        what = f"the key of {name} is revoked" if was_revoked else f"{name} is no member of {self._profile.name}"
+        is_none = f"{name} is no member of {self._profile.name}" if node is None else "no node of this cluster has this address"
+        what = f"the key of {name} is revoked" if was_revoked else is_none
         where = name if node is None else address_of(node)
         return LocalFault(what, where=where, remedy=f"see `scenectl cluster {'users' if node is None else 'nodes'}`")
 

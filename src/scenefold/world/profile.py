@@ -123,12 +123,7 @@ class ClusterProfile:
             raise LocalFault("there is no cluster profile", where=str(folder), remedy="make one with `scenectl cluster init`")
         document = read_settings_toml(path)
         if document.get("format") != FORMAT:
-            is_older = document.get("format") in (1, 2)
-            raise LocalFault(
-                f"the profile has format {document.get('format')!r}, this program knows {FORMAT}",
-                where=str(path),
-                remedy="make the cluster anew with `scenectl cluster init`" if is_older else "use the program's version that wrote it",
-            )
+            raise _other_format(path, document.get("format"))
         try:
             return _decoded(folder, document)
         except (KeyError, TypeError, ValueError, LocalFault, DamagedData) as problem:
@@ -253,6 +248,18 @@ class ClusterProfile:
     def user_folder(self, user: str | None = None) -> Path:
         """Where the keys of a user lie, or would."""
         return self.folder / "users" / checked_name(self.user if user is None else user, "user")
+
+
+def _other_format(path: Path, found: object) -> LocalFault:
+    if not isinstance(found, int) or found is True:
+        return damaged(path, "it names no format")
+    if found < FORMAT:
+        what = f"the profile has format {found}, of an earlier version of this program, which knows format {FORMAT}"
+        remedy = "move the folder away, then make the cluster anew (`scenectl cluster init`), or join by a token (`scenectl cluster join`)"
+    else:
+        what = f"the profile has format {found}, and this program knows format {FORMAT}"
+        remedy = "use the version of the program that wrote it, or a later one"
+    return LocalFault(what, where=str(path), remedy=remedy)
 
 
 def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:

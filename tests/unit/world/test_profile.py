@@ -162,14 +162,14 @@ def test_no_profile_is_one_clear_error(tmp_path: Path) -> None:
 )
 def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "cluster.toml").write_bytes(content)
-    with pytest.raises(LocalFault, match=r"damaged|format None"):
+    with pytest.raises(LocalFault, match="damaged"):
         ClusterProfile.load(tmp_path)
 
 
-@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (2, "cluster init"), (4, "version that wrote it")])
+@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (2, "cluster init"), (4, "the program that wrote it")])
 def test_a_file_of_another_version_says_so(tmp_path: Path, number: int, remedy: str) -> None:
     (tmp_path / "cluster.toml").write_text(f"format = {number}")
-    with pytest.raises(LocalFault, match=f"format {number}, this program knows 3") as caught:
+    with pytest.raises(LocalFault, match=rf"format {number}, .*this program.* knows format 3") as caught:
         ClusterProfile.load(tmp_path)
     assert remedy in caught.value.remedy
 
