@@ -52,9 +52,11 @@ async def shown_by(profile: ClusterProfile, address: str) -> Card:
 async def newer_shown_by(profile: ClusterProfile, address: str, old: Card) -> Card:
     """Fails if it shows the old one for longer than PATIENCE_S."""
     with trio.fail_after(PATIENCE_S):
-        while (shown := await shown_by(profile, address)).serial == old.serial:
+        while True:
+            shown = await shown_by(profile, address)
+            if shown.serial != old.serial:
+                return shown
             await trio.sleep(LOOK_S)
-    return shown
 
 
 # Whoever looks at a certificate only leaves without a word.
