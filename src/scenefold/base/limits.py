@@ -118,6 +118,18 @@ assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 # Connections (world/).
 PENDING_HANDSHAKES_MAX = 64
 """Connections that have not shown a certificate yet; the oldest of the pushiest source makes room."""
+KNOCKS_BURST = 1_024
+"""Connections that one address may open at a port at once, good or not: a thousand clients behind it that come back together."""
+KNOCKS_PER_S = 512.0
+"""And this many more each second; one that says nothing costs a quarter of a millisecond, which makes an eighth of a core."""
+HANDSHAKES_BURST = 128
+"""TLS handshakes of one address that may fail at once: those that end well are given back, and the nodes of one machine start together."""
+HANDSHAKES_PER_S = 16.0
+"""And this many more each second: each costs some two milliseconds."""
+PEER_HANDSHAKES_BURST = 64
+"""Handshakes that end well and are given back to the address, of one peer at once: as many connections as it may have."""
+PEER_HANDSHAKES_PER_S = 8.0
+"""And this many more each second: a program that is started again and again has one connection each time."""
 HANDSHAKE_S_MAX = 10.0
 """Seconds that a peer may take to show a certificate: two cores under full load need about one."""
 NEWCOMERS_MAX = 8

@@ -14,6 +14,7 @@ from conformance.world.makers import RealWorlds
 from scenefold.base.limits import PENDING_HANDSHAKES_MAX
 from scenefold.crypto import client_context
 from scenefold.world import Connection, Priority
+from scenefold.world.real import admission
 from scenefold.world.real.network import RealNetwork
 
 LOW = Priority.LOW
@@ -33,8 +34,8 @@ async def serving(worlds: RealWorlds, handshake_s_max: float = 60.0) -> AsyncIte
         nursery.cancel_scope.cancel()
 
 
-async def knock(worlds: RealWorlds) -> trio.SocketStream:
-    return await trio.open_tcp_stream(worlds.address(0), worlds.ports.low)
+async def knock(worlds: RealWorlds, source: str | None = None) -> trio.SocketStream:
+    return await trio.open_tcp_stream(worlds.address(0), worlds.ports.low, local_address=source)
 
 
 async def until_closed(stream: trio.SocketStream) -> None:
@@ -54,7 +55,7 @@ async def is_served(worlds: RealWorlds) -> None:
         await connection.aclose()
 
 
-@pytest.mark.expect_log("127.0.0.1: connection refused: TLS failed")
+@pytest.mark.expect_log("127.0.0.1: connection refused: what it says is not TLS")
 async def test_garbage_is_logged_once_and_blocks_nobody() -> None:
     worlds = RealWorlds()
     async with serving(worlds):
@@ -81,6 +82,51 @@ async def test_a_crowd_that_says_nothing_keeps_no_member_out() -> None:
         await is_served(worlds)
         for stream in crowd:
             await stream.aclose()
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Handshakes that one address may fail in, in an hour; it may open five times as many connections."""
+    for name, burst in (("KNOCKS", 100), ("HANDSHAKES", 20), ("PEER_HANDSHAKES", 20)):
+        monkeypatch.setattr(admission, f"{name}_BURST", burst)
+        monkeypatch.setattr(admission, f"{name}_PER_S", 1e-9)
+    return 20
+
+
+@pytest.mark.expect_log("too many TLS handshakes of this address|connection refused")
+async def test_handshakes_that_fail_are_refused_before_they_begin_but_other_addresses_get_in(few: int) -> None:
+    worlds = RealWorlds()
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.load_verify_locations(cadata=worlds.authority.certificate.decode())
+    async with serving(worlds), logged("too many TLS handshakes of this address"):
+        answered = 0
+        for _ in range(2 * few):
+            stream = trio.SSLStream(await knock(worlds, "127.0.0.77"), context, server_hostname=worlds.address(0))
+            with suppress(trio.BrokenResourceError):
+                await stream.do_handshake()
+                answered += 1
+            await trio.aclose_forcefully(stream)
+        assert answered == few
+        await is_served(worlds)
+
+
+async def test_honest_peers_behind_one_address_come_in_as_often_as_they_like(few: int) -> None:
+    worlds = RealWorlds()
+    async with serving(worlds):
+        for number in range(3 * few):
+            connection = await worlds.user(f"ada{number % 4}").network.connect(worlds.address(0), LOW)
+            await connection.aclose()
+        await is_served(worlds)
+
+
+@pytest.mark.expect_log("connections are closed: too many come|connection refused")
+async def test_a_flood_of_connections_of_one_address_is_closed_and_keeps_no_other_out(few: int) -> None:
+    worlds = RealWorlds()
+    async with serving(worlds), logged("connections are closed: too many come"):
+        for _ in range(6 * few):
+            stream = await knock(worlds, "127.0.0.77")
+            stream.socket.close()
+        await is_served(worlds)
 
 
 @pytest.mark.expect_log("did not return a certificate")

@@ -1,33 +1,27 @@
 """TLS 1.3 over TCP, and UDP, on the two ports (port `Network`; design: wire, ports and carriers).
 
-A node listens on its own address. Each connection that arrives gets a task; the handshake in it is bounded in time
-and in number, and what fails there is logged once a minute a source. Only then does the service see a `Connection`.
+A node listens on its own address; who comes in there is judged by a `Door`.
 """
 
 from __future__ import annotations
 
-import logging
 import os
-import ssl
-import time
 from dataclasses import replace
 
 import trio
 
 from scenefold.base.errors import PeerFault, TurnedAway, Unreachable
 from scenefold.base.ids import node_id_of
-from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, NEWCOMER_S_MAX, NEWCOMERS_MAX, PENDING_HANDSHAKES_MAX
+from scenefold.base.limits import HANDSHAKE_S_MAX
 from scenefold.crypto import Identity, client_context, renew, server_context
 from scenefold.world.ports import ConnectionLost, HandshakeRefused, Ports, Priority, Serve
-from scenefold.world.quiet import QuietLog
 from scenefold.world.real.binding import bind_fault
 from scenefold.world.real.broadcasts import hear_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
-from scenefold.world.real.handshakes import PendingHandshakes
+from scenefold.world.real.dialling import dial
+from scenefold.world.real.door import Door, GuardedListener
 from scenefold.world.real.tls import TlsConnection, shake_hands
 from scenefold.world.versions import NEWCOMER, TAKEN, NoCommonVersion, Versions
-
-_log = logging.getLogger("scenefold.world.network")
 
 
 class RealNetwork:
@@ -69,11 +63,12 @@ class RealNetwork:
         # Made here and not at the start: a client's identity cannot serve.
         context = server_context(self._identity, self._authority_cert, newcomers=newcomers is not None)
         context.set_alpn_protocols([*self._versions.names, *([NEWCOMER] if newcomers is not None else [])])
-        door = _Door(context, serve, newcomers, self._versions, self._handshake_s_max)
+        door = Door(context, serve, newcomers, self._versions, self._handshake_s_max)
+        guarded = [GuardedListener(listener, door) for listener in listeners]
         self._contexts.append(context)
         try:
             async with trio.open_nursery() as nursery:
-                await nursery.start(trio.serve_listeners, door.receive, listeners)
+                await nursery.start(trio.serve_listeners, door.receive, guarded)
                 task_status.started()
         finally:
             self._contexts.remove(context)
@@ -107,13 +102,7 @@ class RealNetwork:
         return connection
 
     async def _connect(self, address: str, port: int) -> TlsConnection:
-        socket = trio.socket.socket()
-        try:
-            await socket.connect((address, port))
-        except BaseException:
-            socket.close()
-            raise
-        stream = trio.SocketStream(socket)
+        stream = await dial(address, port)
         try:
             return await shake_hands(stream, self._client_context, self._versions, dialled=address)
         except BaseException:
@@ -125,79 +114,6 @@ class RealNetwork:
 
     async def hear_broadcasts(self, address: str, priority: Priority) -> tuple[RealDatagrams, ...]:
         return await hear_broadcasts(address, self._ports.number(priority))
-
-
-class _Door:
-    """Lets authenticated peers in and keeps strangers from standing in their way."""
-
-    def __init__(self, context: ssl.SSLContext, serve: Serve, newcomers: Serve | None, versions: Versions, handshake_s_max: float) -> None:
-        self._context = context
-        self._versions = versions
-        self._serve = serve
-        self._newcomers = newcomers
-        self._newcomers_here = PendingHandshakes(NEWCOMERS_MAX)
-        self._handshake_s_max = handshake_s_max
-        self._quiet = QuietLog(_log)
-        self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
-        self._open = 0
-
-    async def receive(self, stream: trio.SocketStream) -> None:
-        """One TCP connection from its arrival to its end; the stream is closed in any case."""
-        try:
-            source = str(stream.socket.getpeername()[0])
-        except OSError:
-            return  # It was reset before we looked at it.
-        connection = await self._authenticate(stream, source)
-        if connection is None:
-            return
-        if not connection.peer:
-            await self._receive_newcomer(connection, source)
-            return
-        if self._open >= CONNECTIONS_MAX:
-            self._quiet.say(time.monotonic(), source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
-            return
-        self._open += 1
-        try:
-            await self._serve(connection)
-        except ConnectionLost as error:
-            self._quiet.say(time.monotonic(), source, "lost", f"{connection.peer}: {error}")
-        finally:
-            self._open -= 1
-            await connection.aclose()
-
-    async def _receive_newcomer(self, connection: TlsConnection, source: str) -> None:
-        began = time.monotonic()
-        try:
-            if self._newcomers is None:
-                return
-            with trio.move_on_after(NEWCOMER_S_MAX) as scope:
-                self._newcomers_here.admit(scope, source)
-                try:
-                    await self._newcomers(connection)
-                except ConnectionLost as error:
-                    self._quiet.say(time.monotonic(), source, "newcomer", f"a newcomer: {error}")
-                finally:
-                    self._newcomers_here.leave(scope)
-            if scope.cancelled_caught:
-                why = "its time was over" if time.monotonic() - began >= NEWCOMER_S_MAX else "too many newcomers are at the door"
-                self._quiet.say(time.monotonic(), source, "newcomers", f"a newcomer is sent away: {why}")
-        finally:
-            await connection.aclose()
-
-    async def _authenticate(self, stream: trio.SocketStream, source: str) -> TlsConnection | None:
-        kind, why = "stranger", f"made no TLS handshake within {self._handshake_s_max:g} s"
-        with trio.move_on_after(self._handshake_s_max) as scope:
-            self._pending.admit(scope, source)
-            try:
-                return await shake_hands(stream, self._context, self._versions)
-            except NoCommonVersion as error:
-                kind, why = "version", str(error)
-            except (ConnectionLost, PeerFault, OSError) as error:
-                why = str(error)
-            finally:
-                self._pending.leave(scope)
-        self._quiet.say(time.monotonic(), source, kind, f"connection refused: {why}")
-        return None
 
 
 def _unreachable(where: str, why: str, remedy: str = "", *, kind: type[Unreachable] = Unreachable) -> Unreachable:

@@ -17,6 +17,7 @@ from scenefold.base.printable import printable
 from scenefold.crypto import Card, authority_pem, mark_of, newcomer_context, peer_certificate
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
 from scenefold.wire.enrol_packets import Enrolled, Greeting, RequestEnrolment
+from scenefold.world.real.dialling import dial
 from scenefold.world.real.tls import TlsStream, why_broken
 from scenefold.world.versions import NEWCOMER
 
@@ -42,13 +43,7 @@ async def request_enrolment(node: NodeId, port: int, mark: bytes, request: Reque
 
 
 async def _request(node: NodeId, port: int, mark: bytes, request: RequestEnrolment, where: str) -> Enrolled:
-    socket = trio.socket.socket()
-    try:
-        await socket.connect((address_of(node), port))
-    except BaseException:
-        socket.close()
-        raise
-    stream = trio.SocketStream(socket)
+    stream = await dial(address_of(node), port)
     context = newcomer_context()
     context.set_alpn_protocols([NEWCOMER])
     secure: TlsStream = trio.SSLStream(stream, context, server_hostname=address_of(node))

@@ -1,0 +1,49 @@
+"""How often a source may knock and shake hands at one port (specs/03-wire.md, Limits). Pure.
+
+A connection that says nothing is cheap, so many may come; a handshake costs a millisecond and more of the thread that does all
+else. One that ends well is given back to its source: only those that fail count against an address, behind which many honest
+ones may be. And a peer that comes in again and again gets back only so many.
+"""
+
+from __future__ import annotations
+
+from scenefold.base.limits import (
+    HANDSHAKES_BURST,
+    HANDSHAKES_PER_S,
+    KNOCKS_BURST,
+    KNOCKS_PER_S,
+    PEER_HANDSHAKES_BURST,
+    PEER_HANDSHAKES_PER_S,
+)
+from scenefold.world.buckets import Buckets
+
+HELLO_BYTES = 6
+_HANDSHAKE, _MAJOR, _CLIENT_HELLO = 22, 3, 1
+
+
+class Admission:
+    """Remembers sources, which are addresses, and peers, which are names in certificates."""
+
+    def __init__(self) -> None:
+        self._knocks = Buckets(KNOCKS_BURST, KNOCKS_PER_S)
+        self._handshakes = Buckets(HANDSHAKES_BURST, HANDSHAKES_PER_S)
+        self._peers = Buckets(PEER_HANDSHAKES_BURST, PEER_HANDSHAKES_PER_S)
+
+    def may_knock(self, source: str, now: float) -> bool:
+        """Whether a connection that has just come may stay."""
+        return self._knocks.take(source, now)
+
+    def may_shake_hands(self, source: str, now: float) -> bool:
+        """Whether TLS may begin on one."""
+        return self._handshakes.take(source, now)
+
+    def came_in(self, source: str, peer: str, now: float) -> None:
+        """The handshake has shown who it is."""
+        if self._peers.take(peer, now):
+            self._handshakes.give_back(source, now)
+
+
+def begins_tls(first: bytes) -> bool:
+    """Whether the first bytes of a connection, HELLO_BYTES or fewer, may be those of a TLS handshake."""
+    expected = {0: _HANDSHAKE, 1: _MAJOR, 5: _CLIENT_HELLO}
+    return bool(first) and all(byte == expected.get(index, byte) for index, byte in enumerate(first[:HELLO_BYTES]))

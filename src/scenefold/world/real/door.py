@@ -1,0 +1,143 @@
+"""The door of a port: lets authenticated peers in, and keeps strangers from standing in their way.
+
+Each connection that arrives gets a task; the handshake in it is bounded in time and in number, how often one source may try
+says `Admission`, and what fails there is logged once a minute a source. Only then does the service see a `Connection`.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import ssl
+import time
+
+import trio
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.limits import CONNECTIONS_MAX, NEWCOMER_S_MAX, NEWCOMERS_MAX, PENDING_HANDSHAKES_MAX
+from scenefold.world.ports import ConnectionLost, Serve
+from scenefold.world.quiet import QuietLog
+from scenefold.world.real.admission import HELLO_BYTES, Admission, begins_tls
+from scenefold.world.real.handshakes import PendingHandshakes
+from scenefold.world.real.tls import TlsConnection, shake_hands
+from scenefold.world.versions import NoCommonVersion, Versions
+
+_log = logging.getLogger("scenefold.world.network")
+
+
+class Door:
+    """Of one port."""
+
+    def __init__(self, context: ssl.SSLContext, serve: Serve, newcomers: Serve | None, versions: Versions, handshake_s_max: float) -> None:
+        self._context = context
+        self._versions = versions
+        self._serve = serve
+        self._newcomers = newcomers
+        self._newcomers_here = PendingHandshakes(NEWCOMERS_MAX)
+        self._handshake_s_max = handshake_s_max
+        self._quiet = QuietLog(_log)
+        self._admission = Admission()
+        self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
+        self._open = 0
+
+    def may_knock(self, stream: trio.SocketStream) -> bool:
+        """Whether a connection that has just come is received at all; cheap."""
+        source = _source_of(stream)
+        if not source:
+            return False
+        if self._admission.may_knock(source, time.monotonic()):
+            return True
+        self._say(source, "knocks", "connections are closed: too many come")
+        return False
+
+    async def receive(self, stream: trio.SocketStream) -> None:
+        """One TCP connection from its arrival to its end; the stream is closed in any case."""
+        source = _source_of(stream)
+        connection = await self._authenticate(stream, source) if source else None
+        if connection is None:
+            return
+        if not connection.peer:
+            await self._receive_newcomer(connection, source)
+            return
+        self._admission.came_in(source, connection.peer, time.monotonic())
+        if self._open >= CONNECTIONS_MAX:
+            self._say(source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
+            return
+        self._open += 1
+        try:
+            await self._serve(connection)
+        except ConnectionLost as error:
+            self._say(source, "lost", f"{connection.peer}: {error}")
+        finally:
+            self._open -= 1
+            await connection.aclose()
+
+    async def _receive_newcomer(self, connection: TlsConnection, source: str) -> None:
+        began = time.monotonic()
+        try:
+            if self._newcomers is None:
+                return
+            with trio.move_on_after(NEWCOMER_S_MAX) as scope:
+                self._newcomers_here.admit(scope, source)
+                try:
+                    await self._newcomers(connection)
+                except ConnectionLost as error:
+                    self._say(source, "newcomer", f"a newcomer: {error}")
+                finally:
+                    self._newcomers_here.leave(scope)
+            if scope.cancelled_caught:
+                why = "its time was over" if time.monotonic() - began >= NEWCOMER_S_MAX else "too many newcomers are at the door"
+                self._say(source, "newcomers", f"a newcomer is sent away: {why}")
+        finally:
+            await connection.aclose()
+
+    async def _authenticate(self, stream: trio.SocketStream, source: str) -> TlsConnection | None:
+        kind, why = "stranger", f"made no TLS handshake within {self._handshake_s_max:g} s"
+        with trio.move_on_after(self._handshake_s_max) as scope:
+            self._pending.admit(scope, source)
+            try:
+                # Looked at before TLS sets anything up: most of what strangers send fails here.
+                first = await stream.socket.recv(HELLO_BYTES, socket.MSG_PEEK)
+                if not begins_tls(first):
+                    why = "what it says is not TLS" if first else "the connection was cut"
+                elif self._admission.may_shake_hands(source, time.monotonic()):
+                    return await shake_hands(stream, self._context, self._versions)
+                else:
+                    kind, why = "handshakes", "too many TLS handshakes of this address have failed, or are of one peer"
+            except NoCommonVersion as error:
+                kind, why = "version", str(error)
+            except (ConnectionLost, PeerFault, OSError) as error:
+                why = str(error)
+            finally:
+                self._pending.leave(scope)
+        self._say(source, kind, f"connection refused: {why}")
+        return None
+
+    def _say(self, source: str, kind: str, text: str) -> None:
+        self._quiet.say(time.monotonic(), source, kind, text)
+
+
+class GuardedListener(trio.abc.Listener[trio.SocketStream]):
+    """Connections that may knock; the others are closed without a task of their own."""
+
+    def __init__(self, listener: trio.SocketListener, door: Door) -> None:
+        self._listener = listener
+        self._door = door
+
+    async def accept(self) -> trio.SocketStream:
+        while True:
+            stream = await self._listener.accept()
+            if self._door.may_knock(stream):
+                return stream
+            stream.socket.close()
+
+    async def aclose(self) -> None:
+        await self._listener.aclose()
+
+
+def _source_of(stream: trio.SocketStream) -> str:
+    """The address that a connection comes from; "" if it was reset before we looked at it."""
+    try:
+        return str(stream.socket.getpeername()[0])
+    except OSError:
+        return ""
