@@ -1,7 +1,8 @@
 """What all connections of one peer at one port may bind together (specs/03-wire.md, Limits).
 
 A member may open as many connections as it likes, so a bound for each connection is none for the peer. Connections beyond the
-number that a peer may have push out its own oldest, which may be one that its machine has forgotten; nobody else's.
+number that a peer may have push out its own oldest, which may be one that its machine has forgotten; nobody else's. Beside
+others it begins only a few requests at a time (turns.py).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scenefold.base.limits import (
     PEER_REQUEST_BYTES_HANDLED_MAX,
     PEER_REQUESTS_HANDLED_MAX,
 )
+from scenefold.world.turns import Turns
 
 
 class Budget:
@@ -43,11 +45,25 @@ class Budget:
 class Share:
     """One peer's."""
 
-    def __init__(self) -> None:
+    def __init__(self, peer: str, turns: Turns) -> None:
+        self._peer = peer
+        self._turns = turns
+        self._turn_ended = trio.lowlevel.ParkingLot()
         self.budget = Budget(PEER_REQUESTS_HANDLED_MAX, PEER_REQUEST_BYTES_HANDLED_MAX)
         self.bulk_slots = trio.CapacityLimiter(PEER_BULK_ANSWERS_MAX)
         self.connections: dict[trio.CancelScope, None] = {}
         """Those that are served, oldest first."""
+
+    async def take_turn(self) -> int:
+        """Wait until a request may be taken up; the number is for `end_turn`."""
+        while wait_s := self._turns.wait_s(self._peer, trio.current_time()):
+            with trio.move_on_after(wait_s):
+                await self._turn_ended.park()
+        return self._turns.begin(self._peer, trio.current_time())
+
+    def end_turn(self, number: int) -> None:
+        self._turns.end(self._peer, number)
+        self._turn_ended.unpark()
 
 
 class Guests:
@@ -55,11 +71,12 @@ class Guests:
 
     def __init__(self) -> None:
         self._shares: dict[str, Share] = {}
+        self._turns = Turns()
 
     @contextmanager
     def admitted(self, peer: str) -> Iterator[tuple[Share, trio.CancelScope]]:
         """Serve a connection of a peer within this; the scope is cancelled when the peer opens too many after it."""
-        share = self._shares.setdefault(peer, Share())
+        share = self._shares.setdefault(peer, Share(peer, self._turns))
         if len(share.connections) >= CONNECTIONS_PER_PEER_MAX:
             oldest = next(iter(share.connections))
             del share.connections[oldest]

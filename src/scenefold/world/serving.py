@@ -1,7 +1,7 @@
 """Many requests on one connection, the answering side.
 
 Each packet that arrives is handled in a task of its own, a bounded number and a bounded volume at a time, of a connection and of
-all of a peer's (guests.py); beyond that nothing more is read, so the peer's sending stops by itself. Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault;
+all of a peer's (guests.py); beyond that nothing more is read, so the peer's sending stops by itself. They take turns with those of other peers (turns.py). Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault;
 what breaks the framing ends the connection, after a Fault that says so.
 """
 
@@ -139,6 +139,7 @@ class _Serving:
         async with AsyncExitStack() as held:
             held.callback(self._budget.give_back, len(frame))
             held.callback(self._share.budget.give_back, len(frame))
+            held.callback(self._share.end_turn, await self._share.take_turn())
             answer = await self._answer_to(frame, held)
             if answer is not None:
                 await self._answer(answer)

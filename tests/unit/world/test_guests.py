@@ -18,6 +18,7 @@ from scenefold.base.limits import (
 from scenefold.wire import Fault, Packet, RequestPublicKey, SendRays, decode_packet, encode_frame
 from scenefold.world import Guests, serve_connection
 from scenefold.world.ports import ConnectionLost
+from scenefold.world.turns import TURN_S, TURNS_MAX
 
 
 class Line:
@@ -132,6 +133,53 @@ async def test_requests_of_all_connections_of_a_peer_are_counted_together(autoju
         port.may_answer.set()
         await trio.testing.wait_all_tasks_blocked()
         assert port.handled["user:pushy"] == 20 * 50, "who waits gets its turn"
+
+    await quietly(look)
+
+
+async def test_beside_others_a_peer_begins_a_few_requests_at_a_time_over_all_its_connections(
+    autojump_clock: trio.testing.MockClock,
+) -> None:
+    async def look(port: Port) -> None:
+        honest = port.connect("user:honest")
+        honest.feed(QUESTION)
+        await trio.testing.wait_all_tasks_blocked()
+        for line in [port.connect("user:pushy") for _ in range(5)]:
+            line.feed(QUESTION * 10)
+        await trio.testing.wait_all_tasks_blocked()
+        assert port.handled == {"user:honest": 1, "user:pushy": TURNS_MAX}
+        await trio.sleep(TURN_S)
+        await trio.testing.wait_all_tasks_blocked()
+        assert port.handled["user:pushy"] == 2 * TURNS_MAX, "what takes long keeps nobody waiting"
+        honest.feed(QUESTION)
+        await trio.testing.wait_all_tasks_blocked()
+        assert port.handled["user:honest"] == 2
+        port.may_answer.set()
+        await trio.testing.wait_all_tasks_blocked()
+        assert port.handled["user:pushy"] == 50
+
+    await quietly(look)
+
+
+async def test_a_connection_that_breaks_while_its_requests_wait_for_their_turn_binds_nothing(
+    autojump_clock: trio.testing.MockClock,
+) -> None:
+    async def look(port: Port) -> None:
+        honest = port.connect("user:honest")
+        honest.feed(QUESTION)
+        await trio.testing.wait_all_tasks_blocked()
+        for _ in range(3 * PEER_REQUESTS_HANDLED_MAX // 50):
+            line = port.connect("user:pushy")
+            line.feed(QUESTION * 50)
+            await trio.testing.wait_all_tasks_blocked()
+            line.close()
+            await line.ended.wait()
+        line = port.connect("user:pushy")
+        await trio.sleep(TURN_S)
+        before = port.handled["user:pushy"]
+        line.feed(QUESTION)
+        await trio.testing.wait_all_tasks_blocked()
+        assert port.handled["user:pushy"] == before + 1
 
     await quietly(look)
 
