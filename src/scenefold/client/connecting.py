@@ -14,6 +14,7 @@ from scenefold.crypto import DEFAULT_SUITE, MemberSecrets, SecretFolder, refuse_
 from scenefold.crypto.secret_folder import AskPassphrase
 from scenefold.world import Ports, World, background_tasks, offline_world, open_links, real_world
 from scenefold.world.log_file import LogFile
+from scenefold.world.own_papers import check_papers
 from scenefold.world.profile import ClusterProfile
 
 DEFAULT_PROFILE = "default"
@@ -37,6 +38,7 @@ async def connect(profile: str | Path | None = None, ask: AskPassphrase = refuse
         nursery.start_soon(cluster.log.run)
         await renew_if_due(cluster.membership)
         yield cluster
+        await cluster.log.settled()
 
 
 def _read(profile: str | Path | None, ask: AskPassphrase) -> tuple[ClusterProfile, World, MemberSecrets, Known]:
@@ -44,9 +46,10 @@ def _read(profile: str | Path | None, ask: AskPassphrase) -> tuple[ClusterProfil
     known = ClusterProfile.load(profile_folder(profile))
     opened = SecretFolder(known.user_folder(), ask)
     identity = known.user_identity(secrets=opened)
-    known.check_date(identity)
+    secrets = known.user_secrets(secrets=opened)
+    check_papers(known, identity, secrets)
     world = real_world(identity, known.authority_certificate(), ports=known.ports)
-    return known, world, known.user_secrets(secrets=opened), LogFile(known.folder).load()
+    return known, world, secrets, LogFile(known.folder).load()
 
 
 def profile_folder(profile: str | Path | None) -> Path:

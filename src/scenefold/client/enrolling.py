@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
+from scenefold.base.errors import DamagedData, PeerFault, Refused, TurnedAway, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
+from scenefold.client.hedging import more_telling
 from scenefold.crypto import InvitedKind, Token
 from scenefold.crypto.invitations import ADDRESSES_MAX
 from scenefold.crypto.suites import DEFAULT_SUITE
@@ -77,7 +78,7 @@ async def _ask(newcomer: Newcomer, addresses: Sequence[NodeId], now: datetime.da
 
     token = newcomer.token
     first: Refused | DamagedData | None = None
-    last: ScenefoldError | None = None
+    last: Unreachable | PeerFault | Refused | None = None
     for address in addresses:
         if address == newcomer.node:
             continue
@@ -85,8 +86,10 @@ async def _ask(newcomer: Newcomer, addresses: Sequence[NodeId], now: datetime.da
             answer = await request_enrolment(address, token.high, token.mark, newcomer.request())
             newcomer.check(answer, now)
             return answer
-        except (Unreachable, PeerFault) as problem:
-            last = problem
+        except Unreachable as problem:
+            last = more_telling(last, problem) if isinstance(last, Unreachable) else problem
+        except PeerFault as problem:
+            last = last if isinstance(last, Unreachable) else problem
         except (Refused, DamagedData) as refusal:
             if isinstance(refusal, Refused) and refusal.reason is RejectReason.NOT_READY:
                 last = refusal

@@ -28,6 +28,7 @@ LOOK_S = 60.0
 PAUSE_S = 1.0
 """Between two looks, so that who claims more and more binds little of us."""
 CLAIMANTS_MAX = 2
+SETTLE_S = 1.0
 
 Known = tuple[LogView, Sequence[SignedRecord]]
 """A view, and the records that it is the fold of."""
@@ -109,6 +110,14 @@ class KnownLog:
             await self._calls.several(self._pull, first=self._voter)
             self._asked_at = began
         return self.view
+
+    async def settled(self) -> None:
+        """What nodes claimed while a short command asked for something else, so that it is kept; or SETTLE_S over it."""
+        with trio.move_on_after(SETTLE_S):
+            try:
+                await self._follow()
+            except ScenefoldError as problem:
+                _log.debug("the cluster's log is not told: %s", problem)
 
     async def _follow(self) -> None:
         """Ask those who claim to know more; one that cannot show it must not be asked for ever."""

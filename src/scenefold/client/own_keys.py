@@ -19,6 +19,7 @@ from scenefold.client.connecting import DEFAULT_PROFILE, profile_folder
 from scenefold.crypto import SUITES, Card, MemberSecrets
 from scenefold.crypto.secret_folder import AskPassphrase, SecretFolder
 from scenefold.world.key_archive import Taken, export_keys, import_keys, lock_user
+from scenefold.world.own_papers import check_keys
 from scenefold.world.profile import ClusterProfile
 
 _GROUP = 8
@@ -68,10 +69,7 @@ def own_keys(profile: str | Path | None, user: str | None, ask: AskPassphrase) -
     opened = SecretFolder(folder, ask)
     identity, private = known.user_identity(name, opened), MemberSecrets.from_files(folder, opened)
     card = Card.verified(identity.certificate, known.authority_certificate())
-    if (card.keys.signing, card.keys.sealing) != (private.signing.public, private.sealing.public):
-        raise LocalFault(
-            "these are not the keys that the certificate names", where=str(folder), remedy="restore all of them from one backup"
-        )
+    check_keys(known, card, private)
     return OwnKeys(
         user=name,
         cluster=known.name,

@@ -173,10 +173,15 @@ def _domained(domain: bytes, message: bytes) -> bytes:
 
 
 def read_authority_certificate(folder: Path) -> bytes:
-    """The authority's certificate alone, for members that do not hold its key; LocalFault if it is none."""
-    certificate = read_certificate(folder / CERTIFICATE_FILE)
-    _load_certificate(certificate, folder / CERTIFICATE_FILE)
-    return certificate
+    """The authority's certificate (PEM) alone, for members that do not hold its key; LocalFault if it is none, or damaged."""
+    path = folder / CERTIFICATE_FILE
+    certificate = _load_certificate(read_certificate(path), path)
+    try:
+        certificate.verify_directly_issued_by(certificate)
+    except (ValueError, TypeError, UnsupportedAlgorithm, _InvalidSignature):
+        raise LocalFault("the authority's certificate is damaged", where=str(path), remedy="restore it from a backup") from None
+    # Anew, since TLS reads files more strictly than we do.
+    return certificate.public_bytes(Encoding.PEM)
 
 
 def _draft(

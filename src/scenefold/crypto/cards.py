@@ -130,12 +130,16 @@ class Card:
     def verified(cls, certificate: bytes, authority: bytes, now: datetime.datetime | None = None) -> Self:
         """The card in a certificate (PEM or DER), if the authority (PEM) issued it.
 
-        NotOfThisCluster if another did, OutOfDate at `now` (not looked at if None), DamagedData if it is no certificate of a member.
+        NotOfThisCluster if another did, OutOfDate at `now` (not looked at if None), DamagedData if it is no certificate of a member, or
+        one that says that this authority issued it, and is not signed so.
         """
-        parsed = _parsed(certificate)
+        parsed, issuer = _parsed(certificate), x509.load_pem_x509_certificate(authority)
         try:
-            parsed.verify_directly_issued_by(x509.load_pem_x509_certificate(authority))
+            parsed.verify_directly_issued_by(issuer)
         except (ValueError, TypeError, UnsupportedAlgorithm, _InvalidSignature):
+            if _names_issuer(parsed, issuer):
+                remedy = "restore it from a backup, or have it renewed: scenectl cluster renew"
+                raise DamagedData("the certificate is damaged: the authority has not signed it as it is", remedy=remedy) from None
             raise NotOfThisCluster("the certificate is of another cluster", remedy="use one that this cluster's authority issued") from None
         _check_end(parsed)
         card = cls._of(parsed)
@@ -182,6 +186,15 @@ def _parsed(certificate: bytes) -> x509.Certificate:
         return x509.load_der_x509_certificate(certificate)
     except (ValueError, x509.InvalidVersion, UnsupportedAlgorithm):
         raise DamagedData("these bytes are no certificate") from None
+
+
+def _names_issuer(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
+    """Whether a certificate names the issuer's key as the one that signed it."""
+    try:
+        named = certificate.extensions.get_extension_for_class(x509.AuthorityKeyIdentifier).value.key_identifier
+        return named == issuer.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value.digest
+    except (x509.ExtensionNotFound, x509.DuplicateExtension, x509.UnsupportedGeneralNameType, ValueError, TypeError, UnsupportedAlgorithm):
+        return False
 
 
 def _check_end(certificate: x509.Certificate) -> None:

@@ -22,6 +22,7 @@ from scenefold.peer.papers import NO_PAPERS, Papers
 from scenefold.store import LmdbDisk, open_store
 from scenefold.world import World, background_tasks, open_links, real_world
 from scenefold.world.facts import ClusterFacts
+from scenefold.world.own_papers import check_papers
 from scenefold.world.profile import ClusterProfile
 
 _log = logging.getLogger("scenefold.node")
@@ -48,7 +49,7 @@ async def run_node(
     me = profile.member(settings.address)
     secrets, log_key = profile.node_secrets(me.address), profile.log_signing_key(me.address)
     identity = profile.node_identity(me.address)
-    profile.check_date(identity)
+    check_papers(profile, identity, secrets)
     papers = Papers(identity.certificate, profile.sealed_authority(me.address) or b"", partial(profile.keep_node_certificate, me.address))
     world = real_world(
         identity,

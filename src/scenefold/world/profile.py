@@ -19,7 +19,6 @@ be removed, and all that stands in the cluster's log. The lowest of the founders
 from __future__ import annotations
 
 import base64
-import datetime
 import ipaddress
 import secrets
 import shutil
@@ -34,7 +33,6 @@ from scenefold.base.limits import NODES_MAX
 from scenefold.crypto import (
     DEFAULT_SUITE,
     Authority,
-    Card,
     Identity,
     MemberSecrets,
     PublicKey,
@@ -191,13 +189,6 @@ class ClusterProfile:
 
     def node_identity(self, address: str) -> Identity:
         return Identity.from_files(self._node_folder(address))
-
-    def check_date(self, identity: Identity) -> None:
-        """OutOfDate, with both dates, if a certificate does not count by this computer's clock; NotOfThisCluster if it is another's."""
-        try:
-            Card.verified(identity.certificate, self.authority_certificate(), datetime.datetime.now(datetime.UTC))
-        except DamagedData as problem:
-            raise type(problem)(problem.what, where=problem.where or f"{identity.name}, {self.folder}", remedy=problem.remedy) from None
 
     def keep_user_certificate(self, certificate: bytes) -> None:
         """Put a newer certificate (PEM) for the same keys in place of the user's."""
