@@ -42,15 +42,21 @@ SILENCE = (Kind.PAUSE, Kind.RESET, Kind.CLOCK_OFFSET)
 CUTS = (Kind.ONE_WAY, *BUSY)
 """Nodes that all others hear are not heard by the voter."""
 LIES = (Kind.LIAR, Kind.REPLAY)
+LYING_MOVES = (Kind.LIAR, Kind.JOIN, Kind.DRAIN, Kind.RESET)
+"""Bounds move while a node lies about what lies between them."""
 BACKUPS = (Kind.RESTORED_BACKUP, Kind.RESET)
 
 PROVOKED = {
+    "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
     "durable before release": Provocation(laws.CARRIED, MOVES),
     "indirect probe": Provocation(laws.REMOVED_RIGHTLY, CUTS, 45.0),
     "last copy": Provocation(laws.CARRIED, MOVES, 45.0),
     "left fence": Provocation(laws.ONE_OWNER, BUSY),
+    "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0),
+    "reader's memory": Provocation(laws.SOUND, LIES),
+    "reader's signature check": Provocation(laws.SOUND, LIES),
     "record of this place": Provocation(laws.SOUND, LIES),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "settling time": Provocation(laws.SETTLED, MOVES),

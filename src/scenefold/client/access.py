@@ -22,12 +22,14 @@ from scenefold.client.doubt import Doubt
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Draft, Key, NewerThanKnown, Opened, SceneIdentity, deleted_all, key_withheld, open_all, seal_all
+from scenefold.client.setbacks import Setbacks
 from scenefold.client.split import frames
 from scenefold.client.together import together
-from scenefold.client.tombstones import Lengths, tombstone
+from scenefold.client.tombstones import Lengths, is_tombstone, tombstone
 from scenefold.client.versions import Sequencer
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
+from scenefold.crypto.record_header import version_key
 from scenefold.scene.log import SceneLog
 from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem, RecordBytes
 
@@ -53,6 +55,7 @@ class SceneAccess:
     session: int = 0
     sequencer: Sequencer = field(default_factory=Sequencer)
     lengths: Lengths = field(default_factory=Lengths)
+    setbacks: Setbacks = field(default_factory=Setbacks)
     log: LogAccess | None = None
     """None: nothing is known of the scene's log, and records are written at the position of `identity`."""
 
@@ -84,6 +87,9 @@ class SceneAccess:
                 outcome = outcomes[index]
                 placed[index] = Placed(outcome.reason, digest_of(item), outcome.node, outcome.location)
                 is_stale = outcome.reason == RejectReason.STALE_VERSION
+                if outcome.reason == 0:
+                    header = RecordHeader.decode(item.header)
+                    self.setbacks.wrote(wishes[index].key, version_key(header), is_deleted=is_tombstone(wishes[index].payload))
                 is_settled = outcome.reason == 0 or (is_stale and fresh)
                 if is_stale and fresh:
                     doubt.settle(index)
@@ -223,6 +229,7 @@ class SceneAccess:
         A deleted record is there, and says so (`Opened.deleted`). `stale_ok`: take the answer of a node that may
         have been replaced without knowing; else it is asked again for a while, then Refused.
         """
+        asked_at = self.setbacks.moment()
         records = await self.fetch(keys, stale_ok=stale_ok)
         for key, record in zip(keys, records, strict=True):
             if record == DAMAGED_RECORD:
@@ -238,6 +245,8 @@ class SceneAccess:
         for key, one in zip(keys, opened, strict=True):
             if one is not None:
                 self.lengths.saw(key, one.payload)
+        if not stale_ok and (behind := self.setbacks.read(keys, opened, asked_at)):
+            self.setbacks.tell(self.calls.world.clock.now(), f"scene {self.name}", behind)
         return opened
 
     async def fetch(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[RecordBytes | None]:

@@ -38,6 +38,7 @@ LEARN_NODES_MAX = 3
 
 Answer = TypeVar("Answer", bound=Packet)
 Result = TypeVar("Result")
+T = TypeVar("T")
 
 
 def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreachable:
@@ -68,6 +69,8 @@ class Calls:
         self.world = world
         founders = [Owner(node, address, arc.last, 0, arc.first) for node, address, arc in zip(node_ids, addresses, arcs, strict=True)]
         self.table = RoutingTable([*founders, *(Owner(node, address, None) for node, address in spares)])
+        self._told = [*addresses, *(address for _, address in spares)]
+        """What the profile names. Whatever a node says of who is there, these are asked as well."""
         self._learning = trio.Lock()
         self._has_asked = False
         self._links = links
@@ -239,15 +242,24 @@ class Calls:
         await self.world.clock.sleep(patience.pause_s(self.world.entropy.uniform()))
 
     def _addresses_from(self, first: NodeId | None) -> list[str]:
-        """All nodes: `first`, then those that own something, begun anywhere, then those that may not even run."""
+        """All nodes: `first`, then those that own something, begun anywhere, then those that may not even run; who was silent, last.
+
+        At the end those of the profile that the table does not name, for a table of nobody would never be got rid of.
+        """
         owning = [owner for owner in self.table.owners if owner.right_bound is not None]
         empty = [owner for owner in self.table.owners if owner.right_bound is None]
-        start = int(self.world.entropy.uniform() * len(owning)) if owning else 0
-        turned = [*owning[start:], *owning[:start], *empty]
-        return [owner.address for owner in sorted(turned, key=lambda owner: owner.node_id != first)]
+        chance = self.world.entropy.uniform()
+        turned = [*_turned(owning, chance), *empty]
+        named = [owner.address for owner in sorted(turned, key=lambda owner: owner.node_id != first)]
+        left = set(self._told).difference(named)
+        addresses = [*named, *(address for address in _turned(self._told, chance) if address in left)]
+        return sorted(addresses, key=lambda address: (first is None or address != self.address_of(first)) and address in self._silent)
 
     def _notice(self, reply: Packet, address: str) -> None:
         news = reply.mini_status
+        if news is not None and self.address_of(news.node) != address:
+            # Of others it may say what it likes: they speak for themselves.
+            return
         if news is not None:
             self.heard(address, news.log_position)
         # A node that owns nothing keeps its old place until the table is asked for again; until then it forwards.
@@ -255,6 +267,12 @@ class Calls:
             known = self.table.by_id(news.node)
             first = None if known is None or known.first is None or known.first > news.right_bound else known.first
             self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport, first))
+
+
+def _turned(items: Sequence[T], chance: float) -> Sequence[T]:
+    """The same, begun anywhere. `chance`: 0 <= x < 1."""
+    start = int(chance * len(items))
+    return [*items[start:], *items[:start]]
 
 
 def _first_of(status: Status) -> Location | None:

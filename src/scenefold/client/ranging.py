@@ -68,8 +68,7 @@ async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool) -> 
                 raise Refused(RejectReason.NOT_READY, "the owner of the range cannot answer just now", where=owner.address)
             return reply
         assert isinstance(reply, ReturnRange)
-        if not packet.first <= reply.first <= reply.last <= packet.last:
-            raise PeerFault("a range answer lies elsewhere than its question", where=owner.address)
+        _check_part(packet, reply, owner.address)
         if reply.first != packet.first:
             # What lies before belongs to somebody else by now.
             raise Refused(RejectReason.NOT_READY, "the owner of the range is changing", where=owner.address)
@@ -78,6 +77,15 @@ async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool) -> 
         return reply
 
     return await calls.patiently(ask)
+
+
+def _check_part(question: QueryRange, reply: ReturnRange, address: str) -> None:
+    """PeerFault if an answer is of another part of the line, or lists what does not lie there, or out of order, or a place twice."""
+    if not question.first <= reply.first <= reply.last <= question.last:
+        raise PeerFault("a range answer lies elsewhere than its question", where=address)
+    places = list(reply.locations)
+    if places != sorted(places if reply.objects else set(places)) or (places and not reply.first <= places[0] <= places[-1] <= reply.last):
+        raise PeerFault("a range answer lists places that it is not about, or not in order", where=address)
 
 
 def _shorter(reply: RejectRange, first: Location, last: Location) -> Location:

@@ -32,7 +32,7 @@ from scenefold.crypto import (
     seal_records,
     signed_place,
 )
-from scenefold.crypto.record_header import TAG_BYTES
+from scenefold.crypto.record_header import TAG_BYTES, Version, version_key
 from scenefold.scene.log import FOR_EVER, EpochKeys
 from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode, WriterEntry
 
@@ -167,6 +167,8 @@ class Opened:
     content_position: int = 0
     """The log position that the coordinates in the payload belong to."""
     key_epoch: int = 0
+    version: Version = (0, 0, 0, 0, b"")
+    """Its place in the order of all versions of the record."""
 
     @property
     def deleted(self) -> bool:
@@ -271,7 +273,8 @@ def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id
         key = identity.keys.get(header.key_epoch)
         if key is None:
             raise _newer(f"the record is sealed under key epoch {header.key_epoch} of the scene", header.epoch, header.key_epoch)
-        return Opened(open_record(record, key), header.seq, header.digest, header.content_position, header.key_epoch)
+        payload = open_record(record, key)
+        return Opened(payload, header.seq, header.digest, header.content_position, header.key_epoch, version_key(header))
     except NewerThanKnown as error:
         error.where = _where(identity, space, location)
         raise

@@ -1,8 +1,8 @@
 """`python -m scenefold.simulation`: run seeds, or one again (docs/how-to/simulate.md).
 
 Progress and stories go to stderr. On stdout comes a summary, or with --json one object with the keys `seeds` (how many were
-run), `violations` (a list), `faults` (how many took effect, by kind), `operations` (acknowledged ones), the least of both that
-a seed had, and `short` (seeds that tested too little). It comes before any schedule is shortened, which takes minutes. The exit
+run), `violations` (a list), `faults` (how many took effect, by kind), `reported` (what lying nodes achieved that nobody could prevent, by manner), `operations` (acknowledged
+ones), the least of both that a seed had, and `short` (seeds that tested too little). It comes before any schedule is shortened, which takes minutes. The exit
 code is 1 if anything was violated, 3 if nothing was but a seed fell short, 2 for wrong usage.
 """
 
@@ -62,9 +62,10 @@ def _shortened(result: Result) -> Result:
 
 
 def _report(results: Sequence[Result], *, as_json: bool) -> None:
-    faults = Counter[str]()
+    faults, reported = Counter[str](), Counter[str]()
     for result in results:
         faults.update(result.faults)
+        reported.update(result.reported)
         if result.shortage:
             _say(f"the harness falls short: seed {result.order.seed} had only {result.shortage}")
     operations = sum(result.operations for result in results)
@@ -80,6 +81,7 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
             "seeds": len(results),
             "violations": violations,
             "faults": dict(sorted(faults.items())),
+            "reported": dict(sorted(reported.items())),
             "operations": operations,
             "operations_min": operations_min,
             "faults_min": faults_min,
@@ -90,6 +92,7 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
     lines = [f"{len(results)} seeds, {operations} acknowledged operations, {faults.total()} faults, {len(violations)} violations"]
     lines += [f"a seed had {operations_min} operations and {faults_min} faults or more"]
     lines += [f"  {count:7d}  {kind}" for kind, count in sorted(faults.items())]
+    lines += [f"  reported, no violation: {count} {manner}" for manner, count in sorted(reported.items())]
     lines += [f"seed {one['seed']}: {one['law']}: {_first_line(one['what'])}\n  {one['replay']}" for one in violations]
     _print("\n".join(lines))
 

@@ -124,7 +124,13 @@ KINDS: dict[Kind, Shape] = {
         moves_members=True,
     ),
     Kind.REPLAY: Shape(0.66, Whom.ALL, (5, 40), (2, 40), "datagrams a second, of those sent lately"),
-    Kind.LIAR: Shape(0.7, Whom.ONE, (3, 40)),
+    Kind.LIAR: Shape(
+        0.7,
+        Whom.ONE,
+        (6, 60),
+        (1, 9),
+        "what it lies in: reads, acknowledgements, handovers, statuses, tables, headers; above 6 in all",
+    ),
 }
 
 

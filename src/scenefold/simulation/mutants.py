@@ -95,6 +95,18 @@ def _hasty_keeping(original: Any) -> Any:
     return keep_durably
 
 
+def _trusting_receiver(_original: Any) -> Any:
+    """What another node hands over is kept as it comes."""
+
+    def verify_copies(claims: Any) -> list[Any]:
+        from scenefold.crypto import Record
+        from scenefold.store import Put
+
+        return [Put(Record(item.header, item.signature, item.ciphertext), at=item.location if item.object else None) for item, _ in claims]
+
+    return verify_copies
+
+
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": (Patch("scenefold.store.record_changes", "judge", _blind_judge),),
     "durable before ack": (Patch("scenefold.store.writer", "GroupWriter.submit", _hasty_submit),),
@@ -105,6 +117,13 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "restored backup": (Patch("scenefold.peer.log_voter", "is_restored", _always(False)),),
     "record of this place": (Patch("scenefold.client.sealing", "check_claim", _always(None)),),
+    "reader's signature check": (Patch("scenefold.client.sealing", "check_signature", _always(None)),),
+    "checked handover": (Patch("scenefold.peer.line.receiving", "verify_copies", _trusting_receiver),),
+    "reader's memory": (Patch("scenefold.client.setbacks", "_is_behind", _always(False)),),
+    "own status only": (
+        Patch("scenefold.peer.hearing", "problem_of", _always("")),
+        Patch("scenefold.peer.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
+    ),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 

@@ -72,6 +72,8 @@ class Result:
     virtual_s: float
     cpu_s: float
     counts: dict[str, int] = field(default_factory=dict)
+    reported: dict[str, int] = field(default_factory=dict)
+    """What lying nodes achieved that nobody could prevent, by manner: no violations, and never silent."""
     story: str = ""
     """Told only if something was violated."""
 

@@ -17,6 +17,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
 from scenefold.simulation.history import NEVER_ENDED, Histories, Listing, Outcome, Place, Read, Version, Write
+from scenefold.simulation.lies import TABLE, Lies, Manner, of_header
 from scenefold.wire import (
     DAMAGED_RECORD,
     GetMany,
@@ -28,6 +29,8 @@ from scenefold.wire import (
     PutManyReply,
     QueryRange,
     RecordBytes,
+    RequestSceneLog,
+    RequestTable,
     ReturnRange,
 )
 from scenefold.world import Links, Priority
@@ -49,12 +52,15 @@ class Recorder:
 
     def __init__(self, now: Callable[[], float], tell: Tell) -> None:
         self.histories = Histories()
+        self.lies = Lies(self.histories.moment, tell)
         self.listings = 0
         self.strange: list[tuple[Place, str]] = []
         """Answers that no history can have: a record that nobody wrote, read without a lease."""
         self.damaged: set[Place] = set()
         """Records that have rotted on their owner's disk: they are listed and cannot be read, so lists say nothing of them."""
         self._damaged_until: dict[Place, int] = {}
+        self.nonsense_heard = Counter[str]()
+        """How many answers with nonsense each client was given."""
         self.places: dict[tuple[int, int], set[bytes]] = {}
         self._offered: dict[Place, set[bytes]] = {}
         self._now = now
@@ -87,9 +93,16 @@ class Recorder:
             reason = None if outcomes is None else outcomes[index]
             outcome = {0: Outcome.DONE, RejectReason.STALE_VERSION: Outcome.REFUSED}.get(reason, Outcome.MAYBE)  # type: ignore[arg-type]
             name = version.digest.hex()[:6]
+            expect = item.expect
+            lie = self.lies.of_write(place, version.digest, begin)
+            if lie is not None:
+                # Whatever was said of it, it may have happened, and against what it expects.
+                if outcome is not Outcome.MAYBE:
+                    self.lies.report(place, lie, f"{who} is told that {name} is {outcome.value}")
+                outcome, expect = Outcome.MAYBE, None
             if reason not in _WITHOUT_EFFECT:
                 ended = NEVER_ENDED if outcome is Outcome.MAYBE else end
-                self.histories.add(place, Write(begin, ended, version, item.expect, outcome, who, self._now()))
+                self.histories.add(place, Write(begin, ended, version, expect, outcome, who, self._now()))
             word = "no answer" if reason is None else "done" if reason == 0 else RejectReason(reason).name
             wanted = "" if item.expect is None else f" (expects {item.expect.hex()[:6] or 'nothing'})"
             self._tell(who, place, f"put {name}{wanted}: {word}")
@@ -106,6 +119,11 @@ class Recorder:
                 self._tell(who, place, "get: no record of this place")
                 continue
             digest = None if record is None else RecordHeader.decode(record.header).digest
+            lie = self.lies.of_read(place, digest, begin)
+            if lie is not None:
+                if lie is not Manner.NONSENSE:
+                    self.lies.report(place, lie, f"{who} is given {'nothing' if digest is None else digest.hex()[:6]}")
+                continue
             if digest is not None and digest not in self._offered.get(place, ()):
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
             if not stale:
@@ -126,6 +144,9 @@ class Recorder:
             if reply.first <= location <= reply.last:
                 place = Place(reply.scene, reply.space, location)
                 if place in self.damaged or self._damaged_until.get(place, 0) > begin or len(location) != LOCATION_BYTES:
+                    continue
+                if location not in there and self.lies.of_read(place, None, begin) is Manner.WITHHELD:
+                    self.lies.report(place, Manner.WITHHELD, f"{who} does not see it in a list")
                     continue
                 self.histories.add(place, Listing(begin, end, location in there, who, self._now()))
 
@@ -150,6 +171,20 @@ def _is_of(place: Place, record: RecordBytes) -> bool:
     return is_here and hashlib.sha256(record.ciphertext).digest() == header.digest
 
 
+def _asked_about(packet: Packet) -> list[Place]:
+    """What nonsense in the answer would be about, as liars name it."""
+    match packet:
+        case GetMany():
+            return [Place(packet.scene, key.space, key.object or key.location) for key in packet.keys]
+        case QueryRange():
+            return [Place(packet.scene, packet.space, packet.first)]
+        case RequestSceneLog():
+            return [of_header(packet.scene)]
+        case RequestTable():
+            return [TABLE]
+    return []
+
+
 class WatchedLinks:
     """Links of a client, looked on by a recorder. Has what `Calls` uses of `Links`."""
 
@@ -172,6 +207,8 @@ class WatchedLinks:
 
     def _note(self, begin: int, packet: Packet, answer: Packet | None) -> None:
         recorder, who = self._recorder, self._who
+        if any(recorder.lies.is_nonsense(place, begin) for place in _asked_about(packet)):
+            recorder.nonsense_heard[who] += 1
         if isinstance(packet, PutMany):
             outcomes = None
             if isinstance(answer, PutManyReply) and len(answer.outcomes) == len(packet.items):

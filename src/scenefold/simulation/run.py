@@ -45,8 +45,6 @@ AFTERMATH_S = 6.0
 """Clients work on for so long after everything has healed: what a fault broke often shows only then."""
 ENOUGH_S_MAX = 240.0
 """After a storm in which hardly anybody could be served clients work on until there is something to judge."""
-LIES_LAST_S = 30.0
-"""An answer that is a lie may be on its way for so long, and be what an act ends with."""
 QUIET_S_MAX = 240.0
 """Removing, waiting for leases, adopting, joining again and offering strays take about a minute; twice that, twice over."""
 QUIET_CHECKS = 3
@@ -133,7 +131,7 @@ class _Drama:
             async with trio.open_nursery() as faults:
                 if clients[0].scene is not None:
                     faults.start_soon(self._ask, cluster, clients[0].scene)
-                storm = self._storm = Storm(cluster, lambda node: drain(clients[0], node), faults)
+                storm = self._storm = Storm(cluster, lambda node: drain(clients[0], node), faults, clients)
                 for fault in self._schedule:
                     faults.start_soon(storm.befall, fault)
                 await trio.sleep_until(self._order.storm_s)
@@ -154,10 +152,10 @@ class _Drama:
             await Asker(cluster, links, scene, META, [*self._places.hot, *self._places.wide]).run()
 
     def _worker(self, cluster: Cluster, client: Client, scene: Scene) -> Worker:
-        def lied() -> bool:
-            return self._net.now - cluster.watch.lied_at < LIES_LAST_S
+        def nonsense() -> int:
+            return cluster.watch.recorder.nonsense_heard[client.name]
 
-        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally, lied)
+        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally, nonsense)
 
     async def _settle(self, cluster: Cluster, clients: list[Client]) -> None:
         """Wait for quiet, read everything, judge."""
@@ -196,6 +194,9 @@ class _Drama:
         watch = None if self._cluster is None else self._cluster.watch
         violations = (*([] if watch is None else watch.violations), *self._broken)
         counts = {} if watch is None else dict(watch.counts)
+        lies = None if watch is None else watch.recorder.lies
+        if lies is not None and lies.told:
+            counts["lies"] = lies.told.total()
         acknowledged = 0 if watch is None else watch.recorder.acknowledged
         story = ""
         if violations and watch is not None:
@@ -212,5 +213,6 @@ class _Drama:
             virtual_s=self._net.now,
             cpu_s=cpu_s,
             counts=counts,
+            reported={} if lies is None else dict(lies.reported),
             story=story,
         )

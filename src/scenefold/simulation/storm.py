@@ -7,7 +7,7 @@ come (the n-th commit, a handover) lies in wait until the storm is over.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -16,6 +16,7 @@ from typing import ClassVar
 import trio
 
 from scenefold.peer.line.holding import Handover, Step
+from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.disks import handovers_of
@@ -37,7 +38,9 @@ _STEPS = (Step.OFFERED, Step.NOTED, Step.RELEASED, Step.TAKEN, Step.GIVEN)
 class Storm:
     """Faults at work on a cluster."""
 
-    def __init__(self, cluster: Cluster, drain: Callable[[Node], Awaitable[bool]], nursery: trio.Nursery) -> None:
+    def __init__(
+        self, cluster: Cluster, drain: Callable[[Node], Awaitable[bool]], nursery: trio.Nursery, clients: Sequence[Client] = ()
+    ) -> None:
         self.happened = Counter[str]()
         self._cluster = cluster
         self._net = cluster.net
@@ -45,7 +48,7 @@ class Storm:
         self._drain = drain
         self._nursery = nursery
         self._disks = DiskFaults(cluster, self._begins, self._ends, lambda: self._is_over)
-        self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over)
+        self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over, clients)
         self._weather: dict[Fault, Weather] = {}
         self._wait_for_handover: list[Fault] = []
         self._handovers: dict[int, list[Handover]] = {}

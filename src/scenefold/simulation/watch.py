@@ -6,7 +6,6 @@ where a client stumbles over it much later. What it sees goes into the story as 
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
@@ -18,6 +17,7 @@ from scenefold.simulation.disks import (
     Disk,
     arc_of,
     counted,
+    handovers_of,
     has_open_handover,
     holding_of,
     incarnation_of,
@@ -28,6 +28,7 @@ from scenefold.simulation.disks import (
     version_at,
 )
 from scenefold.simulation.history import Loss, Place, Return, Version
+from scenefold.simulation.lies import Manner
 from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
 from scenefold.simulation.moves import Moves
 from scenefold.simulation.reach import Reach
@@ -62,8 +63,6 @@ class Watch:
         self.violations: list[Violation] = []
         self.put_back: dict[int, bytes] = {}
         """The incarnation of the backup that each slot's disk was last put back to."""
-        self.lied_at = -math.inf
-        """When a lying node last told a lie."""
         self.judged_at: dict[bytes, float] = {}
         """When the voter last had nothing against the removal of an incarnation."""
         self.on_handover: Callable[[int], None] | None = None
@@ -228,15 +227,22 @@ class Watch:
         if piece.towards is None or piece.towards.slot not in self._disks or piece.towards in self._replaced:
             return
         disks = {slot: self.records(slot, piece.arc) for slot in (holder.slot, piece.towards.slot)}
-        self._blame(laws.CARRIED, f"n{holder.slot} lets go of", disks, piece.towards.slot, holder.slot)
+        under_way = next(
+            (known.id for known in handovers_of(self._disks[holder.slot]) if known.gives and known.piece.intersection(piece.arc)), b""
+        )
+        self._blame(f"n{holder.slot} lets go of", disks, piece.towards.slot, holder.slot, under_way)
 
-    def _blame(self, law: str, what: str, disks: dict[int, dict[Place, Version]], claimer: int, other: int) -> None:
+    def _blame(self, what: str, disks: dict[int, dict[Place, Version]], claimer: int, other: int, handover: bytes) -> None:
         # A copy that rotted after it was kept is not the giver's fault; its loss stands in its history already.
         places = {place for disk in disks.values() for place in disk} - {copy.place for copy in self.rot.on(claimer)}
         for lost in lost_to_claimer(disks, claimer, places):
-            newest = lost.left[-1].digest.hex()[:6]
-            words = f"{what} {lost.place.location.hex()[:8]}… though n{claimer} does not hold its newest version {newest}"
-            self.violated(law, words, location=lost.place.location, slots=(claimer, other))
+            newest = lost.left[-1].digest
+            words = f"{what} {lost.place.location.hex()[:8]}… though n{claimer} does not hold its newest version {newest.hex()[:6]}"
+            if self.recorder.lies.is_lost(handover, lost.place, newest):
+                self.recorder.lies.report(lost.place, Manner.LOST, words)
+                self._lost([Lost(lost.place, versions_of(self._records(), lost.place), lost.newest)], "lied about in a handover")
+                continue
+            self.violated(laws.CARRIED, words, location=lost.place.location, slots=(claimer, other))
 
     def _gained(self, gain: Gain) -> None:
         slot = gain.holder.slot

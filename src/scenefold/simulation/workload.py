@@ -17,6 +17,7 @@ from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location, even_rig
 from scenefold.base.reasons import RejectReason
 from scenefold.client.managed import ManagedPlace
 from scenefold.client.scene import Scene
+from scenefold.client.sealing import Opened
 from scenefold.client.space import ABSENT
 from scenefold.client.wishes import Wish
 from scenefold.scene.layout import META, RENDERS
@@ -47,6 +48,7 @@ _ACTS = {
     "get managed": 3,
     "list managed": 1,
 }
+MANAGED = b""
 PAYLOAD_BYTES = (8, 8, 40, 200, 3_000)
 WIDE_BYTES = (2_000, 20_000)
 """Balance leaves less than 64 KiB where it is."""
@@ -94,17 +96,17 @@ class Tally:
     refused: int = 0
     given_up: int = 0
     wrong: list[str] = field(default_factory=list)
-    written: set[tuple[Location, bytes]] = field(default_factory=set)
-    """All that anybody wrote, and where."""
+    written: set[tuple[bytes, bytes]] = field(default_factory=set)
+    """All that anybody wrote, and where; MANAGED where the nodes chose."""
 
 
 class Worker:
     """One client at work on one scene."""
 
     def __init__(
-        self, name: str, scene: Scene, places: Places, seed: int, workload: Workload, tally: Tally, lied: Callable[[], bool]
+        self, name: str, scene: Scene, places: Places, seed: int, workload: Workload, tally: Tally, nonsense: Callable[[], int]
     ) -> None:
-        """`lied`: whether a node has told lies lately; then a client may say that it was told nonsense, and believe none of it."""
+        """`nonsense`: how many answers of lying nodes this client was given; then it may say so, and believe none of it."""
         self._name = name
         self._access = scene.access
         self._space = scene.space(META)
@@ -115,7 +117,9 @@ class Worker:
         self._dice = random.Random(f"work/{seed}/{name}")
         self._pause_s = PAUSE_S[workload]
         self._tally = tally
-        self._lied = lied
+        self._nonsense = nonsense
+        self._newest: dict[Location, tuple[Opened, int]] = {}
+        """What was read last at a place, and how often the client had noticed there that it was led back."""
         self._seen: dict[Location, bytes | None] = {}
         """The digest last seen at a place; None: nothing was there."""
 
@@ -128,6 +132,7 @@ class Worker:
 
     async def act(self, act: str) -> None:
         """One act, to its end or until patience is over."""
+        heard = self._nonsense()
         with trio.move_on_after(ACT_S_MAX):
             try:
                 await self._do(act)
@@ -135,21 +140,19 @@ class Worker:
                 return
             except Refused as refusal:
                 self._tally.refused += 1
-                if refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED):
+                is_grave = refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED)
+                if is_grave and self._nonsense() == heard:
                     self._tally.wrong.append(f"{self._name}: {act} is refused: {refusal}")
                 return
             except Unreachable as silence:
                 # A write that was answered with nonsense may have happened; that nodes here answer so is a fault all the same.
-                if isinstance(silence.__cause__, DamagedData | PeerFault) and not self._is_of_lies(silence.__cause__):
+                if isinstance(silence.__cause__, DamagedData | PeerFault) and self._nonsense() == heard:
                     self._tally.wrong.append(f"{self._name}: {act}: {silence.__cause__}")
             except (DamagedData, PeerFault) as problem:
-                if not self._is_of_lies(problem):
+                if self._nonsense() == heard:
                     self._tally.wrong.append(f"{self._name}: {act}: {problem}")
                 return
         self._tally.given_up += 1
-
-    def _is_of_lies(self, problem: Exception) -> bool:
-        return isinstance(problem, DamagedData) and self._lied()
 
     async def _do(self, act: str) -> None:
         dice, hot, wide = self._dice, self._places.hot, self._places.wide
@@ -182,7 +185,7 @@ class Worker:
     async def _do_managed(self, act: str) -> None:
         known, dice = self._places.objects, self._dice
         if act == "put managed" or not known:
-            stored = await self._renders.put(self._payload())
+            stored = await self._renders.put(self._payload_of(MANAGED))
             known.append(stored.place)
             self._objects_seen[stored.place.object] = stored.digest
             return
@@ -191,7 +194,7 @@ class Worker:
         match act:
             case "replace managed":
                 expect = self._objects_seen.pop(place.object, None) if dice.random() < 0.5 else None
-                stored = await self._renders.replace(place, self._payload(), expect=expect)
+                stored = await self._renders.replace(place, self._payload_of(MANAGED), expect=expect)
                 self._objects_seen[place.object] = stored.digest
             case "delete managed":
                 self._objects_seen.pop(place.object, None)
@@ -200,7 +203,9 @@ class Worker:
                 async for _ in self._renders.query(deleted=True):
                     pass
             case _:
-                await self._renders.get([place, *dice.sample(known, min(2, len(known)))])
+                payloads = await self._renders.get([place, *dice.sample(known, min(2, len(known)))])
+                if any(payload is not None and (MANAGED, payload) not in self._tally.written for payload in payloads):
+                    self._tally.wrong.append(f"{self._name}: get: an object that nobody wrote")
 
     async def _put_over(self, place: Location) -> None:
         """Replace what was last seen there."""
@@ -227,10 +232,24 @@ class Worker:
         found = await self._access.get([(META, place) for place in places])
         for place, record in zip(places, found, strict=True):
             self._seen[place] = None if record is None else record.digest
+            self._check_noticed(place, record)
             if record is not None and not record.deleted and (place, record.payload) not in self._tally.written:
                 self._tally.wrong.append(f"{self._name}: get: what nobody wrote there")
 
-    def _payload_of(self, place: Location, sizes: tuple[int, ...] = PAYLOAD_BYTES) -> bytes:
+    def _check_noticed(self, place: Location, record: Opened | None) -> None:
+        """Who is given less than it has read before must notice: while there is one copy, that is all that it can do."""
+        noticed = self._access.setbacks.of((META, place))
+        before, noticed_before = self._newest.get(place, (None, 0))
+        if record is not None:
+            self._newest[place] = record, noticed
+        elif before is not None:
+            del self._newest[place]
+        if before is None or noticed > noticed_before:
+            return
+        if before.version > record.version if record is not None else not before.deleted:
+            self._tally.wrong.append(f"{self._name}: get: less than it has read before at {place.hex()[:8]}…, and does not notice")
+
+    def _payload_of(self, place: bytes, sizes: tuple[int, ...] = PAYLOAD_BYTES) -> bytes:
         payload = self._payload(sizes)
         self._tally.written.add((place, payload))
         return payload

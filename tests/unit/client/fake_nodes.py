@@ -20,7 +20,7 @@ from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.crypto import RecordHeader, version_key
+from scenefold.crypto import RecordHeader, object_of, version_key
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene, verified_put
 from scenefold.wire import (
@@ -38,6 +38,7 @@ from scenefold.wire import (
     PutOutcome,
     QueryRange,
     RecordBytes,
+    RecordKey,
     RejectRange,
     RejectSceneProposal,
     RequestSceneLog,
@@ -178,7 +179,7 @@ class FakeNodes:
             case PutMany():
                 return PutManyReply(tuple(self._put(address, item) for item in packet.items))
             case GetMany():
-                found = [self.records.get((key.space, key.location)) for key in packet.keys[: self.reply_records_max]]
+                found = [self._found(key) for key in packet.keys[: self.reply_records_max]]
                 records = [None if item is None else RecordBytes(item.signature, item.header, item.ciphertext) for item in found]
                 records = [
                     DAMAGED_RECORD if key.location in self.rotten else record for key, record in zip(packet.keys, records, strict=False)
@@ -201,6 +202,13 @@ class FakeNodes:
                 return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
             case _:
                 return Fault(RejectReason.ILL_FORMED, "what?")
+
+    def _found(self, key: RecordKey) -> PutItem | None:
+        """An object is found wherever it lies, if not where it is looked for."""
+        here = self.records.get((key.space, key.location))
+        if here is not None or not key.object:
+            return here
+        return next((item for item in self.records.values() if object_of(RecordHeader.decode(item.header)) == key.object), None)
 
     def _status(self, owner: Owner) -> Status:
         arc = self.claims.get(owner.address) or next((arc for holder, arc in self.table.arcs() if holder is owner), None)

@@ -1,4 +1,4 @@
-"""If this fails, liars in the simulation tell no lies, or go on when their time is over, or the network forgets what to play again."""
+"""If this fails, liars in the simulation tell no lies, or the network forgets what to play again, or a lie breaks more than it may."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import Counter
 import pytest
 
 from scenefold.simulation.faults import Kind
-from scenefold.simulation.hostile import flipped
+from scenefold.simulation.liar import flipped
 from scenefold.simulation.outcome import Order
 from scenefold.simulation.run import run
 

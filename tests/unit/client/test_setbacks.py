@@ -1,0 +1,115 @@
+"""If this fails, a node can lead a client back behind what that has read or written, and it does not notice; or it cries for nothing."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from trio.testing import MockClock
+
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import Location
+from scenefold.client import setbacks
+from scenefold.client.sealing import Key, Opened
+from scenefold.client.setbacks import Setbacks
+from scenefold.client.tombstones import tombstone
+from scenefold.crypto.record_header import Version
+from unit.client.fake_nodes import FakeNodes
+from unit.client.test_records import FILES, PLACES, _scene
+
+HERE, THERE = PLACES[3], PLACES[4]
+KEY: Key = (FILES, HERE)
+GONE = tombstone(20, bytes)
+
+
+def version(number: int) -> Version:
+    return 1, number, 0, 0, b""
+
+
+def opened(number: int, payload: bytes = b"x") -> Opened:
+    return Opened(payload, number, b"", version=version(number))
+
+
+@pytest.mark.expect_log("older than this client has met")
+async def test_an_owner_that_gives_an_older_version_is_noticed_once(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    space = scene.space(FILES)
+    await space.put(HERE, b"old")
+    before = dict(nodes.records)
+    await space.put(HERE, b"new")
+    nodes.records.update(before)
+    assert await space.get(HERE) == b"old"
+    assert scene.access.setbacks.count == 1
+    await space.get(HERE)
+    assert (scene.access.setbacks.count, scene.access.setbacks.of(KEY)) == (1, 1)
+
+
+@pytest.mark.expect_log("older than this client has met")
+async def test_an_owner_that_holds_back_what_was_read_is_noticed(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    await _scene(nodes).space(FILES).put(HERE, b"here")
+    scene = _scene(nodes)
+    assert await scene.space(FILES).get(HERE) == b"here"
+    nodes.records.clear()
+    assert await scene.space(FILES).get(HERE) is None
+    assert scene.access.setbacks.count == 1
+
+
+async def test_what_was_never_met_and_what_was_deleted_may_be_missing(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    space = scene.space(FILES)
+    await space.put(HERE, b"here")
+    await space.delete(HERE)
+    nodes.records.clear()
+    assert await space.get_many([HERE, THERE]) == [None, None]
+    assert not scene.access.setbacks.count
+
+
+async def test_a_stale_answer_that_was_wanted_is_no_setback(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    scene = _scene(nodes)
+    await scene.space(FILES).put(HERE, b"here")
+    nodes.records.clear()
+    assert await scene.access.get([KEY], stale_ok=True) == [None]
+    assert not scene.access.setbacks.count
+
+
+def test_what_is_met_while_a_question_is_under_way_says_nothing_of_its_answer() -> None:
+    met = Setbacks()
+    asked_at = met.moment()
+    met.wrote(KEY, version(2), is_deleted=False)
+    assert met.read([KEY], [opened(1)], asked_at) == []
+    assert met.read([KEY], [opened(1)], met.moment()) == [KEY]
+
+
+def test_an_object_is_one_wherever_it_lies() -> None:
+    met = Setbacks()
+    met.wrote((SpaceId(9), HERE, b"object"), version(2), is_deleted=False)
+    assert met.read([(SpaceId(9), THERE, b"object")], [None], met.moment())
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.none() | st.integers(1, 9), st.booleans())))
+def test_one_reader_notices_exactly_what_is_behind_the_answer_before(answers: list[tuple[int, int | None, bool]]) -> None:
+    met = Setbacks()
+    last: dict[int, tuple[int, bool]] = {}
+    for place, number, is_deleted in answers:
+        key: Key = FILES, PLACES[place]
+        found = None if number is None else opened(number, GONE if is_deleted else b"x")
+        before = last.get(place)
+        is_behind = before is not None and (not before[1] if number is None else number < before[0])
+        assert bool(met.read([key], [found], met.moment())) == is_behind
+        if number is not None:
+            last[place] = number, is_deleted if before is None or number != before[0] else before[1]
+        elif before is not None:
+            last[place] = before[0], True
+
+
+def test_only_so_many_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(setbacks, "PLACES_MAX", 2)
+    met = Setbacks()
+    keys: list[Key] = [(FILES, Location.from_number(number)) for number in range(3)]
+    for key in keys:
+        met.wrote(key, version(1), is_deleted=False)
+    assert met.read(keys, [None] * 3, met.moment()) == keys[1:]
