@@ -217,7 +217,8 @@ class Calls:
                 self._take(await ask(nodes_max=LEARN_NODES_MAX, refusal_counts=False))
 
     def _take(self, reply: RespondTable) -> None:
-        owners = [Owner(status.node, _place_of(status), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses]
+        # A node's address follows from its id: nobody has another's by the word of a third.
+        owners = [Owner(status.node, address_of(status.node), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses]
         # A node that has just begun knows nobody yet: then what we know is better.
         if any(owner.right_bound is not None for owner in owners):
             self.table = RoutingTable(owners)
@@ -280,13 +281,3 @@ def _first_of(status: Status) -> Location | None:
     if status.right_bound is None:
         return None
     return FIRST if status.left_fence is None else status.left_fence.next()
-
-
-def _place_of(status: Status) -> str:
-    """The address that a status names; that of its id if it names none that can be dialled."""
-    address = status.address.partition(":")[0]
-    try:
-        node_id_of(address)
-    except ValueError:
-        return address_of(status.node)
-    return address

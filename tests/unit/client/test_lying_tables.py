@@ -53,6 +53,19 @@ async def test_a_table_of_nobody_is_got_rid_of(autojump_clock: MockClock) -> Non
     assert len(nodes.records) == len(ITEMS)
 
 
+class SendsAllToItself(Liars):
+    def twisted(self, packet: Packet, reply: Packet) -> Packet:
+        if not isinstance(reply, RespondTable):
+            return reply
+        return replace(reply, statuses=tuple(replace(status, address=LIAR) for status in reply.statuses))
+
+
+async def test_no_node_is_asked_at_the_address_of_another(autojump_clock: MockClock) -> None:
+    scene = _scene(SendsAllToItself())
+    await scene.access.calls.refresh(node_id_of(LIAR))
+    assert sorted(owner.address for owner in scene.access.calls.table.owners) == [LIAR, VICTIM, THIRD]
+
+
 class SpeaksForOthers(Liars):
     def twisted(self, packet: Packet, reply: Packet) -> Packet:
         mini = MiniStatus((1 << 63) - 1, node_id_of(VICTIM), FIRST, 0, 0, 0, 0, 0)
