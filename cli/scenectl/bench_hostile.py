@@ -7,7 +7,6 @@ client reads is compared with what it wrote.
 
 from __future__ import annotations
 
-import json
 import os
 import statistics
 import sys
@@ -34,6 +33,7 @@ BATCH = 32
 RECORD_BYTES = 1024
 SPACE = 10
 REST_S = 1.0
+"""From the beginning of an attack, or of the burning, until it is measured: limits let a burst of anything through."""
 _BURN = "import sys, time\nshare = float(sys.argv[1])\nwhile True:\n    end = time.process_time() + share / 50\n    while time.process_time() < end: pass\n    time.sleep((1 - share) / 50)\n"
 
 
@@ -111,13 +111,14 @@ async def bench_hostile(bench: HostileBench) -> dict[str, Any]:
 
 
 async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, honest: Honest, name: str) -> dict[str, Any]:
+    from scenectl.attacks.running import attacking
+
     settings = {
         "profile": str(nodes.profile),
         "address": nodes.addresses[0],
         "scene": scene.id,
         "space": SPACE,
         "place": honest.places[0].hex(),
-        "seconds": bench.seconds + REST_S,
         "attack": name,
     }
     before, failed, grown = memory_bytes(nodes), honest.failed, 0
@@ -125,19 +126,12 @@ async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, hones
     attacked: list[float] = []
     beside: list[float] = []
     for _ in range(bench.rounds):
-        report: dict[str, Any] = {}
-
-        async def attack(report: dict[str, Any] = report) -> None:
-            done = await trio.run_process([sys.executable, "-m", "scenectl.attacks", json.dumps(settings)], capture_stdout=True)
-            report.update(json.loads(done.stdout))
-
-        async with trio.open_nursery() as nursery:
-            nursery.start_soon(attack)
+        async with attacking(settings) as report:
             await trio.sleep(REST_S)
             attacked.append(await honest.rate(bench.seconds))
             grown = max(grown, memory_bytes(nodes) - before)
-        seen.update(report["seen"])
-        seconds, cpu_s = seconds + report["seconds"], cpu_s + report["cpu_s"]
+        seen.update(report.seen)
+        seconds, cpu_s = seconds + report.seconds, cpu_s + report.cpu_s
         share = min(0.99, cpu_s / seconds)
         async with trio.open_nursery() as nursery:
             nursery.start_soon(partial(trio.run_process, [sys.executable, "-c", _BURN, str(share)], check=False))

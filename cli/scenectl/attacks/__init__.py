@@ -17,11 +17,12 @@ from scenectl.attacks.members import (
     silent_members,
 )
 from scenectl.attacks.nodes import replayed_datagrams
-from scenectl.attacks.strangers import forged_datagrams, garbage, silent_strangers
+from scenectl.attacks.strangers import forged_datagrams, garbage, handshakes, silent_strangers
 
 ATTACKS: dict[str, Attack] = {
     "silent strangers": silent_strangers,
     "garbage": garbage,
+    "handshakes": handshakes,
     "forged datagrams": forged_datagrams,
     "replayed datagrams": replayed_datagrams,
     "silent members": silent_members,

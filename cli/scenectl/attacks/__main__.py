@@ -1,4 +1,7 @@
-"""One attack in a process of its own: `python -m scenectl.attacks SETTINGS`, a JSON object; a report like it at the end."""
+"""One attack in a process of its own: `python -m scenectl.attacks SETTINGS`, a JSON object.
+
+It says `begun` in a line, attacks until its standard input ends, and reports in a JSON object.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +26,11 @@ async def attack(settings: dict[str, Any]) -> dict[str, Any]:
     place = Location.fromhex(settings["place"])
     me = Attacker(profile, settings["address"], SceneId(settings["scene"]), SpaceId(settings["space"]), place)
     begun, spent = time.monotonic(), time.process_time()
-    with trio.move_on_after(settings["seconds"]):
-        await ATTACKS[settings["attack"]](me)
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(ATTACKS[settings["attack"]], me)
+        print("begun", flush=True)
+        await trio.to_thread.run_sync(sys.stdin.read, abandon_on_cancel=True)
+        nursery.cancel_scope.cancel()
     return {"seconds": time.monotonic() - begun, "cpu_s": time.process_time() - spent, "seen": dict(sorted(me.seen.items()))}
 
 

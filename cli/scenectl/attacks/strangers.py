@@ -8,6 +8,7 @@ from contextlib import suppress
 import trio
 
 from scenectl.attacks.attacker import BURST, CROWD, HANDS, PAUSE_S, Attacker, by_many
+from scenefold.crypto import newcomer_context
 from scenefold.world import Priority
 
 
@@ -34,6 +35,24 @@ async def garbage(me: Attacker) -> None:
                 while await stream.receive_some():
                     pass
             me.seen["closed by the node"] += 1
+
+    await by_many(HANDS, hand)
+
+
+async def handshakes(me: Attacker) -> None:
+    """TLS handshakes that lead to nothing, since no certificate is shown."""
+    context = newcomer_context()
+
+    async def hand() -> None:
+        stream = await me.knock(me.dice.choice(list(Priority)))
+        secure = trio.SSLStream(stream, context, server_hostname=me.address)
+        try:
+            me.seen["begun"] += 1
+            await secure.do_handshake()
+            me.seen["answered"] += 1
+            await secure.receive_some()
+        finally:
+            await trio.aclose_forcefully(secure)
 
     await by_many(HANDS, hand)
 
