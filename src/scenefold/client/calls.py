@@ -15,7 +15,7 @@ from typing import TypeVar
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
-from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import (
     CLIENT_ASKED_MAX,
     CLIENT_FRAMES_IN_FLIGHT,
@@ -218,7 +218,9 @@ class Calls:
 
     def _take(self, reply: RespondTable) -> None:
         # A node's address follows from its id: nobody has another's by the word of a third.
-        owners = [Owner(status.node, address_of(status.node), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses]
+        owners = [
+            Owner(status.node, address_of(status.node), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses
+        ]
         # A node that has just begun knows nobody yet: then what we know is better.
         if any(owner.right_bound is not None for owner in owners):
             self.table = RoutingTable(owners)

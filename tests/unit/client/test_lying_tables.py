@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 import trio
@@ -53,15 +53,19 @@ async def test_a_table_of_nobody_is_got_rid_of(autojump_clock: MockClock) -> Non
     assert len(nodes.records) == len(ITEMS)
 
 
+@dataclass
 class SendsAllToItself(Liars):
+    named: str = LIAR
+
     def twisted(self, packet: Packet, reply: Packet) -> Packet:
         if not isinstance(reply, RespondTable):
             return reply
-        return replace(reply, statuses=tuple(replace(status, address=LIAR) for status in reply.statuses))
+        return replace(reply, statuses=tuple(replace(status, address=self.named) for status in reply.statuses))
 
 
-async def test_no_node_is_asked_at_the_address_of_another(autojump_clock: MockClock) -> None:
-    scene = _scene(SendsAllToItself())
+@pytest.mark.parametrize("named", [LIAR, f"{LIAR}:17349", "nonsense", "", "::1"])
+async def test_no_node_is_asked_at_the_address_of_another(named: str, autojump_clock: MockClock) -> None:
+    scene = _scene(SendsAllToItself(named=named))
     await scene.access.calls.refresh(node_id_of(LIAR))
     assert sorted(owner.address for owner in scene.access.calls.table.owners) == [LIAR, VICTIM, THIRD]
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Location, even_right_bounds
-from scenefold.client.calls import _place_of
 from scenefold.client.split import frames
 from scenefold.client.table import Owner, RoutingTable
 
@@ -93,8 +91,3 @@ def test_frames_keep_their_bounds_and_all_records(sizes: list[int], bytes_max: i
     for frame in cut:
         assert 1 <= len(frame) <= count_max
         assert len(frame) == 1 or sum(sizes[index] for index in frame) <= bytes_max
-
-
-def test_a_status_with_an_address_that_cannot_be_dialled_is_reached_by_its_id() -> None:
-    for address, reached in (("127.0.0.9:17349", "127.0.0.9"), ("nonsense", "127.0.0.7"), ("", "127.0.0.7"), ("::1", "127.0.0.7")):
-        assert _place_of(SimpleNamespace(address=address, node=NodeId(0x7F000007))) == reached  # type: ignore[arg-type]
