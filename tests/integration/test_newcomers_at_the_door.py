@@ -21,9 +21,9 @@ from scenefold.crypto import ENROL_DOMAIN, SigningKey, Token, mark_of, newcomer_
 from scenefold.wire import Fault, FrameReader, RequestTable, RespondTable, decode_packet, encode_frame
 from scenefold.wire.enrol_packets import Greeting, RequestEnrolment
 from scenefold.wire.orders import EnrolForm
-from scenefold.world import Priority
+from scenefold.world import Priority, newcomer_world
+from scenefold.world.knocking import request_enrolment
 from scenefold.world.profile import ClusterProfile
-from scenefold.world.real.newcomers import request_enrolment
 
 NEWCOMER = "scenefold-enrol/1"
 FIRST = "127.0.0.2"
@@ -137,11 +137,11 @@ async def until_admitted(folder: Path, token: Token) -> ClusterProfile:
 async def test_a_newcomer_tells_nothing_to_a_node_of_another_cluster(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 1) as nodes:
         with pytest.raises(TurnedAway, match="another cluster"):
-            await request_enrolment(node_id_of(FIRST), nodes.profile.ports.high, bytes(16), GARBAGE)
+            await request_enrolment(newcomer_world(nodes.profile.ports).network, node_id_of(FIRST), bytes(16), GARBAGE)
         async with connect(nodes.profile.folder) as cluster:
             token = await cluster.membership.invite("user:ada", seconds=600)
         with pytest.raises(Refused, match="no such token"):
-            await request_enrolment(node_id_of(FIRST), nodes.profile.ports.high, token.mark, own_form())
+            await request_enrolment(newcomer_world(nodes.profile.ports).network, node_id_of(FIRST), token.mark, own_form())
         joined = await enrol(tmp_path / "ada", token)
         assert joined.user == "ada" and joined.facts().genesis_header == nodes.profile.facts().genesis_header
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from scenefold.world.guests import Guests
     from scenefold.world.links import Links, open_links
     from scenefold.world.quiet import QuietLog
-    from scenefold.world.real import DEFAULT_LANES, offline_world, real_world
+    from scenefold.world.real import DEFAULT_LANES, newcomer_world, offline_world, real_world
     from scenefold.world.serving import Handler, serve_connection
     from scenefold.world.tasks import background_tasks, first_of
 
@@ -46,6 +46,7 @@ _LATE = {
     "open_links": "links",
     "QuietLog": "quiet",
     "DEFAULT_LANES": "real",
+    "newcomer_world": "real",
     "offline_world": "real",
     "real_world": "real",
     "Handler": "serving",
@@ -81,6 +82,7 @@ __all__ = [
     "WriteTransaction",
     "background_tasks",
     "first_of",
+    "newcomer_world",
     "offline_world",
     "open_channel",
     "open_links",

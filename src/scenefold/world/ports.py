@@ -183,6 +183,17 @@ class Network(Protocol):
         """
         ...
 
+    async def approach(self, address: str, /) -> tuple[Connection, bytes]:
+        """Connect to a node's port of high priority as a newcomer, who has no certificate; and the certificate (DER) that the node shows.
+
+        Nobody has judged that one yet. Unreachable, or TurnedAway if the node takes no newcomers.
+        """
+        ...
+
+    async def open_broadcasts(self) -> tuple[Datagrams, Sequence[Endpoint]]:
+        """A socket that may send to everybody around, and by which endpoints it reaches their ports of high priority."""
+        ...
+
     def show(self, certificate: bytes, /) -> None:
         """Show a newer certificate (PEM) for the same key from the next handshake on. LocalFault if it is unusable."""
         ...

@@ -18,7 +18,7 @@ from scenefold.base.ids import node_id_of
 from scenefold.crypto import Authority, Identity
 from scenefold.store import LmdbDisk
 from scenefold.store.lmdb_disk import DATA_NAME
-from scenefold.world import World, real_world
+from scenefold.world import World, newcomer_world, real_world
 from scenefold.world.sim import SimNet
 from scenefold.world.versions import TAKEN, Versions
 
@@ -45,6 +45,10 @@ class Worlds(Protocol):
 
     def stranger(self) -> World:
         """A user of another cluster, at the same place."""
+        ...
+
+    def newcomer(self) -> World:
+        """Somebody nearby without a certificate."""
         ...
 
     async def silence(self, seconds: float) -> None:
@@ -86,6 +90,9 @@ class RealWorlds:
     def stranger(self) -> World:
         # It trusts the cluster that it wants into, and has a certificate of its own cluster.
         return self._world(self._other_authority.issue("user:mallory", []), self.authority)
+
+    def newcomer(self) -> World:
+        return newcomer_world(self.ports)
 
     async def silence(self, seconds: float) -> None:
         await trio.testing.wait_all_tasks_blocked(seconds)
@@ -142,6 +149,9 @@ class SimWorlds:
 
     def stranger(self) -> World:
         return self.net.world("user:mallory", authority="other")
+
+    def newcomer(self) -> World:
+        return self.net.world("newcomer")
 
     async def silence(self, seconds: float) -> None:
         # What is on its way takes virtual time, and nothing else does.

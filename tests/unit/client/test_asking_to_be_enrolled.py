@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import pytest
 import trio
@@ -37,15 +38,15 @@ class Someone:
 async def asked(answers: Sequence[Enrolled | ScenefoldError], monkeypatch: pytest.MonkeyPatch) -> Enrolled:
     by_node = dict(zip(HERE, answers, strict=False))
 
-    async def request_enrolment(node: NodeId, *_: object) -> Enrolled:
+    async def request_enrolment(_network: object, node: NodeId, *_: object) -> Enrolled:
         await trio.lowlevel.checkpoint()
         answer = by_node[node]
         if isinstance(answer, ScenefoldError):
             raise answer
         return answer
 
-    monkeypatch.setattr("scenefold.world.real.newcomers.request_enrolment", request_enrolment)
-    return await enrolling._ask(Someone(), HERE[: len(answers)], NOW)  # type: ignore[arg-type]
+    monkeypatch.setattr("scenefold.client.enrolling.request_enrolment", request_enrolment)
+    return await enrolling._ask(SimpleNamespace(network=None), Someone(), HERE[: len(answers)], NOW)  # type: ignore[arg-type]
 
 
 LIES = [Refused(RejectReason.NOT_AUTHORISED, "the token was used already"), Refused(RejectReason.ILL_FORMED, "no"), BAD]
@@ -63,6 +64,12 @@ async def test_the_first_refusal_is_told_if_nobody_takes_the_token(other: Scenef
         await asked([other, LIES[0], LIES[1]], monkeypatch)
     with pytest.raises(DamagedData, match="another cluster"):
         await asked([BAD, LIES[0], other], monkeypatch)
+
+
+async def test_a_node_of_another_cluster_is_told_rather_than_a_closed_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    for answers in ([NEUTRAL[2], NEUTRAL[0]], [NEUTRAL[0], NEUTRAL[2]]):
+        with pytest.raises(TurnedAway, match="another cluster"):
+            await asked(answers, monkeypatch)
 
 
 async def test_nobody_there_is_not_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:

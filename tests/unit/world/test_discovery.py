@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from loopback import free_ports
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.crypto import SigningKey
+from scenefold.world import Ports, newcomer_world
 from scenefold.world.discovery import pack_answer, pack_question, read_answer, read_question
+from scenefold.world.knocking import look_around
 from scenefold.world.ports import Endpoint
-from scenefold.world.real.broadcasts import broadcasts_of, hear_broadcasts, look_around
+from scenefold.world.real.broadcasts import broadcasts_of, hear_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams
 
 KEY = SigningKey.from_seed(b"k" * 32)
@@ -66,11 +68,11 @@ async def test_several_nodes_of_a_machine_hear_the_same_broadcast() -> None:
     async with trio.open_nursery() as nursery:
         nursery.start_soon(answer, "127.0.0.2", first)
         nursery.start_soon(answer, "127.0.0.3", second)
-        found = await look_around(KEY, NONCE, port)
+        found = await look_around(newcomer_world(Ports(port - 1, port)).network, KEY, NONCE)
     assert set(found) == {node_id_of("127.0.0.2"), node_id_of("127.0.0.3")}
     await first.aclose()
     await second.aclose()
 
 
 async def test_where_nobody_answers_nobody_is_found() -> None:
-    assert await look_around(KEY, NONCE, free_ports(("127.0.0.2",)).high) == []
+    assert await look_around(newcomer_world(free_ports(("127.0.0.2",))).network, KEY, NONCE) == []

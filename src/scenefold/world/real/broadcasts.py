@@ -12,17 +12,11 @@ import socket as plain
 
 import trio
 
-from scenefold.base.ids import NodeId
-from scenefold.crypto import SigningKey
-from scenefold.world.discovery import pack_question, read_answer
+from scenefold.world.ports import Endpoint
 from scenefold.world.real.datagrams import RealDatagrams
 
 EVERYWHERE = "255.255.255.255"
 LOOPBACK = "127.255.255.255"
-ROUNDS = 3
-ROUND_S = 1.0
-FOUND_MAX = 8
-_ANSWER_BYTES_MAX = 64
 _PREFIX = 24
 """Local networks have nearly always 256 addresses; where it is otherwise, EVERYWHERE does."""
 _NOWHERE = ("192.0.2.1", 9)
@@ -55,33 +49,17 @@ async def hear_broadcasts(address: str, port: int) -> tuple[RealDatagrams, ...]:
     return tuple(heard)
 
 
-async def look_around(key: SigningKey, nonce: bytes, port: int) -> list[NodeId]:
-    """Nodes that know the invitation with this key; the first that answers first. Empty if none does within some seconds."""
-    found: dict[NodeId, None] = {}
-    question = pack_question(key, nonce)
-    with trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM) as socket:
+async def open_broadcasts(port: int) -> tuple[RealDatagrams, tuple[Endpoint, ...]]:
+    """A socket at any free port that may broadcast, and where to send to reach nodes at their port."""
+    socket = trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM)
+    try:
         socket.setsockopt(plain.SOL_SOCKET, plain.SO_BROADCAST, 1)
         await socket.bind(("", 0))
         targets = dict.fromkeys((EVERYWHERE, *broadcasts_of(await _own_address()), LOOPBACK))
-        for _ in range(ROUNDS):
-            for target in targets:
-                await _send(socket, question, target, port)
-            with trio.move_on_after(ROUND_S):
-                while len(found) < FOUND_MAX:
-                    data, _source = await socket.recvfrom(_ANSWER_BYTES_MAX)
-                    node = read_answer(data, nonce)
-                    if node is not None:
-                        found[node] = None
-            if found:
-                break
-    return list(found)
-
-
-async def _send(socket: trio.socket.SocketType, question: bytes, target: str, port: int) -> None:
-    try:
-        await socket.sendto(question, (target, port))
-    except OSError as error:
-        _log.debug("no broadcast to %s:%d: %s", target, port, error)
+    except BaseException:
+        socket.close()
+        raise
+    return RealDatagrams(socket, port), tuple(Endpoint(target, port) for target in targets)
 
 
 async def _own_address() -> str:

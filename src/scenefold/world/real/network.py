@@ -14,12 +14,13 @@ from scenefold.base.errors import PeerFault, TurnedAway, Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.limits import HANDSHAKE_S_MAX
 from scenefold.crypto import Identity, client_context, renew, server_context
-from scenefold.world.ports import ConnectionLost, HandshakeRefused, Ports, Priority, Serve
+from scenefold.world.ports import ConnectionLost, Endpoint, HandshakeRefused, Ports, Priority, Serve
 from scenefold.world.real.binding import bind_fault
-from scenefold.world.real.broadcasts import hear_broadcasts
+from scenefold.world.real.broadcasts import hear_broadcasts, open_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
 from scenefold.world.real.dialling import dial
 from scenefold.world.real.door import Door, GuardedListener
+from scenefold.world.real.newcomers import approach
 from scenefold.world.real.tls import TlsConnection, shake_hands
 from scenefold.world.versions import NEWCOMER, TAKEN, NoCommonVersion, Versions
 
@@ -108,6 +109,12 @@ class RealNetwork:
         except BaseException:
             await trio.aclose_forcefully(stream)
             raise
+
+    async def approach(self, address: str) -> tuple[TlsConnection, bytes]:
+        return await approach(address, self._ports.number(Priority.HIGH))
+
+    async def open_broadcasts(self) -> tuple[RealDatagrams, tuple[Endpoint, ...]]:
+        return await open_broadcasts(self._ports.number(Priority.HIGH))
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> RealDatagrams:
         return await open_datagrams(address, priority, self._ports)

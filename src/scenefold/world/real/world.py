@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from scenefold.crypto import Identity
 from scenefold.world.ports import Disk, Environment, Network, Ports, World
@@ -50,24 +50,21 @@ def real_world(
 
 def offline_world(*, disk: Disk | None = None, lanes: Mapping[str, int] | None = None) -> World:
     """A world without a network, for work on one data folder (measurements, checks)."""
-    return _world(_NoNetwork(), disk, lanes)
+    from scenefold.world.real.offline import NoNetwork
+
+    return _world(NoNetwork(), disk, lanes)
+
+
+def newcomer_world(ports: Ports) -> World:
+    """The world of who wants to join a cluster with these ports, and has no identity yet."""
+    from scenefold.world.real.newcomers import NewcomerNetwork
+
+    return _world(NewcomerNetwork(ports), None, None)
 
 
 def _world(network: Network, disk: Disk | None, lanes: Mapping[str, int] | None) -> World:
     workers = RealWorkers({**DEFAULT_LANES, **(lanes or {})})
     return World(RealClock(), RealEntropy(), workers, network, disk or _NoDisk())
-
-
-class _NoNetwork:
-    async def listen(self, *_: object, **__: object) -> NoReturn:
-        raise AssertionError("this world has no network")
-
-    connect = listen
-    open_datagrams = listen
-    hear_broadcasts = listen
-
-    def show(self, _certificate: bytes, /) -> NoReturn:
-        raise AssertionError("this world has no network")
 
 
 class _NoDisk:

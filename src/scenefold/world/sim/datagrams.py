@@ -13,6 +13,8 @@ from scenefold.world.sim.machines import Point, Process
 if TYPE_CHECKING:
     from scenefold.world.sim.net import SimNet
 
+EVERYWHERE = "255.255.255.255"
+"""What is sent there comes to every machine with a socket that hears broadcasts."""
 DATAGRAM_SIZE_MAX = 65_507
 BUFFER_BYTES_MAX = 208 * 1024
 """What a socket keeps for a process that does not read; Linux's default. What comes on top is lost."""
@@ -72,8 +74,9 @@ class SimDatagrams:
         self._is_open = False
         if self._process.is_alive:
             self._process.sockets.pop(self, None)
-        sockets = self._process.machine.sockets
-        if sockets.get(self.here.port) is self:
-            del sockets[self.here.port]
+        machine = self._process.machine
+        for sockets in (machine.sockets, machine.hearing):
+            if sockets.get(self.here.port) is self:
+                del sockets[self.here.port]
         if self._process.is_alive:
             self._readers.unpark_all()

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
-from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX
+from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, NEWCOMER_S_MAX
 from scenefold.world.ports import ConnectionLost, Endpoint, Serve
 from scenefold.world.quiet import QuietLog
 from scenefold.world.sim.machines import Machine, Process
@@ -34,12 +34,16 @@ _log = logging.getLogger("scenefold.world.network")
 class Listener:
     """A listening port of a process."""
 
-    def __init__(self, net: SimNet, process: Process, machine: Machine, where: Endpoint, serve: Serve) -> None:
+    def __init__(
+        self, net: SimNet, process: Process, machine: Machine, where: Endpoint, serve: Serve, newcomers: Serve | None = None
+    ) -> None:
+        """`newcomers` serves who has no certificate."""
         self.process = process
         self._net = net
         self._machine = machine
         self._where = where
         self._serve = serve
+        self.newcomers = newcomers
         self._arrived: deque[SimConnection] = deque()
         self._waiting = trio.lowlevel.ParkingLot()
         self._quiet = QuietLog(_log)
@@ -75,17 +79,24 @@ class Listener:
             return
         self._open += 1
         try:
-            await self._serve(connection)
+            await self._serve_one(connection)
         except ConnectionLost as error:
             self._complain("lost", f"{connection.peer}: {error}")
         finally:
             self._open -= 1
             await connection.aclose()
 
-    def admit(self, connection: SimConnection, stranger: bool) -> None:
+    async def _serve_one(self, connection: SimConnection) -> None:
+        if connection.peer:
+            await self._serve(connection)
+        elif self.newcomers is not None:
+            with trio.move_on_after(NEWCOMER_S_MAX):
+                await self.newcomers(connection)
+
+    def admit(self, connection: SimConnection, why_not: str) -> None:
         """The client's certificate arrives."""
-        if stranger:
-            self._complain("stranger", "connection refused: its certificate is not valid here: unknown authority")
+        if why_not:
+            self._complain("stranger", f"connection refused: {why_not}")
             connection.abort()
         elif self not in self.process.listeners:
             connection.abort()
@@ -112,8 +123,12 @@ class Dial:
     process: Process
     address: str
     port: int
+    is_newcomer: bool = False
+    """It shows no certificate."""
     done: trio.Event = field(default_factory=trio.Event)
     connection: SimConnection | None = None
+    shown: bytes = b""
+    """The certificate that the node has shown."""
     failure: str = ""
     remedy: str = ""
     is_abandoned: bool = False
@@ -125,20 +140,26 @@ class Dial:
 
 async def connect(net: SimNet, process: Process, address: str, port: int) -> SimConnection:
     """Connect to a node; Unreachable with the reason if that is not possible."""
+    connection, _shown = await dial(net, process, address, port)
+    return connection
+
+
+async def dial(net: SimNet, process: Process, address: str, port: int, *, is_newcomer: bool = False) -> tuple[SimConnection, bytes]:
+    """Likewise; with the certificate that the node shows, if it has one."""
     await trio.lowlevel.checkpoint()
     where = f"{address}:{port}"
     if not process.is_alive:
         raise _unreachable(where, "the machine of this process has crashed")
-    dial = Dial(process, address, port)
-    net.after_trips((process.machine.name, address), 3, _knock, net, dial)
+    attempt = Dial(process, address, port, is_newcomer)
+    net.after_trips((process.machine.name, address), 3, _knock, net, attempt)
     try:
         with trio.move_on_after(HANDSHAKE_S_MAX):
-            await dial.done.wait()
+            await attempt.done.wait()
     finally:
-        dial.is_abandoned = dial.connection is None
-    if dial.connection is None:
-        raise _unreachable(where, dial.failure or f"no answer within {HANDSHAKE_S_MAX:g} s", dial.remedy)
-    return dial.connection
+        attempt.is_abandoned = attempt.connection is None
+    if attempt.connection is None:
+        raise _unreachable(where, attempt.failure or f"no answer within {HANDSHAKE_S_MAX:g} s", attempt.remedy)
+    return attempt.connection, attempt.shown
 
 
 def _knock(net: SimNet, dial: Dial) -> None:
@@ -159,9 +180,12 @@ def _knock(net: SimNet, dial: Dial) -> None:
         net.after_trips((there, here), 1, dial.finish, None, "connection refused")
         return
     there_pipe, back_pipe = net.pipes(dial.process, listener.process, (here, there))
-    version = dial.process.versions.common(listener.process.versions) or 0
-    node_side = SimConnection(net, listener.process, dial.process.name, version, back_pipe, there_pipe)
-    client_side = SimConnection(net, dial.process, listener.process.name, version, there_pipe, back_pipe)
+    client, node = dial.process, listener.process
+    version = client.versions.common(node.versions) or 0
+    name, key = ("", None) if dial.is_newcomer else (client.name, client.key)
+    node_side = SimConnection(net, node, name, version, back_pipe, there_pipe, key)
+    client_side = SimConnection(net, client, node.name, version, there_pipe, back_pipe, node.key)
+    dial.shown = b"" if node.card is None else node.card.der
     net.after_trips((there, here), 1, _meet, dial, listener, client_side, node_side)
 
 
@@ -169,10 +193,24 @@ def _meet(dial: Dial, listener: Listener, client_side: SimConnection, node_side:
     """The node's certificate is at the client."""
     expected = f"node:{node_id_of(dial.address)}"
     stranger = listener.process.authority != dial.process.trusts
+    out_of_date = dial.process.why_not_valid(listener.process)
     if dial.is_abandoned or not dial.process.is_alive or node_side.is_gone:
         client_side.abort()
         node_side.abort()
         dial.finish(None, "the connection was cut")
+    elif dial.is_newcomer and listener.newcomers is None:
+        listener.turn_away()
+        client_side.abort()
+        node_side.abort()
+        dial.finish(None, "the node takes no newcomers")
+    elif dial.is_newcomer:
+        client_side.introduce(lambda node_side: listener.admit(node_side, ""))
+        dial.finish(client_side)
+    elif out_of_date:
+        listener.turn_away()
+        client_side.abort()
+        node_side.abort()
+        dial.finish(None, out_of_date)
     elif client_side.peer != expected or stranger:
         listener.turn_away()
         client_side.abort()
@@ -185,8 +223,10 @@ def _meet(dial: Dial, listener: Listener, client_side: SimConnection, node_side:
         problem = dial.process.versions.apart_from(listener.process.versions, client_side.peer)
         dial.finish(None, problem.what, problem.remedy)
     else:
-        client_stranger = dial.process.authority != listener.process.trusts
-        client_side.introduce(lambda node_side: listener.admit(node_side, client_stranger))
+        is_stranger = dial.process.authority != listener.process.trusts
+        unknown = "its certificate is not valid here: unknown authority" if is_stranger else ""
+        why_not = unknown or listener.process.why_not_valid(dial.process)
+        client_side.introduce(lambda node_side: listener.admit(node_side, why_not))
         dial.finish(client_side)
 
 

@@ -7,6 +7,7 @@ vanishes, what they write to the disk fails. So a crash is one instant, however 
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
@@ -16,6 +17,8 @@ from typing import TYPE_CHECKING
 import trio
 from trio.lowlevel import Abort, Task
 
+from scenefold.base.ids import KeyId
+from scenefold.crypto import Card
 from scenefold.world.sim.clock import SimClock
 from scenefold.world.sim.disk import SimDisk
 from scenefold.world.versions import TAKEN, Versions
@@ -59,6 +62,8 @@ class Machine:
     processes: list[Process] = field(default_factory=list)
     lives: int = 0
     sockets: dict[int, SimDatagrams] = field(default_factory=dict)
+    hearing: dict[int, SimDatagrams] = field(default_factory=dict)
+    """Sockets that hear what is sent to everybody."""
     listeners: dict[int, Listener] = field(default_factory=dict)
     traps: list[Trap] = field(default_factory=list)
     observers: list[tuple[Point, Callable[[], None]]] = field(default_factory=list)
@@ -81,7 +86,7 @@ class Machine:
 
 @dataclass(slots=True, eq=False)
 class Process:
-    """One life of a node or a client under a name of its certificate."""
+    """One life of a node or a client under a name of its certificate. Few runs have certificates; then their keys and dates count, too."""
 
     name: str
     machine: Machine
@@ -92,8 +97,24 @@ class Process:
     connections: dict[SimConnection, None] = field(default_factory=dict)
     sockets: dict[SimDatagrams, None] = field(default_factory=dict)
     listeners: dict[Listener, None] = field(default_factory=dict)
+    card: Card | None = None
+    """What its certificate says, if it has one."""
     sleepers: dict[Task, None] = field(default_factory=dict)
     """Tasks in a wait that nothing but its end or the death of the process can end."""
+
+    @property
+    def key(self) -> KeyId | None:
+        return None if self.card is None else self.card.signing_id
+
+    def why_not_valid(self, peer: Process) -> str:
+        """Why the certificate of a peer counts for nothing here, as TLS says it; empty if it does."""
+        if peer.card is None:
+            return ""
+        now = datetime.datetime.fromtimestamp(self.machine.clock.wall(), datetime.UTC)
+        if peer.card.counts(now):
+            return ""
+        why = "certificate is not yet valid" if now < peer.card.not_before else "certificate has expired"
+        return f"its certificate is not valid here: {why} (this clock says {now:%Y-%m-%d})"
 
     def passes(self, point: Point) -> bool:
         """Pass a point; False if the process is dead, be it from just now."""

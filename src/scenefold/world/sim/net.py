@@ -13,9 +13,10 @@ from collections.abc import Callable, Mapping
 
 import trio
 
+from scenefold.crypto import Card
 from scenefold.world.ports import Endpoint, Ports, World
 from scenefold.world.sim.clock import SimClock
-from scenefold.world.sim.datagrams import SimDatagrams
+from scenefold.world.sim.datagrams import EVERYWHERE, SimDatagrams
 from scenefold.world.sim.disk import SimDisk
 from scenefold.world.sim.entropy import SimEntropy, dice
 from scenefold.world.sim.faults import Faults
@@ -74,18 +75,20 @@ class SimNet(Faults):
         authority: str = "cluster",
         trusts: str = "cluster",
         versions: Versions = TAKEN,
+        certificate: bytes = b"",
     ) -> World:
         """The world of a new process: "node:<id>" at its address, or "user:<name>" without one.
 
         A machine is made when it is first named, with `disk` or an empty one; a later `disk` is put into it. A process
         named like an earlier one draws other randomness. `authority` issued its certificate, and it believes in those
-        that `trusts` issued. Its program takes these `versions` of the protocol.
+        that `trusts` issued. Its program takes these `versions` of the protocol. With a `certificate` (PEM), peers see the key in that,
+        and judge its dates.
         """
         machine = self.machine(address or name) if (address or name) in self._machines else self._new_machine(name, address)
         if disk is not None:
             machine.disk = disk
         machine.lives += 1
-        process = Process(name, machine, authority, trusts, versions)
+        process = Process(name, machine, authority, trusts, versions, card=Card.read(certificate) if certificate else None)
         machine.processes.append(process)
         self._come_up(machine)
         entropy = SimEntropy(self.seed, f"entropy of life {machine.lives} at {machine.name} of {name}")
@@ -169,21 +172,28 @@ class SimNet(Faults):
 
     # ---------------------------------------------------------------------------------------------- datagrams
 
-    def bind(self, process: Process, address: str | None, port: int) -> SimDatagrams:
-        """A socket at an address and port, which must be free, or anywhere."""
+    def bind(self, process: Process, address: str | None, port: int, *, hears_all: bool = False) -> SimDatagrams:
+        """A socket at an address and port, which must be free, or anywhere. `hears_all`: it hears broadcasts to that port, and nothing else."""
         machine = process.machine if address is None else self.home(address, process)
         if address is None:
             self._ports_given += 1
         here = Endpoint(machine.address, port if address is not None else EPHEMERAL_PORT + self._ports_given)
         socket = SimDatagrams(self, process, here, port)
-        machine.sockets[here.port] = socket
+        (machine.hearing if hears_all else machine.sockets)[here.port] = socket
         process.sockets[socket] = None
         return socket
 
     def carry(self, machine: Machine, here: Endpoint, data: bytes, target: Endpoint) -> None:
-        """Send a datagram on its way."""
+        """Send a datagram on its way, or one to everybody on as many."""
+        if target.address == EVERYWHERE:
+            for name in sorted(self._machines):
+                if target.port in self._machines[name].hearing:
+                    self._send((machine.name, name), machine, here, data, target)
+            return
         there = self._at_address.get(target.address)
-        path = (machine.name, there.name if there is not None else target.address)
+        self._send((machine.name, there.name if there is not None else target.address), machine, here, data, target)
+
+    def _send(self, path: Path, machine: Machine, here: Endpoint, data: bytes, target: Endpoint) -> None:
         self.note("udp-send", *here, *target, len(data), zlib.crc32(data))
         if self._tape is not None:
             self._tape.append((path, here, data, target))
@@ -220,7 +230,7 @@ class SimNet(Faults):
         if held is not None:
             self.at(held, self._arrive, path, source, data, target)
             return
-        socket = machine.sockets.get(target.port)
+        socket = (machine.hearing if target.address == EVERYWHERE else machine.sockets).get(target.port)
         if socket is None:
             self._lose("nobody there", path)
         elif socket.arrive(data, source):

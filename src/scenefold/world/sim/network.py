@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import trio
 
 from scenefold.base.errors import LocalFault
+from scenefold.crypto import Card
 from scenefold.world.ports import Endpoint, Priority, Serve
-from scenefold.world.sim.datagrams import SimDatagrams
+from scenefold.world.sim.datagrams import EVERYWHERE, SimDatagrams
 from scenefold.world.sim.disk import SimEnvironment
-from scenefold.world.sim.listening import Listener, connect
+from scenefold.world.sim.listening import Listener, connect, dial
 from scenefold.world.sim.machines import Process
 from scenefold.world.sim.streams import SimConnection
 
@@ -36,24 +37,30 @@ class SimNetwork:
         newcomers: Serve | None = None,
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
-        # Everybody in a simulated network has an identity from the start: no newcomer ever arrives.
         await trio.lowlevel.checkpoint()
         port = self._net.ports.number(priority)
         machine = self._net.home(address, self._process)
         if port in machine.listeners:
             raise _in_use("TCP", address, port)
-        await Listener(self._net, self._process, machine, Endpoint(address, port), serve).run(task_status)
+        await Listener(self._net, self._process, machine, Endpoint(address, port), serve, newcomers).run(task_status)
 
     async def connect(self, address: str, priority: Priority) -> SimConnection:
         return await connect(self._net, self._process, address, self._net.ports.number(priority))
 
+    async def approach(self, address: str) -> tuple[SimConnection, bytes]:
+        return await dial(self._net, self._process, address, self._net.ports.number(Priority.HIGH), is_newcomer=True)
+
     async def hear_broadcasts(self, address: str, priority: Priority) -> tuple[SimDatagrams, ...]:
-        # No newcomer is there to send any.
         await trio.lowlevel.checkpoint()
-        return ()
+        port = self._net.ports.number(priority)
+        return (self._net.bind(self._process, address, port, hears_all=True),)
+
+    async def open_broadcasts(self) -> tuple[SimDatagrams, tuple[Endpoint, ...]]:
+        port = self._net.ports.number(Priority.HIGH)
+        return await self.open_datagrams(None, Priority.HIGH), (Endpoint(EVERYWHERE, port),)
 
     def show(self, certificate: bytes) -> None:
-        """Nobody looks at certificates here."""
+        self._process.card = Card.read(certificate)
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> SimDatagrams:
         await trio.lowlevel.checkpoint()

@@ -20,9 +20,11 @@ PIECE_BYTES_MAX = 64 * 1024
 class SimConnection:
     """One end of a connection, in the hands of a process."""
 
-    def __init__(self, net: SimNet, process: Process, peer: str, version: int, outgoing: Pipe, incoming: Pipe) -> None:
+    def __init__(
+        self, net: SimNet, process: Process, peer: str, version: int, outgoing: Pipe, incoming: Pipe, peer_key: KeyId | None = None
+    ) -> None:
         self.peer = peer
-        self.peer_key: KeyId | None = None
+        self.peer_key = peer_key
         self.version = version
         self._net = net
         self._process = process
