@@ -127,9 +127,10 @@ KINDS: dict[Kind, Shape] = {
     Kind.LIAR: Shape(
         0.7,
         Whom.ONE,
-        (6, 60),
-        (1, 9),
+        (10, 70),
+        (1, 12),
         "what it lies in: reads, acknowledgements, handovers, statuses, tables, headers; above 6 in all",
+        long_odds=0.3,
     ),
 }
 
