@@ -17,6 +17,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, authority_der
 from scenefold.peer.card_rules import check_renewable, credential_of, not_due
 from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.discovery import Allowance
 from scenefold.peer.enrol_rules import IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.papers import Papers
@@ -34,6 +35,7 @@ from scenefold.wire.enrol_packets import (
     RequestRenewal,
     RespondCard,
 )
+from scenefold.wire.orders import EnrolForm
 from scenefold.world import Connection, Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
 
@@ -43,6 +45,9 @@ REQUEST_S_MAX = 3.0
 """A newcomer, to say what it wants: it has prepared that before it came."""
 SHARE_AGAIN_S = 10.0
 """After the authority's key could not be sealed to a node."""
+NEWS_S_MAX = 5.0
+NEWS_PER_S_MAX = 2
+"""For tokens that nobody here has heard of the log is asked for so often: strangers make up as many as they like."""
 REQUEST_BYTES_MAX = 8192
 RECEIVE_BYTES = 4096
 _CERTIFY = "crypto"
@@ -65,6 +70,7 @@ class Enrolling:
         self.papers = papers
         """Replaced by who renews the certificate."""
         self._quiet = QuietLog(_log)
+        self._news = Allowance(NEWS_PER_S_MAX)
 
     @property
     def _registry(self) -> Registry:
@@ -109,6 +115,7 @@ class Enrolling:
         return await self._enrolled(packet)
 
     async def _enrolled(self, packet: RequestEnrolment) -> Enrolled:
+        await self._hear_of(EnrolForm.decode(packet.form).invitation)
         judged = self._judged(packet)
         if isinstance(judged, IssuedBefore):
             return self._answer(judged.card.der)
@@ -122,6 +129,12 @@ class Enrolling:
             if not isinstance(judged, IssuedBefore):
                 raise
             return self._answer(judged.card.der)
+
+    async def _hear_of(self, invitation: bytes) -> None:
+        """An invitation that this node does not know may stand in the log of others: tokens are used as soon as they are given."""
+        if invitation not in self._registry.roll.invitations and self._news.take(self._world.clock.now()):
+            with trio.move_on_after(NEWS_S_MAX):
+                await self._cluster_log.pull()
 
     def _judged(self, packet: RequestEnrolment) -> ToIssue | IssuedBefore:
         if not self._registry.position:
