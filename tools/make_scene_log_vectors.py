@@ -2,20 +2,31 @@
 
     .venv/bin/python tools/make_scene_log_vectors.py
 
-A log of six records, its hashes, the sealed bytes, what its spaces are then, where places lie, and lockboxes. The inputs are
+A log of six records, its hashes, the sealed bytes, a decided header, what its spaces are then, where places lie, and lockboxes. The inputs are
 fixed, signatures and cipher deterministic, so the file changes only when the format does. Floats are in hexadecimal.
 """
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId
 from scenefold.base.location import FIRST
 from scenefold.crypto import SealingKey, SigningKey
-from scenefold.scene.log import Contents, LoggedSpace, SceneLog, first_record, locked, seal_private, sign_record
+from scenefold.scene.log import (
+    Contents,
+    LoggedSpace,
+    SceneLog,
+    decided,
+    first_record,
+    locked,
+    seal_private,
+    sign_record,
+    signed_header,
+)
 from scenefold.wire import (
     Batch,
     CreateSpace,
@@ -28,6 +39,8 @@ from scenefold.wire import (
     Revoke,
     Role,
     ScaleSpace,
+    SceneLogPublic,
+    SceneMode,
     TranslateSpace,
 )
 
@@ -35,6 +48,7 @@ TARGET = Path(__file__).parents[1] / "specs" / "vectors" / "scene_log.json"
 GENESIS = bytes(range(32))
 ORIGIN = NodeId(0x7F000002)
 HEADER_SEED = bytes(range(32, 64))
+ORIGIN_SEED = bytes(range(64, 96))
 SYMMETRIC_KEY = bytes(range(24))
 NEW_SYMMETRIC_KEY = bytes(range(100, 124))
 NONCE = bytes(range(12))
@@ -85,7 +99,43 @@ def document() -> dict[str, Any]:
         ],
         "sealed": sealed.hex(),
         "lockbox": lockbox(key),
+        "header": header(key, state, sealed),
         "places": [_places(state.space(space)) for space in (HALL, WIDE)],
+    }
+
+
+def header(header_key: SigningKey, state: SceneLog, sealed: bytes) -> dict[str, Any]:
+    """A header of the log's position, decided, with what gives its genesis. Not of the scene above, whose genesis is made up."""
+    decider = SigningKey.from_seed(ORIGIN_SEED)
+    first = SceneLogPublic(
+        scene=SceneId(1),
+        genesis=bytes(32),
+        origin=ORIGIN,
+        position=1,
+        write_floor=0,
+        mode=SceneMode.EDIT,
+        spaces=state.public_spaces()[:2],
+        writers=state.grants.writers[:1],
+        public_key=header_key.key_id,
+        private_key=KeyId(0),
+        keys=(KeyEntry(1, header_key.public.raw), *state.grants.writer_keys[:1]),
+        first_key=header_key.public.raw,
+        origin_key=decider.public.raw,
+    ).with_genesis()
+    newest = replace(first, position=state.position, write_floor=state.write_floor, spaces=state.public_spaces(), key_epoch=1)
+    newest = decided(signed_header(newest, sealed, header_key), decider)
+    assert newest.decision is not None
+    return {
+        "origin_seed": ORIGIN_SEED.hex(),
+        "first_key": newest.first_key.hex(),
+        "origin_key": newest.origin_key.hex(),
+        "birth": newest.birth.hex(),
+        "genesis": newest.genesis.hex(),
+        "log_hash": newest.log_hash.hex(),
+        "signable": newest.signable().hex(),
+        "signature": newest.signature.hex(),
+        "certificate": newest.decision.certificates[0].hex(),
+        "bytes": newest.encode().hex(),
     }
 
 

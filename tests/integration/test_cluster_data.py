@@ -12,9 +12,10 @@ import pytest
 import trio
 
 from integration.clusters import PATIENCE_S, Nodes, links_of_user, nodes_here
+from integration.made_scenes import decider_of, scene_in
 from loopback import addresses, free_ports
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId, SpaceId, node_id_of
+from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import (
@@ -56,10 +57,7 @@ from scenefold.wire import (
 )
 from scenefold.world import Links, Priority, open_links, real_world
 from scenefold.world.profile import ClusterProfile
-from unit.peer.scenes_made import SPACE, STRANGER, WRITER, first_header, later_header, offered, sealed
-
-ORIGIN = node_id_of("127.0.0.2")
-SCENE = first_header(origin=ORIGIN)
+from unit.peer.scenes_made import LOG, SPACE, STRANGER, WRITER, first_header, later_header, offered, sealed
 
 
 class User:
@@ -67,6 +65,7 @@ class User:
 
     def __init__(self, nodes: Nodes, links: Links) -> None:
         self.nodes = nodes
+        self.scene = scene_in(nodes.profile)
         self._links = links
 
     def address(self, node: int) -> str:
@@ -100,8 +99,8 @@ def proposal_of(scene: SceneLogPublic) -> ProposeSceneLog:
         nodes=(),
         highest=None,
         takeover=False,
-        public=scene,
-        private=b"the log, sealed",
+        public=scene.proposed(),
+        private=LOG,
         mac_epoch=0,
         mac=b"",
     )
@@ -114,15 +113,15 @@ def place_in(nodes: Nodes, node: int, offset: int = 5) -> Location:
 
 
 def item_in(nodes: Nodes, node: int, offset: int = 5, payload: bytes = b"payload", seq: int = 1) -> PutItem:
-    record = sealed(SCENE, payload=payload, location=place_in(nodes, node, offset), seq=seq)
+    record = sealed(scene_in(nodes.profile), payload=payload, location=place_in(nodes, node, offset), seq=seq)
     return offered(record, expect=EXPECT_ABSENT if seq == 1 else None)
 
 
 async def test_records_live_with_their_owners(tmp_path: Path) -> None:
     async with nodes_here(tmp_path) as nodes, links_of_user(nodes.profile) as links:
         user = User(nodes, links)
-        accepted = await user.create(SCENE)
-        assert isinstance(accepted, AcceptSceneProposal) and accepted.genesis == SCENE.genesis
+        accepted = await user.create(user.scene)
+        assert isinstance(accepted, AcceptSceneProposal) and accepted.genesis == user.scene.genesis
 
         await check_writes(user)
         await check_single_packets(user)
@@ -176,15 +175,15 @@ async def check_reads_anywhere(user: User) -> None:
     keys = tuple(RecordKey(SPACE, place_in(nodes, node)) for node in (2, 0, 1))
     nothing = RecordKey(SPACE, place_in(nodes, 1, offset=6))
     for node in range(3):
-        reply = await user.ask(node, GetMany(scene=SCENE.scene, position=1, keys=(*keys, nothing)))
+        reply = await user.ask(node, GetMany(scene=user.scene.scene, position=1, keys=(*keys, nothing)))
         assert isinstance(reply, GetManyReply)
         headers = [None if record is None else record.header for record in reply.records]
         assert headers == [item_in(nodes, owner).header for owner in (2, 0, 1)] + [None]
-    found = await user.ask(0, GetData(scene=SCENE.scene, space=SPACE, location=place_in(nodes, 1), position=1))
+    found = await user.ask(0, GetData(scene=user.scene.scene, space=SPACE, location=place_in(nodes, 1), position=1))
     assert isinstance(found, ReturnData) and found.ciphertext == item_in(nodes, 1).ciphertext and found.position == 1
-    empty = await user.ask(0, GetData(scene=SCENE.scene, space=SPACE, location=nothing.location, position=1))
+    empty = await user.ask(0, GetData(scene=user.scene.scene, space=SPACE, location=nothing.location, position=1))
     assert isinstance(empty, EmptyData)
-    request = GetMany(scene=SCENE.scene, position=1, keys=keys)
+    request = GetMany(scene=user.scene.scene, position=1, keys=keys)
     with pytest.raises(Refused) as caught:
         await nodes.contexts[0].peers.ask(user.node_id(1), Priority.LOW, request, GetManyReply, PATIENCE_S)
     assert caught.value.reason == RejectReason.NOT_MY_LOCATION, "what a node asks is not forwarded again"
@@ -195,27 +194,27 @@ async def check_ranges(user: User) -> None:
     arcs = [nodes.contexts[0].routing.arc_of(user.node_id(node)) for node in range(3)]
     found = [place_in(nodes, 0)], [place_in(nodes, 1), place_in(nodes, 1, 9)], [place_in(nodes, 2)]
     for node in range(3):
-        reply = await user.ask(node, QueryRange(scene=SCENE.scene, space=SPACE, first=FIRST, last=LAST))
+        reply = await user.ask(node, QueryRange(scene=user.scene.scene, space=SPACE, first=FIRST, last=LAST))
         assert isinstance(reply, ReturnRange)
         assert (reply.first, reply.last) == (arcs[node].first, arcs[node].last), "it says which part it covers"
         assert list(reply.locations) == found[node]
-    outside = await user.ask(1, QueryRange(scene=SCENE.scene, space=SPACE, first=FIRST, last=FIRST))
+    outside = await user.ask(1, QueryRange(scene=user.scene.scene, space=SPACE, first=FIRST, last=FIRST))
     assert isinstance(outside, RejectRange) and outside.reason == RejectReason.OUTSIDE_BOUNDS
-    other = await user.ask(0, QueryRange(scene=SCENE.scene, space=SpaceId(11), first=FIRST, last=LAST))
+    other = await user.ask(0, QueryRange(scene=user.scene.scene, space=SpaceId(11), first=FIRST, last=LAST))
     assert isinstance(other, ReturnRange) and other.locations == ()
 
 
 async def check_forgeries(user: User) -> None:
     place = place_in(user.nodes, 0, offset=20)
-    good = offered(sealed(SCENE, location=place))
+    good = offered(sealed(user.scene, location=place))
     assert await user.put(
         0,
         replace(good, signature=bytes(64)),
         replace(good, ciphertext=bytes(len(good.ciphertext))),
         replace(good, location=place_in(user.nodes, 0, offset=21)),
-        offered(sealed(SCENE, STRANGER, location=place)),
-        offered(sealed(SCENE, location=place, space=SpaceId(77))),
-        offered(sealed(first_header(write_floor=5), location=place)),
+        offered(sealed(user.scene, STRANGER, location=place)),
+        offered(sealed(user.scene, location=place, space=SpaceId(77))),
+        offered(sealed(scene_in(user.nodes.profile, write_floor=5), location=place)),
     ) == [
         RejectReason.SIGNATURE_INVALID,
         RejectReason.SIGNATURE_INVALID,
@@ -224,12 +223,12 @@ async def check_forgeries(user: User) -> None:
         RejectReason.UNKNOWN_SCENE_OR_SPACE,
         RejectReason.UNKNOWN_SCENE_OR_SPACE,
     ]
-    reply = await user.ask(0, GetMany(scene=SCENE.scene, position=1, keys=(RecordKey(SPACE, place),)))
+    reply = await user.ask(0, GetMany(scene=user.scene.scene, position=1, keys=(RecordKey(SPACE, place),)))
     assert isinstance(reply, GetManyReply) and reply.records == (None,)
 
 
 async def check_authority_of_names(user: User) -> None:
-    answer = SceneLogAnswer(0, 2, 1, Ballot(0, NodeId(0)), (), SCENE, None, 0, b"")
+    answer = SceneLogAnswer(0, 2, 1, Ballot(0, NodeId(0)), (), user.scene, None, 0, b"")
     assert await user.refusal(0, RespondSceneLog(answer=answer)) == RejectReason.NOT_AUTHORISED
     mini = user.nodes.contexts[1].own.mini()
     assert await user.refusal(0, RequestTable(mini_status=mini)) == RejectReason.NOT_AUTHORISED
@@ -250,30 +249,31 @@ async def check_tables_and_keys(user: User) -> None:
 
 
 async def check_scenes(user: User) -> None:
-    again = await user.create(SCENE, node=1)
+    decider = decider_of(user.nodes.profile)
+    again = await user.create(user.scene, node=1)
     assert isinstance(again, AcceptSceneProposal), "announcing it again is harmless"
     for bent, reason in (
-        (replace(first_header(origin=ORIGIN, write_floor=9), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
-        (later_header(first_header(origin=ORIGIN, write_floor=8)), RejectReason.UNKNOWN_SCENE_OR_SPACE),
+        (replace(scene_in(user.nodes.profile, write_floor=9), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
+        (later_header(scene_in(user.nodes.profile, write_floor=8)), RejectReason.UNKNOWN_SCENE_OR_SPACE),
         (first_header(origin=NodeId(9)), RejectReason.NOT_AUTHORISED),
-        (later_header(SCENE, position=3), RejectReason.ILL_FORMED),
-        (later_header(SCENE, STRANGER), RejectReason.SIGNATURE_INVALID),
+        (later_header(user.scene, decider=decider, position=3), RejectReason.ILL_FORMED),
+        (later_header(user.scene, STRANGER, decider), RejectReason.SIGNATURE_INVALID),
     ):
         rejected = await user.create(bent, node=2)
         assert isinstance(rejected, RejectSceneProposal) and rejected.reason == reason
-    later = later_header(SCENE, write_floor=2)
+    later = later_header(user.scene, decider=decider, write_floor=2)
     assert isinstance(await user.create(later), AcceptSceneProposal)
     place = place_in(user.nodes, 2, offset=30)
     await heard_everywhere(user, later)
-    assert await user.put(2, offered(sealed(SCENE, location=place))) == [RejectReason.MODE_FORBIDS]
+    assert await user.put(2, offered(sealed(user.scene, location=place))) == [RejectReason.MODE_FORBIDS]
     assert await user.put(2, offered(sealed(later, location=place))) == [0]
     listed = await user.ask(2, ListScenes())
     assert isinstance(listed, ScenesListed) and listed.scenes == (later,)
-    number = [member.node_id for member in user.nodes.profile.members].index(ORIGIN)
-    request = RequestSceneLog(scene=SCENE.scene, genesis=SCENE.genesis, have=0, nonce=7, want=Want.LOG)
+    number = [member.node_id for member in user.nodes.profile.members].index(user.scene.origin)
+    request = RequestSceneLog(scene=user.scene.scene, genesis=user.scene.genesis, have=0, nonce=7, want=Want.LOG)
     log = await user.ask(number, request)
     assert isinstance(log, RespondSceneLog) and log.answer is not None
-    assert (log.answer.public, log.answer.private, log.answer.nonce) == (later, b"the log, sealed", 7)
+    assert (log.answer.public, log.answer.private, log.answer.nonce) == (later, LOG, 7)
     stranger = await user.ask(0, replace(request, genesis=bytes(32)))
     assert isinstance(stranger, RespondSceneLog) and stranger.answer is None
 
@@ -298,12 +298,12 @@ async def test_a_scene_that_nobody_made_is_unknown(tmp_path: Path) -> None:
 async def test_a_node_that_was_away_learns_of_the_scene(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 3, start=[0, 1, 2]) as nodes, links_of_user(nodes.profile) as links:
         user = User(nodes, links)
-        away = next(node for node in range(3) if user.node_id(node) != ORIGIN)
+        away = next(node for node in range(3) if user.node_id(node) != user.scene.origin)
         await nodes.stop(away)
-        assert isinstance(await user.create(SCENE, node=next(iter(nodes.contexts))), AcceptSceneProposal)
+        assert isinstance(await user.create(user.scene, node=next(iter(nodes.contexts))), AcceptSceneProposal)
         await nodes.start(away)
         await nodes.joined()  # without a lease it acknowledges nothing
-        assert await user.put(away, offered(sealed(SCENE, location=place_of(nodes, away)))) == [0]
+        assert await user.put(away, offered(sealed(user.scene, location=place_of(nodes, away)))) == [0]
 
 
 def place_of(nodes: Nodes, node: int) -> Location:
@@ -314,7 +314,7 @@ def place_of(nodes: Nodes, node: int) -> Location:
 async def test_a_restarted_node_has_its_records_and_a_new_boot(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 3) as nodes, links_of_user(nodes.profile) as links:
         user = User(nodes, links)
-        await user.create(SCENE)
+        await user.create(user.scene)
         item = item_in(nodes, 1)
         assert await user.put(1, item) == [0]
         before = nodes.contexts[1].own.signed()
@@ -322,14 +322,15 @@ async def test_a_restarted_node_has_its_records_and_a_new_boot(tmp_path: Path) -
         with pytest.raises(Unreachable):
             await user.put(1, item)
         assert (
-            await user.refusal(0, GetMany(scene=SCENE.scene, position=1, keys=(RecordKey(SPACE, item.location),))) == RejectReason.NOT_READY
+            await user.refusal(0, GetMany(scene=user.scene.scene, position=1, keys=(RecordKey(SPACE, item.location),)))
+            == RejectReason.NOT_READY
         )
         assert not nodes.contexts[0].roster.is_believed_alive(user.node_id(1)), "who did not answer is suspected"
         await nodes.start(1)
         with trio.fail_after(PATIENCE_S):
             await nodes.contexts[1].joined.wait()
-        assert nodes.contexts[1].scenes.all() == [SCENE]
-        reply = await user.ask(0, GetMany(scene=SCENE.scene, position=1, keys=(RecordKey(SPACE, item.location),)))
+        assert nodes.contexts[1].scenes.all() == [user.scene]
+        reply = await user.ask(0, GetMany(scene=user.scene.scene, position=1, keys=(RecordKey(SPACE, item.location),)))
         assert isinstance(reply, GetManyReply) and reply.records[0] is not None
         after = nodes.contexts[1].own.signed()
         assert after.incarnation == before.incarnation and after.boot == before.boot + 1

@@ -14,7 +14,8 @@ import pytest
 import trio
 
 from integration.clusters import PATIENCE_S, links_of_user
-from integration.test_cluster_data import SCENE, proposal_of
+from integration.made_scenes import scene_in
+from integration.test_cluster_data import proposal_of
 from loopback import addresses, free_ports
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import node_id_of
@@ -69,15 +70,16 @@ async def ask(links: Links, address: str, packet: Any) -> Any:
     return await links.request(address, Priority.LOW, packet, PATIENCE_S)
 
 
-def items() -> list[PutItem]:
+def items(cluster: LocalCluster) -> list[PutItem]:
     """Records all over the line."""
+    scene = scene_in(cluster.known)
     places = (Location.from_number((2 * index + 1) << 156) for index in range(8))
-    return [offered(sealed(SCENE, location=place, payload=bytes(place))) for place in places]
+    return [offered(sealed(scene, location=place, payload=bytes(place))) for place in places]
 
 
 async def put_everywhere(cluster: LocalCluster, links: Links) -> None:
-    assert isinstance(await ask(links, cluster.addresses[0], proposal_of(SCENE)), AcceptSceneProposal)
-    left = items()
+    assert isinstance(await ask(links, cluster.addresses[0], proposal_of(scene_in(cluster.known))), AcceptSceneProposal)
+    left = items(cluster)
     for address in cluster.addresses:
         reply = await ask(links, address, PutMany(items=tuple(left)))
         assert isinstance(reply, PutManyReply)
@@ -86,11 +88,11 @@ async def put_everywhere(cluster: LocalCluster, links: Links) -> None:
 
 
 async def all_readable(cluster: LocalCluster, links: Links) -> None:
-    keys = tuple(RecordKey(SPACE, item.location) for item in items())
+    keys = tuple(RecordKey(SPACE, item.location) for item in items(cluster))
     for address in cluster.addresses:
-        reply = await ask(links, address, GetMany(scene=SCENE.scene, position=1, keys=keys))
+        reply = await ask(links, address, GetMany(scene=scene_in(cluster.known).scene, position=1, keys=keys))
         assert isinstance(reply, GetManyReply)
-        assert [record.header if record else None for record in reply.records] == [item.header for item in items()]
+        assert [record.header if record else None for record in reply.records] == [item.header for item in items(cluster)]
 
 
 async def test_what_was_acknowledged_survives_a_kill_and_a_new_start(tmp_path: Path) -> None:

@@ -69,8 +69,7 @@ async def _play(look: Callable[[Rest], Awaitable[None]], seed: int) -> None:
         with trio.fail_after(START_S_MAX):
             while unrest(cluster):  # noqa: ASYNC110 - the disks are the truth, and tell nobody when they change
                 await trio.sleep(0.5)
-        founders = [(node.node_id, node.address) for node in list(cluster.nodes.values())[:FOUNDERS]]
-        opening = open_client("c", net.world("user:c"), founders, MemoryKeyring(), key_of(seed, "the writer"), cluster.watch.recorder)
+        opening = open_client("c", net.world("user:c"), cluster.facts, MemoryKeyring(), key_of(seed, "the writer"), cluster.watch.recorder)
         async with opening as client:
             client.scene = await client.scenes.open_or_create("quiet")
             arcs = [arc for slot in range(FOUNDERS) if (arc := arc_of(cluster.nodes[slot].disk)) is not None]

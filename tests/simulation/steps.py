@@ -170,8 +170,7 @@ async def _play(story: Story, crash: Crash | None, founders: int, seed: int) -> 
         for slot in range(founders):
             cluster.start(slot)
         nursery.start_soon(watch_removals, cluster)
-        ids = [(node.node_id, node.address) for node in list(cluster.nodes.values())[:founders]]
-        opening = open_client("c", net.world("user:c"), ids, MemoryKeyring(), key_of(seed, "the writer"), cluster.watch.recorder)
+        opening = open_client("c", net.world("user:c"), cluster.facts, MemoryKeyring(), key_of(seed, "the writer"), cluster.watch.recorder)
         async with opening as client:
             stage = Stage(cluster, client, nursery, crash)
             await stage.until(stage.is_quiet, 30.0)

@@ -34,10 +34,9 @@ class Play:
             for slot in range(3):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)
-            founders = [(node.node_id, node.address) for node in cluster.nodes.values()]
             keys = MemoryKeyring()
             writer = key_of(1, "the writer")
-            async with open_client("c", self.net.world("user:c"), founders, keys, writer, cluster.watch.recorder) as client:
+            async with open_client("c", self.net.world("user:c"), cluster.facts, keys, writer, cluster.watch.recorder) as client:
                 stage = Stage(cluster, client, nursery, None)
                 await stage.until(stage.is_quiet, 30.0)
                 await (self._create(client, nursery) if what == "create" else self._move(client, nursery))

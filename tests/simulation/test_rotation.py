@@ -104,12 +104,11 @@ class Play:
             for slot in range(3):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)
-            founders = [(node.node_id, node.address) for node in cluster.nodes.values()]
             clients = {}
             for name in ("owner", "ada", "ben"):
                 key = key_of(self.seed, name)
                 opening = open_client(
-                    name, self.net.world(f"user:{name}"), founders, MemoryKeyring(), key, cluster.watch.recorder, f"user:{name}"
+                    name, self.net.world(f"user:{name}"), cluster.facts, MemoryKeyring(), key, cluster.watch.recorder, f"user:{name}"
                 )
                 clients[name] = await stack.enter_async_context(opening)
             self.stage = Stage(cluster, clients["owner"], nursery, None)

@@ -62,12 +62,18 @@ FORMER_KEYS_MAX = 128
 """Keys of former epochs in a scene's header; those before them stand in its log alone."""
 FORMER_KEYS_BYTES_MAX = 12 + 24 * FORMER_KEYS_MAX + 16
 """Sealed, with nonce and tag."""
+CERTIFICATES_MAX = 128
+"""In the decision of a scene's header: one today, those of all participants once several decide."""
+CERTIFICATE_BYTES_MAX = 8 * 1024
+"""One of them: a signature today; later also a list of those who decide from some position on."""
 MEMBER_NAME_BYTES_MAX = 64
 """A member's name, as in "user:ada": at most 55 bytes of a certificate's common name."""
 PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
 SCENES_LISTED_MAX = 512
 """Scene headers in one answer; a cluster of a small studio holds some dozens."""
+SCENES_PER_USER_MAX = 128
+"""Scenes that one user may make, so that nobody alone fills the list: it takes four."""
 BLACKLIST_MAX = 32
 """Nodes on a blacklist: they must fit a status datagram beside everything else."""
 TEXT_BYTES_MAX = 1_024

@@ -6,13 +6,15 @@ interrupted can announce the very same scene again.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 
 from scenefold.base.errors import DamagedData, LocalFault
-from scenefold.base.ids import KeyId, NodeId, SceneId
+from scenefold.base.ids import KeyId, SceneId
 from scenefold.crypto import (
     HEADER_DOMAIN,
+    NONCE_BYTES,
     MemberSecrets,
     PublicKey,
     SealingKey,
@@ -21,15 +23,19 @@ from scenefold.crypto import (
     new_symmetric_key,
 )
 from scenefold.scene.log import (
+    Decider,
     EpochKeys,
     SceneKeys,
+    check_decided,
     first_log,
     first_record,
     header_keys,
     keys_in,
     lockbox_for,
     proven_header_key,
+    seal_private,
     sign_record,
+    signed_header,
     unlocked,
 )
 from scenefold.wire import NO_GENESIS, Grant, KeyEntry, Role, SceneLogPublic, SceneMode, SignedRecord
@@ -50,13 +56,13 @@ def maker_of(member: str, secrets: MemberSecrets) -> Grant:
     return grant_of(member, Role.OWNER, secrets.signing.public, secrets.sealing.public)
 
 
-def born(name: str, maker: Grant, author: SigningKey, origin: NodeId, token: Callable[[int], bytes]) -> KeptScene:
+def born(name: str, maker: Grant, author: SigningKey, origin: Decider, token: Callable[[int], bytes]) -> KeptScene:
     """A new scene: what its maker keeps of it. `author`: the maker's signing key; `token` draws random bytes (world.entropy.token)."""
     header_key = SigningKey.from_seed(token(_SEED_BYTES))
     genesis = _first_header(header_key.public, maker, origin).genesis
     epochs = EpochKeys.only(new_symmetric_key(token), FIRST_EPOCH)
     keys = SceneKeys(name, genesis, epochs, header_key.public, Role.OWNER, header_key.seed)
-    owner = first_log(genesis, origin, maker).grants.named(maker.name)
+    owner = first_log(genesis, origin.node, maker).grants.named(maker.name)
     return KeptScene(name, genesis, header_key.key_id, FIRST_EPOCH, lockbox_for(owner, keys, FIRST_EPOCH, maker.name, author, token))
 
 
@@ -70,37 +76,53 @@ def kept_keys(kept: KeptScene, sealing: SealingKey) -> SceneKeys:
     return replace(keys, name=kept.name)
 
 
-def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: NodeId) -> SceneLogPublic | None:
-    """The signed first header of a scene; None if these are not the maker and origin that it was born with."""
+def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider) -> SceneLogPublic | None:
+    """The signed first header of a scene, as it is proposed; None if these are not the maker and origin that it was born with."""
     if keys.header_seed is None:
         return None
     header = _first_header(keys.header_key, maker, origin)
     if header.genesis != keys.genesis:
         return None
     header = replace(header, lockboxes=(kept.lockbox,))
-    return replace(header, signature=SigningKey.from_seed(keys.header_seed).sign(HEADER_DOMAIN, header.signable()))
+    return signed_header(header, first_private(keys, maker, origin), SigningKey.from_seed(keys.header_seed))
 
 
-def first_records(keys: SceneKeys, maker: Grant, origin: NodeId) -> tuple[SignedRecord, ...]:
+def first_records(keys: SceneKeys, maker: Grant, origin: Decider) -> tuple[SignedRecord, ...]:
     """The scene's log at its first position: the spaces that every scene has, and its maker."""
     assert keys.header_seed is not None
-    return (sign_record(first_record(keys.genesis, origin, maker), SigningKey.from_seed(keys.header_seed)),)
+    return (sign_record(first_record(keys.genesis, origin.node, maker), SigningKey.from_seed(keys.header_seed)),)
+
+
+def first_private(keys: SceneKeys, maker: Grant, origin: Decider) -> bytes:
+    """That log, sealed; the same bytes each time, since the header names them.
+
+    The nonce follows from the genesis: under this key there is one log of position 1, and no second one for it to meet.
+    """
+    nonce = hashlib.sha256(b"scenefold/first-nonce" + keys.genesis).digest()[:NONCE_BYTES]
+    return seal_private(
+        first_records(keys, maker, origin),
+        genesis=keys.genesis,
+        symmetric_key=keys.epochs[FIRST_EPOCH],
+        key_epoch=FIRST_EPOCH,
+        nonce=nonce,
+    )
 
 
 def verified_header_key(header: SceneLogPublic) -> PublicKey:
-    """The key that a header is signed with; DamagedData unless it leads back to the scene's genesis."""
+    """The key that a header is signed with; DamagedData unless it leads back to the scene's genesis, and was decided."""
     key = proven_header_key(header)
     key.verify(header.signature, HEADER_DOMAIN, header.signable())
+    check_decided(header)
     return key
 
 
-def _first_header(header_key: PublicKey, maker: Grant, origin: NodeId) -> SceneLogPublic:
+def _first_header(header_key: PublicKey, maker: Grant, origin: Decider) -> SceneLogPublic:
     # The genesis, which is not known yet, changes nothing about what the first record says.
-    state = first_log(NO_GENESIS, origin, maker)
+    state = first_log(NO_GENESIS, origin.node, maker)
     return SceneLogPublic(
         scene=SceneId(1),
         genesis=NO_GENESIS,
-        origin=origin,
+        origin=origin.node,
         position=FIRST_POSITION,
         write_floor=0,
         mode=SceneMode.EDIT,
@@ -110,4 +132,5 @@ def _first_header(header_key: PublicKey, maker: Grant, origin: NodeId) -> SceneL
         private_key=KeyId(0),
         keys=header_keys(header_key, state),
         first_key=header_key.raw,
+        origin_key=origin.key,
     ).with_genesis()

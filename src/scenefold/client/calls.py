@@ -156,15 +156,19 @@ class Calls:
         nodes_max: int | None = None,
         refusal_counts: bool = True,
         around: Callable[[], AbstractContextManager[None]] = nullcontext,
+        judged: Callable[[Answer], object] = id,
     ) -> Answer:
         """One round of `ask_any`; at most `nodes_max` are asked. `refusal_counts` false: who refuses is passed over.
 
-        `around`: entered around the question to each node, so that it sees how each of them ends.
+        `around`: entered around the question to each node, so that it sees how each of them ends. `judged`: raises PeerFault for an answer
+        that is not to be believed; then the others are asked.
         """
 
         async def ask(address: str) -> Answer:
             with around():
-                return await self.ask(address, packet, answer, priority=priority, timeout_s=timeout_s)
+                reply = await self.ask(address, packet, answer, priority=priority, timeout_s=timeout_s)
+                judged(reply)
+                return reply
 
         tries = [partial(ask, address) for address in self._addresses_from(first)[:nodes_max]]
         return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=refusal_counts)

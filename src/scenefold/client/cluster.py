@@ -23,6 +23,7 @@ from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
 from scenefold.crypto import Card, MemberSecrets, PublicKey
+from scenefold.scene.log import Decider
 from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
@@ -56,7 +57,9 @@ class Cluster:
         self.calls.check_own, self.calls.heard = self.log.check_own, self.log.heard
         links.refusal_of = self.log.refusal_of
         self.membership = Membership(self.calls, profile, secrets, self.log)
-        self.scenes = Scenes(self.calls, profile.keyring, secrets, profile.voters[0], member, card_of=self.membership.card_of)
+        voter = profile.voter
+        origin = Decider(voter.node_id, voter.public_key.raw)
+        self.scenes = Scenes(self.calls, profile.keyring, secrets, origin, member, card_of=self.membership.card_of)
 
     async def nodes(self) -> list[Owner]:
         """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""

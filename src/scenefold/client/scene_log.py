@@ -19,35 +19,31 @@ from scenefold.base.limits import CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
+from scenefold.client.offers import as_decided, proposal_of, refusal_of
 from scenefold.client.patience import Patience, is_passing
 from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import key_withheld
-from scenefold.crypto import NONCE_BYTES, MemberSecrets, PublicKey, SigningKey
+from scenefold.crypto import MemberSecrets, PublicKey, SigningKey
 from scenefold.scene.log import (
-    EpochKeys,
-    Followed,
+    Draft,
     OpenedLog,
     SceneKeys,
     SceneLog,
+    check_log,
     follow,
     keys_after,
     keys_with_log,
     open_private,
-    seal_private,
 )
 from scenefold.wire import (
     AcceptSceneProposal,
-    Ballot,
     LogEntry,
-    Phase,
-    ProposalId,
     ProposeSceneLog,
     RejectSceneProposal,
     RequestSceneLog,
     RespondSceneLog,
     SceneLogAnswer,
     SceneLogPublic,
-    SignedRecord,
     Want,
 )
 from scenefold.world import Priority
@@ -178,15 +174,16 @@ class LogAccess:
                 problem = None
             if attempt == CLIENT_LOG_TRIES_MAX:
                 break
-            after = self._following(before, entry_of(before.state), request_id, author)
+            draft = self._following(before, entry_of(before.state), request_id, author)
+            after = await self._calls.world.workers.run("crypto", draft.sealed)
             offered = after.header.position
             try:
-                reason = await self._offer(await self._proposal(after.header, after.log.records, after.keys.epochs), doubt)
-                if reason is None:
-                    self._take(after.header, keys_with_log(after.keys, after.log.state))
+                outcome = await self._offer(proposal_of(after.header, after.private), doubt)
+                if isinstance(outcome, SceneLogPublic):
+                    self._take(outcome, keys_with_log(after.keys, after.log.state))
                     await self._memory.keep()
-                    return ReadLog(after.header, after.log)
-                problem = None if reason in _TOO_LATE else _refusal(reason, self._name)
+                    return ReadLog(outcome, after.log)
+                problem = None if outcome in _TOO_LATE else refusal_of(outcome, self._name)
             except (Unreachable, PeerFault, Refused) as error:
                 problem = error
             # While there is doubt, what the log says next is better than what this answer says.
@@ -195,57 +192,47 @@ class LogAccess:
         busy = Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
         raise problem or busy
 
-    async def announce(self, header: SceneLogPublic, records: tuple[SignedRecord, ...]) -> None:
-        """Propose a first header with its record; again is the same.
+    async def announce(self, header: SceneLogPublic, private: bytes) -> SceneLogPublic:
+        """Propose a first header with its sealed log; again is the same. Gives the header as it was decided.
 
         Refused with the reason of the node that decides; Unreachable, with words if it is not known whether the scene is made.
         """
         remedy = "create it again: its keys are kept, and if it is there you are told so"
         doubt = self._doubt("the creation of the scene", remedy)
-        packet = await self._proposal(header, records, self.keys.epochs)
+        packet = proposal_of(header, private)
 
-        async def offer() -> None:
-            reason = await self._offer(packet, doubt)
-            if reason is not None:
-                raise _refusal(reason, self._name)
+        async def offer() -> SceneLogPublic:
+            outcome = await self._offer(packet, doubt)
+            if isinstance(outcome, SceneLogPublic):
+                return outcome
+            raise refusal_of(outcome, self._name)
 
         with doubt.no_refusal():
-            await self._calls.of_any(offer)
+            return await self._calls.of_any(offer)
 
     def _doubt(self, what: str, remedy: str) -> Doubt:
         """Of offers, by their positions."""
         return Doubt(what, lambda _: f"scene {self._name}", remedy, is_open_after=lambda reason: reason not in _NOT_LOOKED_AT)
 
-    async def _offer(self, packet: ProposeSceneLog, doubt: Doubt) -> RejectReason | None:
-        """One round of asking; None if it went in, else the reason of the node that decides, or of one that cannot ask it."""
+    async def _offer(self, packet: ProposeSceneLog, doubt: Doubt) -> SceneLogPublic | RejectReason:
+        """One round of asking: the header as it was decided, or the reason of the node that decides, or of one that cannot ask it."""
         offered = [packet.public.position]
         answers = AcceptSceneProposal, RejectSceneProposal
-        reply = await self._calls.ask_around(packet, answers, first=packet.public.origin, around=lambda: doubt.trying(offered))
-        if not isinstance(reply, RejectSceneProposal):
-            return None
+        reply: AcceptSceneProposal | RejectSceneProposal = await self._calls.ask_around(
+            packet,
+            answers,
+            first=packet.public.origin,
+            around=lambda: doubt.trying(offered),
+            judged=lambda reply: as_decided(packet, reply) if isinstance(reply, AcceptSceneProposal) else None,
+        )
+        if isinstance(reply, AcceptSceneProposal):
+            return as_decided(packet, reply)
         if reply.reason == RejectReason.NOT_READY:
             doubt.note(offered)
         return reply.reason
 
-    async def _proposal(self, header: SceneLogPublic, records: tuple[SignedRecord, ...], epochs: EpochKeys) -> ProposeSceneLog:
-        nonce, epoch = self._calls.world.entropy.token(NONCE_BYTES), header.key_epoch
-        sealing = partial(seal_private, genesis=header.genesis, symmetric_key=epochs[epoch], key_epoch=epoch, nonce=nonce)
-        private = await self._calls.world.workers.run("crypto", sealing, records)
-        return ProposeSceneLog(
-            genesis=header.genesis,
-            proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),
-            route=(header.origin,),
-            nodes=(),
-            highest=None,
-            takeover=False,
-            public=header,
-            private=private,
-            mac_epoch=0,
-            mac=b"",
-        )
-
-    def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes, author: SigningKey) -> Followed:
-        """The log with one more entry, its header signed."""
+    def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes, author: SigningKey) -> Draft:
+        """The log with one more entry."""
         record = before.state.next_record(entry, request_id, before.header.origin)
         try:
             # Encoding first: its complaints about single numbers are plainer than what follows from them.
@@ -280,6 +267,7 @@ class LogAccess:
 
 
 def _opened(header: SceneLogPublic, private: bytes, key: bytes, header_key: PublicKey, before: ReadLog | None) -> ReadLog:
+    check_log(header, private)
     keyed_at = header.succession[-1].position if header.succession else 1
     log = open_private(
         private,
@@ -293,8 +281,3 @@ def _opened(header: SceneLogPublic, private: bytes, key: bytes, header_key: Publ
     if log.state.grants.key_epoch != header.key_epoch:
         raise DamagedData("the scene's log and its header name other key epochs", where=f"scene {header.scene:08x}")
     return ReadLog(header, log)
-
-
-def _refusal(reason: RejectReason, name: str) -> Refused:
-    words = reason.name.lower().replace("_", " ")
-    return Refused(reason, f"the cluster refused the scene: {words}", where=f"scene {name}")

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
-from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.ids import SceneId
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import FIRST_POSITION, born, first_header, first_records, kept_keys, maker_of
+from scenefold.client.births import FIRST_POSITION, born, first_header, first_private, kept_keys, maker_of
 from scenefold.client.calls import Calls
-from scenefold.client.gifts import Gift, gifts_in
+from scenefold.client.gifts import Gift, believed, gifts_in
 from scenefold.client.grants import USER
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.patience import is_passing
@@ -24,7 +24,7 @@ from scenefold.client.scene_log import LogAccess
 from scenefold.client.scene_memory import SceneMemory
 from scenefold.client.sealing import SceneIdentity, writers_of
 from scenefold.crypto import Card, MemberSecrets
-from scenefold.scene.log import check_granter
+from scenefold.scene.log import Decider, check_granter
 from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed, check_page
 from scenefold.world.keyring import KeptScene, Keyring, checked_name
 
@@ -66,12 +66,12 @@ class Scenes:
         calls: Calls,
         keyring: Keyring,
         secrets: MemberSecrets,
-        origin: NodeId,
+        origin: Decider,
         member: str = "user:owner",
         *,
         card_of: Callable[[str], Awaitable[Card]] | None = None,
     ) -> None:
-        """`origin`: the node that new scenes name as theirs; always the same, so that a header can be made again.
+        """`origin`: the node that decides the logs of new scenes; always the same, so that a header can be made again.
 
         `secrets` and `member`: who we are, by our keys and by the name in our certificate. `card_of`: verified cards, by which we
         know who grants us a scene; None: whoever it is, is believed.
@@ -157,7 +157,7 @@ class Scenes:
 
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
-        headers = await self._headers()
+        headers = await self._calls.world.workers.run("crypto", believed, await self._headers())
         names = await self._on_disk(_names_by_genesis, self._keyring)
         given = await self._given([header for header in headers if header.genesis not in names])
         found = []
@@ -241,7 +241,7 @@ class Scenes:
             what = "the scene was made by another user or for other nodes"
             raise LocalFault(what, where=f"scene {kept.name}", remedy="use the profile that made it")
         try:
-            await log.announce(header, first_records(log.keys, self._maker, self._origin))
+            header = await log.announce(header, first_private(log.keys, self._maker, self._origin))
         except Refused as refusal:
             if is_new and not is_passing(refusal.reason):
                 # The cluster has no such scene and will not have it, so its keys open nothing. Of doubt we hear as Unreachable.

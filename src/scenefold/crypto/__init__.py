@@ -15,10 +15,10 @@ from scenefold.crypto.datagrams import (
 from scenefold.crypto.former_keys import open_former, seal_former
 from scenefold.crypto.invitations import ENROL_DOMAIN, ORDER_DOMAIN, InvitedKind, Token, authority_der, authority_pem, mark_of, pem_of
 from scenefold.crypto.keys import (
+    DECISION_DOMAIN,
     HEADER_DOMAIN,
     LEASE_DOMAIN,
     LOG_DOMAIN,
-    PROPOSAL_DOMAIN,
     RECORD_DOMAIN,
     SIGNATURE_BYTES,
     STATUS_DOMAIN,
@@ -65,6 +65,7 @@ from scenefold.crypto.tls import client_context, newcomer_context, peer_certific
 __all__ = [
     "AUTHORITY_PURPOSE",
     "CARD_BYTES_MAX",
+    "DECISION_DOMAIN",
     "DEFAULT_SUITE",
     "ED25519",
     "ENROL_DOMAIN",
@@ -79,7 +80,6 @@ __all__ = [
     "ORDER_DOMAIN",
     "PLACED_BY_CLIENT",
     "PLACED_BY_NODE",
-    "PROPOSAL_DOMAIN",
     "RECORD_DOMAIN",
     "RSA3072",
     "SALT_BYTES",

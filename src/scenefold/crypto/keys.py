@@ -31,8 +31,9 @@ SIGNATURE_BYTES = SUITES[ED25519].signature_bytes
 
 RECORD_DOMAIN = b"scenefold/record"
 HEADER_DOMAIN = b"scenefold/header"
-"""Public scene headers of committed positions, and nothing else."""
-PROPOSAL_DOMAIN = b"scenefold/proposal"
+"""Public scene headers, by an owner; and those of the cluster's log."""
+DECISION_DOMAIN = b"scenefold/decided"
+"""Public scene headers of committed positions, by the node that decides them, and nothing else."""
 STATUS_DOMAIN = b"scenefold/status"
 LOG_DOMAIN = b"scenefold/log"
 """Records of the cluster's log."""

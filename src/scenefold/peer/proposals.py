@@ -1,45 +1,89 @@
 """May this become the scene's next position? (consensus.md §3, with one participant; specs/16-scene-log.md, Deciding.) Pure.
 
 The node that a scene's headers name as origin decides alone. It cannot read the records, so it compares positions: what
-extends its newest header by one is the next; what it holds already, byte for byte, is told so again, because an answer may
-have been lost; anything else came too late, and its author rebases it.
+extends its newest header by one is the next; what it holds already is told so again, because an answer may have been lost; anything
+else came too late, and its author rebases it. That a header and a sealed log are of one position says the header, which names the log.
 """
 
 from __future__ import annotations
 
-from scenefold.base.errors import Refused
+from dataclasses import replace
+
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.headers import FIRST_POSITION
-from scenefold.wire import Ballot, Phase, ProposeSceneLog, RejectSceneProposal, SceneLogAnswer, SceneLogPublic
+from scenefold.crypto import SigningKey
+from scenefold.peer.headers import FIRST_POSITION, checked_proposal
+from scenefold.peer.verification import KnownScene
+from scenefold.scene.log.decisions import check_log, decided
+from scenefold.wire import (
+    AcceptSceneProposal,
+    Ballot,
+    Member,
+    Phase,
+    ProposeSceneLog,
+    RejectSceneProposal,
+    SceneLogAnswer,
+    SceneLogPublic,
+)
 
 _COMMIT_FLAG = 2
 
 
-def is_decided(packet: ProposeSceneLog, known: SceneLogPublic | None, private: bytes | None) -> bool:
-    """Whether exactly this was accepted before; False if it may be the next. Refused with the reason why it may not.
+def decide(packet: ProposeSceneLog, known: KnownScene | None, key: SigningKey, *, has_log: bool) -> KnownScene:
+    """The scene with the header that is proposed, decided with this node's key; `known` if exactly this was decided before.
 
-    `known`: the newest header here, and `private` the sealed log that was accepted with it.
+    Refused with the reason why it is not the next. `known`: the newest header here; `has_log`: its sealed log is here, too. Takes some
+    milliseconds for a long log.
     """
     public = packet.public
     if packet.genesis != public.genesis or packet.proposal.position != public.position:
         raise Refused(RejectReason.ILL_FORMED, "the proposal is for another genesis or position than its header's")
     if packet.proposal.phase is not Phase.ACCEPT:
         raise Refused(RejectReason.ILL_FORMED, "a scene with one participant has nothing to prepare")
+    if public.decision is not None:
+        raise Refused(RejectReason.ILL_FORMED, "what is proposed is not decided yet")
+    if known is not None and public == known.public.proposed():
+        return known
+    _check_extends(public, known, has_log)
+    if public.origin_key != key.public.raw:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the scene's log is decided under another key than this node's")
+    try:
+        check_log(public, packet.private)
+    except DamagedData as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+    return replace(checked_proposal(public, known), public=decided(public, key))
+
+
+def _check_extends(public: SceneLogPublic, known: KnownScene | None, has_log: bool) -> None:
     if known is None:
         if public.position != FIRST_POSITION:
             raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "a scene begins with its first header")
-        return False
-    if public.position == known.position:
-        # The first record follows from the genesis; sealing it again gives other bytes of the same.
-        if public == known and (public.position == FIRST_POSITION or packet.private == private):
-            return True
-        raise Refused(RejectReason.POSITION_TAKEN, f"position {known.position} is decided otherwise")
-    if public.position < known.position:
-        raise Refused(RejectReason.POSITION_BEHIND, f"the scene's log is at position {known.position} already")
-    if public.position != known.position + 1:
-        raise Refused(RejectReason.ILL_FORMED, f"position {public.position} does not extend the log, which ends at {known.position}")
-    return False
+        return
+    newest = known.public.position
+    if public.position == newest:
+        raise Refused(RejectReason.POSITION_TAKEN, f"position {newest} is decided otherwise")
+    if public.position < newest:
+        raise Refused(RejectReason.POSITION_BEHIND, f"the scene's log is at position {newest} already")
+    if public.position != newest + 1:
+        raise Refused(RejectReason.ILL_FORMED, f"position {public.position} does not extend the log, which ends at {newest}")
+    if not has_log:
+        # It may have come further before the log was lost, and no position is decided twice.
+        raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "this node has lost the scene's log")
+
+
+def accepted(packet: ProposeSceneLog, public: SceneLogPublic, node: Member) -> AcceptSceneProposal:
+    """8: it was decided, as this header shows."""
+    return AcceptSceneProposal(
+        genesis=packet.genesis,
+        proposal=packet.proposal,
+        record_hash=public.log_hash,
+        nodes=(node,),
+        highest=None,
+        mac_epoch=0,
+        mac=b"",
+        decision=public.decision,
+    )
 
 
 def rejection(packet: ProposeSceneLog, reason: RejectReason, node: NodeId) -> RejectSceneProposal:

@@ -1,15 +1,17 @@
 """Public scene headers: decided by one node, kept by all, fetched by whoever lacks one (specs/16-scene-log.md).
 
 For now a scene's log has one participant: the node that its headers name as origin, for the scene's whole life. It decides
-alone what the next position is, persists header and sealed log in one transaction, and pushes the header to all members. A
-node that was away meets the scene's id or a newer position in a request, or in the list that it asks for at its start, and
-pulls the header from others, once for all who wait. The log is opaque here: whoever holds the scene's key opens it.
+alone what the next position is and signs that, persists header and sealed log in one transaction, and pushes the header to all
+members. A node that was away meets the scene's id or a newer position in a request, or in the list that it asks for at its start,
+and pulls the header from others, once for all who wait. A header shows that it was decided, so it counts whoever shows it. The
+log is opaque here: whoever holds the scene's key opens it.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import trio
 
@@ -17,26 +19,26 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import PublicKey
 from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.headers import checked_header
+from scenefold.peer.makers import check_maker
 from scenefold.peer.peers import Peers
-from scenefold.peer.proposals import answer_of, is_decided, rejection
-from scenefold.peer.scene_asking import ASK_S_MAX, listed_by, shown_by
+from scenefold.peer.proposals import accepted, answer_of, decide, rejection
+from scenefold.peer.scene_asking import listed_by, shown_by, tell_all
 from scenefold.peer.status import OwnStatus
 from scenefold.peer.verification import KnownScene
+from scenefold.scene.log.decisions import hash_of_log
 from scenefold.store import Store
 from scenefold.wire import (
-    AcceptSceneProposal,
     ListScenes,
     MalformedPacket,
-    Member,
     Packet,
     ProposeSceneLog,
     RequestSceneLog,
     RespondSceneLog,
     SceneLogPublic,
     Want,
-    hash_of_record,
     page_of,
 )
 from scenefold.world import Priority, World
@@ -51,7 +53,9 @@ _log = logging.getLogger("scenefold.peer.scenes")
 class Scenes:
     """The scenes that this node knows. Used from the Trio thread only."""
 
-    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus) -> None:
+    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus, may_make: Callable[[PublicKey], bool]) -> None:
+        """`may_make`: whether the holder of a signing key may make scenes."""
+        self._may_make = may_make
         self._world = world
         self._store = store
         self._peers = peers
@@ -84,20 +88,30 @@ class Scenes:
     async def catch_up(self) -> None:
         """Take the list of scenes of the first other member that answers; tell what this node decided and that list lacks."""
         for member in self._peers.others():
-            try:
-                listed = await listed_by(self._peers, member)
-            except (Unreachable, Refused, PeerFault):
+            listed = await self._take_list(member)
+            if listed is None:
                 continue
-            silent: set[NodeId] = set()
-            for public in listed:
-                await self._adopt_shown(public, member, silent)
+            for origin in sorted({public.origin for public in listed} - {member}):
+                # What was shown was decided, and may be old: who decides knows.
+                if origin in self._peers.others():
+                    await self._take_list(origin)
             told = {public.scene: public.position for public in listed}
             for scene in self.decided_by(self._own.me):
                 # It may have died between deciding and telling.
                 public = self._known[scene].public
                 if told.get(scene, 0) < public.position:
-                    await self._push(public)
+                    await tell_all(self._peers, public)
             return
+
+    async def _take_list(self, member: NodeId) -> Sequence[SceneLogPublic] | None:
+        """Take what a member lists; None if it does not say."""
+        try:
+            listed = await listed_by(self._peers, member)
+        except (Unreachable, Refused, PeerFault):
+            return None
+        for public in listed:
+            await self._try_adopt(public, address_of(member))
+        return listed
 
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene:
         """The scene, at this log position or later if anybody is so far; Refused (19) if nobody knows it."""
@@ -123,29 +137,47 @@ class Scenes:
     async def adopt(self, public: SceneLogPublic) -> KnownScene:
         """Verify a header and keep it durably; Refused if it must not be. One at a time."""
         async with self._lock:
-            return await self._adopt(public, None)
+            before = self._known.get(public.scene)
+            if before is not None and before.public == public:
+                return before
+            self._check_room(before)
+            scene = await self._world.workers.run("crypto", checked_header, public, before)
+            if public.origin == self._own.me and before is not None and await self._log_of(before.public) is not None:
+                # Only an older disk forgets what was decided. The log that is here goes with the header of before.
+                _log.warning("scene %08x: this node has decided position %d and forgotten it", public.scene, public.position)
+            await self._store.put_header(public.scene, public.encode())
+            self._take(scene)
+            return scene
 
-    async def _adopt(self, public: SceneLogPublic, private: bytes | None) -> KnownScene:
-        """Under the lock. `private`: the sealed log of this position, if this node is to keep it."""
-        before = self._known.get(public.scene)
+    async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
+        async with self._lock:
+            known = self._known.get(packet.public.scene)
+            has_log = known is not None and await self._log_of(known.public) is not None
+            judging = partial(decide, packet, known, self._own.key, has_log=has_log)
+            scene: KnownScene = await self._world.workers.run("crypto", judging)
+            if scene is known:
+                return known
+            if known is None:
+                self._check_room(known)
+                check_maker(scene, self._known.values(), self._may_make)
+            await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
+            self._take(scene)
+            return scene
+
+    def _check_room(self, before: KnownScene | None) -> None:
         if before is None and len(self._known) >= SCENES_LISTED_MAX:
             raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster holds {SCENES_LISTED_MAX} scenes already")
-        if before is not None and before.public == public:
-            return before
-        scene = await self._world.workers.run("crypto", checked_header, public, before)
-        if private is None:
-            if before is not None and public.position > before.public.position and await self._keeps_log(before.public):
-                # An owner's header that was only proposed is as well signed. Taken here, it would leave its log behind for ever.
-                raise Refused(RejectReason.NOT_AUTHORISED, "this node keeps the scene's log, and has not decided so")
-            await self._store.put_header(public.scene, public.encode())
-        else:
-            await self._store.put_scene_log(public.scene, public.encode(), private)
-        self._known[public.scene] = scene
-        self._missed_at.pop(public.scene, None)
-        return scene
 
-    async def _keeps_log(self, public: SceneLogPublic) -> bool:
-        return public.origin == self._own.me and await self._store.get_scene_log(public.scene) is not None
+    def _take(self, scene: KnownScene) -> None:
+        self._known[scene.public.scene] = scene
+        self._missed_at.pop(scene.public.scene, None)
+
+    async def _log_of(self, public: SceneLogPublic) -> bytes | None:
+        """The sealed log of this header, if this node keeps it: a disk that was lost has none, or that of a header before."""
+        private = await self._store.get_scene_log(public.scene)
+        if private is None or await self._world.workers.run("crypto", hash_of_log, private) != public.log_hash:
+            return None
+        return private
 
     # ------------------------------------------------------------------------------------------------- handlers
 
@@ -164,28 +196,8 @@ class Scenes:
         except Refused as refusal:
             _log.info("scene proposal of %s refused: %s", peer, refusal)
             return rejection(packet, refusal.reason, self._own.me)
-        await self._push(scene.public)
-        return AcceptSceneProposal(
-            genesis=packet.genesis,
-            proposal=packet.proposal,
-            record_hash=hash_of_record(packet.private),
-            nodes=(Member(self._own.me, self._own.incarnation),),
-            highest=None,
-            mac_epoch=0,
-            mac=b"",
-        )
-
-    async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
-        async with self._lock:
-            known = self._known.get(packet.public.scene)
-            private = None if known is None else await self._store.get_scene_log(packet.public.scene)
-            if is_decided(packet, None if known is None else known.public, private):
-                assert known is not None
-                if private is None:
-                    # Its first header was told here before it was proposed.
-                    await self._store.put_scene_log(packet.public.scene, packet.public.encode(), packet.private)
-                return known
-            return await self._adopt(packet.public, packet.private)
+        await tell_all(self._peers, scene.public)
+        return accepted(packet, scene.public, self._own.member)
 
     async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
         """5: the newest header, and the sealed log with it if that was asked for and is kept here."""
@@ -201,17 +213,13 @@ class Scenes:
         async with self._lock:
             # Header and log change together, so both are read between two changes.
             public = self._known[packet.scene].public
-            private = await self._store.get_scene_log(packet.scene)
+            private = await self._log_of(public)
         return RespondSceneLog(answer=answer_of(public, packet.nonce, private))
 
     async def on_push(self, packet: RespondSceneLog, peer: str) -> None:
-        """6 that nobody asked for: a header that was decided, by the word of the node that decides."""
-        if packet.answer is None:
-            return
-        if node_of(peer) != packet.answer.public.origin:
-            _log.warning("header of scene %08x from %s not taken: another node decides", packet.answer.public.scene, peer)
-            return
-        await self._try_adopt(packet.answer.public, peer)
+        """6 that nobody asked for: a header that was decided."""
+        if packet.answer is not None:
+            await self._try_adopt(packet.answer.public, peer)
 
     async def _on_list(self, packet: ListScenes, _peer: str) -> Packet:
         return page_of(self.all(), packet.after)
@@ -240,54 +248,34 @@ class Scenes:
     async def _ask_around(self, scene: SceneId, position: int) -> None:
         request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
         known = self._known.get(scene)
-        silent: set[NodeId] = set()
-        for member in self._peers.others(first=None if known is None else known.public.origin):
+        order = self._peers.others(first=None if known is None else known.public.origin)
+        while order:
+            member = order.pop(0)
             public = await shown_by(self._peers, member, request)
             if public is None:
-                silent.add(member)
                 continue
-            was_decided = await self._adopt_shown(public, member, silent)
-            if self._is_known(scene, position):
-                return
-            if was_decided:
+            is_new = scene not in self._known
+            await self._try_adopt(public, address_of(member))
+            found = self._known.get(scene)
+            if found is None:
+                continue
+            origin = found.public.origin
+            if member == origin:
                 break  # What the node that decides does not know, there is not.
+            if is_new and origin in order:
+                # It was decided, and may be old: who decides knows.
+                order = [origin, *(other for other in order if other != origin)]
+            elif self._is_known(scene, position):
+                break
+        if self._is_known(scene, position):
+            return
         if len(self._missed_at) > SCENES_LISTED_MAX:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
 
-    async def _adopt_shown(self, public: SceneLogPublic, member: NodeId, silent: set[NodeId]) -> bool:
-        """Take a header that a member shows; if it is news, what the node that decides says of it, unless that is silent.
-
-        An owner's header that was only proposed is as well signed as one that was decided. True if the node that decides was heard.
-        """
-        origin = public.origin
-        is_news = not self._is_known(public.scene, public.position)
-        if is_news and member != origin and origin not in silent and origin in self._peers.others():
-            decided = await shown_by(self._peers, origin, RequestSceneLog(public.scene, b"", 0, 0, Want.HEADER))
-            if decided is None:
-                silent.add(origin)
-            else:
-                public, member = decided, origin
-        await self._try_adopt(public, address_of(member))
-        return member == origin
-
     def _is_known(self, scene: SceneId, position: int) -> bool:
         found = self._known.get(scene)
         return found is not None and found.public.position >= position
-
-    async def _push(self, public: SceneLogPublic) -> None:
-        """Tell all others, waiting a bounded time. Whoever misses it pulls it later."""
-        packet = RespondSceneLog(answer=answer_of(public, 0, None))
-
-        async def tell(member: NodeId) -> None:
-            try:
-                await self._peers.tell(member, Priority.HIGH, packet, ASK_S_MAX)
-            except Unreachable as problem:
-                _log.info("scene %08x not told to %s: %s", public.scene, address_of(member), problem)
-
-        async with trio.open_nursery() as nursery:
-            for member in self._peers.others():
-                nursery.start_soon(tell, member)
 
     async def _try_adopt(self, public: SceneLogPublic, source: str) -> None:
         try:

@@ -19,6 +19,7 @@ from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
+from scenefold.peer.card_rules import is_user_key
 from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.context import NodeContext
 from scenefold.peer.data import DataService
@@ -92,7 +93,7 @@ class PeerServices:
         peers = Peers(world, links, own, roster, routing)
         cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
         lease = OwnerLease(world, store, cluster_log, own)
-        scenes = Scenes(world, store, peers, own)
+        scenes = Scenes(world, store, peers, own, lambda key: is_user_key(key, registry(), facts))
         line = Line(world, store, peers, cluster_log, own, lease, scenes, routing, transfer_bytes_per_s=settings.transfer_bytes_per_s)
         data = DataService(world, store, peers, scenes, line, lease, routing, me)
         enrolment = Enrolment(world, store, cluster_log, lease, own)

@@ -7,13 +7,14 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from scenefold.base.errors import LocalFault
-from scenefold.base.ids import NodeId
 from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
+from scenefold.scene.log import Decider
 from scenefold.simulation.recording import Recorder, WatchedLinks
 from scenefold.world import World, open_links
+from scenefold.world.facts import ClusterFacts
 from scenefold.world.keyring import KeptScene
 
 
@@ -62,14 +63,16 @@ class Client:
 async def open_client(
     name: str,
     world: World,
-    founders: list[tuple[NodeId, str]],
+    facts: ClusterFacts,
     keyring: MemoryKeyring,
     writer: SigningKey,
     recorder: Recorder,
     member: str = "user:owner",
 ) -> AsyncIterator[Client]:
-    """A client that knows the founders, as its profile would tell it. `member`: whose keys it works with."""
+    """A client that knows what its profile would tell it. `member`: whose keys it works with."""
+    founders = [one for node in facts.founders if (one := facts.credential(node)) is not None]
+    origin = next(Decider(one.node_id, one.public_key.raw) for one in founders if one.node_id == facts.voter)
     async with open_links(world) as links:
         watched = WatchedLinks(links, recorder, name)
-        calls = Calls(world, watched, [address for _, address in founders], [node for node, _ in founders])  # type: ignore[arg-type]
-        yield Client(name, calls, Scenes(calls, keyring, secrets_of(writer), founders[0][0], member))  # type: ignore[arg-type]
+        calls = Calls(world, watched, [one.address for one in founders], [one.node_id for one in founders])  # type: ignore[arg-type]
+        yield Client(name, calls, Scenes(calls, keyring, secrets_of(writer), origin, member))  # type: ignore[arg-type]

@@ -108,11 +108,10 @@ class _Drama:
 
     async def _open_clients(self, stack: AsyncExitStack, cluster: Cluster) -> list[Client]:
         keyring, writer = MemoryKeyring(), key_of(self._order.seed, "the writer")
-        founders = [(node.node_id, node.address) for slot, node in cluster.nodes.items() if slot < self._order.nodes]
         clients = []
         for number in range(CLIENTS):
             name = client_name(number)
-            opening = open_client(name.partition(":")[2], self._net.world(name), founders, keyring, writer, cluster.watch.recorder)
+            opening = open_client(name.partition(":")[2], self._net.world(name), cluster.facts, keyring, writer, cluster.watch.recorder)
             client = await stack.enter_async_context(opening)
             client.scene = await client.scenes.open_or_create("simulated")
             clients.append(client)

@@ -171,9 +171,8 @@ class Measurement:
     async def _balance(self, cluster: Cluster) -> None:
         """Everything is written into the first hundredth of the line: when does every node hold the same within 5 %?"""
         keyring, writer = MemoryKeyring(), key_of(self._net.seed, "the writer")
-        founders = [(node.node_id, node.address) for slot, node in cluster.nodes.items() if slot < self._nodes]
         world = self._net.world("user:loader")
-        async with open_client("loader", world, founders, keyring, writer, cluster.watch.recorder) as client:
+        async with open_client("loader", world, cluster.facts, keyring, writer, cluster.watch.recorder) as client:
             client.scene = await client.scenes.open_or_create("loaded")
             await self._load(client)
         begin = self._net.now

@@ -121,6 +121,8 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.scene_headers import (
         NO_GENESIS,
+        NO_LOG,
+        Decision,
         KeyEntry,
         Lockbox,
         SceneLogPublic,
@@ -170,7 +172,7 @@ _HOMES = {
     "own_packets": "Fault ListScenes RequestTable RespondTable ScenesListed",
     "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "render_packets": "CancelJob CollectPass FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
-    "scene_headers": "KeyEntry Lockbox NO_GENESIS SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
+    "scene_headers": "Decision KeyEntry Lockbox NO_GENESIS NO_LOG SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
     "scene_pages": "check_page page_of",
     "scene_log_packets": "AcceptSceneProposal Ballot Highest Member Phase ProposalId ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
@@ -191,6 +193,7 @@ __all__ = [
     "DAMAGED_RECORD",
     "EXPECT_ABSENT",
     "NO_GENESIS",
+    "NO_LOG",
     "NO_RECORD",
     "PROTOCOL_VERSION",
     "RESERVED",
@@ -214,6 +217,7 @@ __all__ = [
     "CopyRecords",
     "CreateSpace",
     "CurveKind",
+    "Decision",
     "DrainNode",
     "DropHandover",
     "EmptyData",

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from scenefold.base.limits import (
+    CERTIFICATE_BYTES_MAX,
+    CERTIFICATES_MAX,
     FORMER_KEYS_BYTES_MAX,
     HEADER_KEYS_MAX,
     LOCKBOX_BYTES_MAX,
@@ -31,11 +33,13 @@ from scenefold.wire.common import (
     SpaceId,
 )
 from scenefold.wire.containers import Many, Struct
-from scenefold.wire.kinds import Bin, Choice
+from scenefold.wire.kinds import Bin, Choice, Maybe
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import UNSIGNED
 
 NO_GENESIS = bytes(32)
+NO_LOG = bytes(32)
+"""In place of the hash of a log."""
 _GENESIS_DOMAIN = b"scenefold/genesis"
 
 
@@ -92,6 +96,17 @@ class Succession:
     signature: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Who decided a header, by whose signatures (specs/16-scene-log.md, Decisions). `form` says what the certificates are.
+
+    A form that is not known can be read, so that one scene of a later program does not hide all others.
+    """
+
+    form: int
+    certificates: tuple[bytes, ...]
+
+
 SPACE_ENTRY = Struct(
     SpaceEntry,
     ("space", SPACE),
@@ -106,16 +121,19 @@ WRITER_ENTRY = Struct(WriterEntry, ("key", U32), ("from_position", U64), ("until
 KEY_ENTRY = Struct(KeyEntry, ("suite", U8), ("raw", Bin(lengths=(32, 384))))
 LOCKBOX = Struct(Lockbox, ("recipient", U32), ("sealed", Bin(LOCKBOX_BYTES_MAX)), ("signature", SIGNATURE))
 SUCCESSION = Struct(Succession, ("position", U64), ("key", Bin(lengths=(32,))), ("signature", Bin(lengths=(64,))))
+DECISION = Struct(Decision, ("form", U8), ("certificates", Many(Bin(CERTIFICATE_BYTES_MAX), CERTIFICATES_MAX)))
+DECISION_OR_NONE = Maybe(DECISION)
 
 
 @dataclass(frozen=True, slots=True)
 class SceneLogPublic:
-    """The public header of a scene: all that nodes without its key need, signed by its participants.
+    """The public header of a scene: all that nodes without its key need, signed by an owner, and decided by the node `origin`.
 
     `keys` holds in full every key that is named by an id, so that whoever has the header can verify the
     header and every record without asking further. `key_epoch`: of the symmetric key that new records are sealed under;
     `former_keys`: those before it, sealed under it. `birth` and `first_key` stay as they were at position 1: they are what the genesis
-    is the hash of, so a header of any position shows which key the scene began with.
+    is the hash of, so a header of any position shows which key the scene began with; and so is `origin_key`, by which `origin` decides.
+    `log_hash`: of the sealed log of the same position. `decision` None: it was proposed, and no more.
     """
 
     scene: SceneId
@@ -135,28 +153,45 @@ class SceneLogPublic:
     succession: tuple[Succession, ...] = ()
     birth: bytes = NO_GENESIS
     first_key: bytes = NO_GENESIS
+    origin_key: bytes = NO_GENESIS
+    log_hash: bytes = NO_LOG
     signature: bytes = UNSIGNED
+    decision: Decision | None = None
 
     def signable(self) -> bytes:
-        """The bytes that `signature` signs, under the domain scenefold/header."""
-        return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED))
+        """The bytes that `signature` signs, under the domain scenefold/header, and `decision` under scenefold/decided."""
+        return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED, decision=None))
+
+    def proposed(self) -> SceneLogPublic:
+        """This header as its author proposed it."""
+        return replace(self, decision=None)
 
     def with_genesis(self) -> SceneLogPublic:
-        """This header as the first of its scene: genesis and scene id follow from it, but for lockboxes, which name the genesis.
+        """This header as the first of its scene: genesis and scene id follow from it, but for lockboxes and log, which name the genesis.
 
-        `first_key` must be there: the key that it is signed with, in full.
+        `first_key` must be there, the key that it is signed with, in full; and `origin_key`.
         """
-        unborn = replace(self, scene=SceneId(1), genesis=NO_GENESIS, lockboxes=(), birth=NO_GENESIS, signature=UNSIGNED)
+        unborn = replace(
+            self,
+            scene=SceneId(1),
+            genesis=NO_GENESIS,
+            lockboxes=(),
+            birth=NO_GENESIS,
+            log_hash=NO_LOG,
+            signature=UNSIGNED,
+            decision=None,
+        )
         born = replace(self, birth=hashlib.sha256(pack_piece(SCENE_LOG_PUBLIC, unborn)).digest())
         genesis = born.proven_genesis()
         return replace(born, scene=SceneId(int.from_bytes(genesis[:4], "big")), genesis=genesis)
 
     def proven_genesis(self) -> bytes:
-        """The genesis of the only scene that a header with this birth, first key and origin can belong to."""
-        return hashlib.sha256(b"".join((_GENESIS_DOMAIN, self.origin.to_bytes(4, "big"), self.first_key, self.birth))).digest()
+        """The genesis of the only scene that a header with this birth, first key, origin and origin's key can belong to."""
+        began = _GENESIS_DOMAIN, self.origin.to_bytes(4, "big"), self.origin_key, self.first_key, self.birth
+        return hashlib.sha256(b"".join(began)).digest()
 
     def encode(self) -> bytes:
-        """The header with its signature, as it is stored; LocalFault if a field is out of bounds."""
+        """The header with its signature and decision, as it is stored; LocalFault if a field is out of bounds."""
         return pack_piece(SCENE_LOG_PUBLIC, self)
 
     @classmethod
@@ -184,7 +219,10 @@ SCENE_LOG_PUBLIC = Struct(
     ("succession", Many(SUCCESSION, HEADER_KEYS_MAX)),
     ("birth", DIGEST),
     ("first_key", DIGEST),
+    ("origin_key", DIGEST),
+    ("log_hash", DIGEST),
     ("signature", SIGNATURE),
+    ("decision", DECISION_OR_NONE),
 )
 
-STRUCTS = (SPACE_ENTRY, WRITER_ENTRY, KEY_ENTRY, LOCKBOX, SUCCESSION, SCENE_LOG_PUBLIC)
+STRUCTS = (SPACE_ENTRY, WRITER_ENTRY, KEY_ENTRY, LOCKBOX, SUCCESSION, DECISION, SCENE_LOG_PUBLIC)

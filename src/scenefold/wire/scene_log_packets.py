@@ -28,7 +28,7 @@ from scenefold.wire.common import (
 )
 from scenefold.wire.containers import Many, Struct
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
-from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
+from scenefold.wire.scene_headers import DECISION_OR_NONE, SCENE_LOG_PUBLIC, Decision, SceneLogPublic
 
 MAC = Bin(lengths=(0, 32))
 GENESIS_OR_ANY = Bin(lengths=(0, 32))
@@ -154,6 +154,8 @@ class ProposeSceneLog(Packet):
 
 @dataclass(frozen=True, slots=True)
 class AcceptSceneProposal(Packet):
+    """`decision`: of the proposed header; None in the cluster's own log, whose headers are signed by who decides them."""
+
     TYPE: ClassVar[int] = 8
     genesis: bytes
     proposal: ProposalId
@@ -162,6 +164,7 @@ class AcceptSceneProposal(Packet):
     highest: Highest | None
     mac_epoch: int
     mac: bytes
+    decision: Decision | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +218,7 @@ ROWS = (
         ("highest", Maybe(HIGHEST)),
         ("mac_epoch", U32),
         ("mac", MAC),
+        ("decision", DECISION_OR_NONE),
     ),
     row(
         RejectSceneProposal,

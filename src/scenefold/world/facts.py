@@ -83,6 +83,8 @@ class ClusterFacts:
             private_key=self.log_key.key_id,
             keys=(key,),
             first_key=key.raw,
+            # Whoever has this key decides, and signs the headers with it: they need no decision besides.
+            origin_key=key.raw,
         )
         return unborn.with_genesis()
 

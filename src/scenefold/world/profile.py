@@ -158,6 +158,11 @@ class ClusterProfile:
             log_key=self.log_key,
         )
 
+    @property
+    def voter(self) -> Credential:
+        """The node that decides the cluster's log, and those of new scenes."""
+        return next(member for member in self.members if member.node_id == self.voters[0])
+
     def member(self, address: str) -> Credential:
         """The node at an address; LocalFault if none has credentials for it."""
         for member in self.members:

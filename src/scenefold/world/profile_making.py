@@ -20,7 +20,7 @@ from scenefold.world.ports import Ports
 from scenefold.world.toml_files import write_toml
 
 DEFAULT_USER = "owner"
-FORMAT = 3
+FORMAT = 4
 SETTINGS = "cluster.toml"
 AUTHORITY_CERTIFICATE = Path("authority/certificate.pem")
 LOG_SEED = "log.seed"

@@ -20,16 +20,17 @@ from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.crypto import RecordHeader, object_of, version_key
-from scenefold.peer.headers import checked_header
+from scenefold.crypto import RecordHeader, SigningKey, object_of, version_key
+from scenefold.peer.proposals import accepted, decide, rejection
 from scenefold.peer.verification import KnownScene, verified_put
+from scenefold.scene.log import Decider
 from scenefold.wire import (
     DAMAGED_RECORD,
-    AcceptSceneProposal,
     Fault,
     GetMany,
     GetManyReply,
     ListScenes,
+    Member,
     Packet,
     ProposeSceneLog,
     PutItem,
@@ -40,7 +41,6 @@ from scenefold.wire import (
     RecordBytes,
     RecordKey,
     RejectRange,
-    RejectSceneProposal,
     RequestSceneLog,
     RequestTable,
     RespondSceneLog,
@@ -56,6 +56,10 @@ from scenefold.wire import (
 )
 from scenefold.wire.scene_log_packets import Ballot
 from scenefold.world import Priority, World
+
+KEEPER_KEY = SigningKey(b"f" * 32)
+ORIGIN = Decider(node_id_of("127.0.0.2"), KEEPER_KEY.public.raw)
+"""The node that decides the logs of all scenes."""
 
 
 class PlainClock:
@@ -217,17 +221,13 @@ class FakeNodes:
 
     def _propose(self, packet: ProposeSceneLog) -> Packet:
         known = self.headers.get(packet.public.scene)
-        before = 0 if known is None else known.position
-        if packet.public.position != before + 1 and (packet.public, packet.private) != (known, self.logs.get(packet.public.scene)):
-            reason = RejectReason.POSITION_TAKEN if packet.public.position == before else RejectReason.POSITION_BEHIND
-            return RejectSceneProposal(packet.genesis, packet.proposal, reason, (), Ballot(0, NodeId(0)), NodeId(0), 0, b"")
         try:
-            checked_header(packet.public, None if known is None else KnownScene.of(known))
+            scene = decide(packet, None if known is None else KnownScene.of(known), KEEPER_KEY, has_log=True)
         except Refused as refusal:
-            return RejectSceneProposal(packet.genesis, packet.proposal, refusal.reason, (), Ballot(0, NodeId(0)), NodeId(0), 0, b"")
-        self.headers[packet.public.scene] = packet.public
+            return rejection(packet, refusal.reason, NodeId(0))
+        self.headers[packet.public.scene] = scene.public
         self.logs[packet.public.scene] = packet.private
-        return AcceptSceneProposal(packet.genesis, packet.proposal, bytes(32), (), None, 0, b"")
+        return accepted(packet, scene.public, Member(ORIGIN.node, bytes(16)))
 
     def _put(self, address: str, item: PutItem) -> PutOutcome:
         if address in self.without_lease:

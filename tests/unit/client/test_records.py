@@ -9,7 +9,7 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
-from scenefold.base.ids import KeyId, SceneId, SpaceId, node_id_of
+from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
@@ -20,10 +20,10 @@ from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity, WriterKey
 from scenefold.client.space import ABSENT
 from scenefold.crypto import SigningKey
-from scenefold.scene.log import EpochKeys
+from scenefold.scene.log import EpochKeys, decided
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import GetMany, PutMany
-from unit.client.fake_nodes import FakeNodes
+from unit.client.fake_nodes import KEEPER_KEY, ORIGIN, FakeNodes
 
 WRITER = SigningKey(bytes(31) + b"\1")
 FILES = SpaceId(10)
@@ -198,11 +198,12 @@ async def test_a_payload_that_fits_no_record_is_refused_before_anything_is_sent(
 async def test_with_keys_alone_a_scene_can_be_read_and_not_written(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     secrets = secrets_of(WRITER)
-    maker, origin = maker_of("user:owner", secrets), node_id_of("127.0.0.2")
-    kept = born("kitchen", maker, secrets.signing, origin, nodes.calls().world.entropy.token)
+    maker = maker_of("user:owner", secrets)
+    kept = born("kitchen", maker, secrets.signing, ORIGIN, nodes.calls().world.entropy.token)
     keys = kept_keys(kept, secrets.sealing)
-    header = first_header(kept, keys, maker, origin)
-    assert header is not None
+    proposed = first_header(kept, keys, maker, ORIGIN)
+    assert proposed is not None
+    header = decided(proposed, KEEPER_KEY)
     identity = SceneIdentity(keys.scene_id, keys.genesis, 1, {WRITER.key_id: WriterKey.always(WRITER.public)}, keys.epochs)
     await Scene(SceneAccess(nodes.calls(), "kitchen", identity, WRITER)).space(FILES).put(FIRST, b"hello")
     calls = nodes.calls()
@@ -211,8 +212,9 @@ async def test_with_keys_alone_a_scene_can_be_read_and_not_written(autojump_cloc
     assert await reader.space(FILES).get(FIRST) == b"hello"
     with pytest.raises(LocalFault, match="reading only"):
         await reader.space(FILES).put(FIRST, b"bye")
-    with pytest.raises(DamagedData):
-        open_scene_with_keys(calls.world, calls._links, members, replace(header, private_key=KeyId(5)), keys.epochs)
+    for forged in (replace(header, private_key=KeyId(5)), proposed, decided(proposed, WRITER)):
+        with pytest.raises(DamagedData):
+            open_scene_with_keys(calls.world, calls._links, members, forged, keys.epochs)
 
 
 async def test_a_deletion_is_as_long_as_the_record_that_it_takes_the_place_of() -> None:

@@ -10,21 +10,20 @@ import pytest
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Unreachable
-from scenefold.base.ids import node_id_of
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import ProposeSceneLog
 from scenefold.world import offline_world
 from scenefold.world.keyring import Keyring
-from unit.client.fake_nodes import FakeNodes
+from unit.client.fake_nodes import ORIGIN, FakeNodes
 
 WRITER = SigningKey(bytes(31) + b"\1")
 OTHER = SigningKey(bytes(31) + b"\7")
 
 
 def _scenes(nodes: FakeNodes, folder: Path, writer: SigningKey = WRITER) -> Scenes:
-    return Scenes(nodes.calls(), Keyring(folder), secrets_of(writer), node_id_of("127.0.0.2"))
+    return Scenes(nodes.calls(), Keyring(folder), secrets_of(writer), ORIGIN)
 
 
 async def test_a_scene_is_made_opened_and_listed(autojump_clock: MockClock, tmp_path: Path) -> None:
@@ -77,7 +76,7 @@ async def test_the_keyring_is_never_read_on_trios_thread(tmp_path: Path) -> None
     nodes = FakeNodes()
     calls = nodes.calls()
     calls.world = replace(calls.world, workers=offline_world().workers)
-    scenes = Scenes(calls, BlockedKeyring(tmp_path), secrets_of(WRITER), node_id_of("127.0.0.2"))
+    scenes = Scenes(calls, BlockedKeyring(tmp_path), secrets_of(WRITER), ORIGIN)
     await scenes.create("kitchen")
     await scenes.open("kitchen")
     await scenes.open_or_create("kitchen")

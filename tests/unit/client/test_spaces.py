@@ -11,24 +11,24 @@ import pytest
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable, UsageFault
-from scenefold.base.ids import node_id_of
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import HEADER_DOMAIN, RecordHeader, SigningKey
 from scenefold.scene.layout import GEOMETRY, SPACES
+from scenefold.scene.log import decided
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import ProposeSceneLog, RequestSceneLog, ScaleSpace, SceneMode, SetMode, Want
 from scenefold.world.keyring import Keyring
-from unit.client.fake_nodes import FakeNodes
+from unit.client.fake_nodes import KEEPER_KEY, ORIGIN, FakeNodes
 
 WRITER = SigningKey(bytes(31) + b"\1")
 BOX = ((0.0, 0.0, 0.0), (8.0, 8.0, 8.0))
 
 
 def scenes_of(nodes: FakeNodes, folder: Path) -> Scenes:
-    return Scenes(nodes.calls(), Keyring(folder), secrets_of(WRITER), node_id_of("127.0.0.2"))
+    return Scenes(nodes.calls(), Keyring(folder), secrets_of(WRITER), ORIGIN)
 
 
 async def scene_of(nodes: FakeNodes, folder: Path) -> Scene:
@@ -191,7 +191,7 @@ async def test_a_log_of_another_position_is_not_believed(autojump_clock: MockClo
     older = dict(nodes.logs)
     await scene.create_space("hall", BOX)
     nodes.logs = older
-    with pytest.raises(DamagedData, match="cannot be opened"):
+    with pytest.raises(DamagedData, match="not the one that its header names"):
         await scene.spaces()
 
 
@@ -260,7 +260,7 @@ async def test_a_header_that_was_not_signed_by_the_scene_is_not_believed(autojum
     nodes = FakeNodes()
     scene = await scene_of(nodes, tmp_path)
     header = replace(nodes.headers[scene.id], position=2)
-    nodes.headers[scene.id] = replace(header, signature=WRITER.sign(HEADER_DOMAIN, header.signable()))
+    nodes.headers[scene.id] = decided(replace(header, signature=WRITER.sign(HEADER_DOMAIN, header.signable())), KEEPER_KEY)
     with pytest.raises(DamagedData):
         await scene.access.change_log(lambda _: ScaleSpace(GEOMETRY, 2.0))
 

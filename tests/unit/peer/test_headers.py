@@ -1,4 +1,4 @@
-"""If this fails, a node believes a scene header that the scene's key holders never signed, or refuses a good one."""
+"""If this fails, a node believes a scene header that the scene's owners never signed, or that was never decided, or refuses a good one."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import pytest
 from scenefold.base.errors import Refused
 from scenefold.base.ids import KeyId, NodeId, SceneId
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PROPOSAL_DOMAIN, SigningKey
+from scenefold.crypto import DECISION_DOMAIN, SigningKey
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
-from scenefold.scene.log import succeeded
-from scenefold.wire import KeyEntry, SceneLogPublic
+from scenefold.scene.log import decided, succeeded
+from scenefold.scene.log.decisions import BY_ORIGIN
+from scenefold.wire import Decision, KeyEntry, SceneLogPublic
 from unit.peer.scenes_made import HEADER_KEY, STRANGER, WRITER, first_header, later_header, signed
 
 FIRST = first_header()
+assert FIRST.decision is not None
 OTHER = first_header(write_floor=1)
 STEPS = (succeeded(STRANGER, STRANGER.public, FIRST.genesis, 3),)
 
@@ -31,6 +33,11 @@ def test_a_first_header_vouches_for_itself() -> None:
     scene = checked_header(FIRST, None)
     assert scene.public == FIRST
     assert set(scene.keys) == {HEADER_KEY.key_id, WRITER.key_id}
+
+
+def test_a_decision_in_a_later_form_is_told_from_a_wrong_one() -> None:
+    with pytest.raises(Refused, match="form 2, which this program does not know"):
+        checked_header(replace(FIRST, decision=Decision(2, (bytes(64),) * 3)), None)
 
 
 def test_the_same_header_again_is_no_news_and_no_fault() -> None:
@@ -50,10 +57,35 @@ def test_a_successor_of_the_same_key_is_taken() -> None:
         (signed(replace(FIRST, write_floor=7)), RejectReason.ILL_FORMED),
         (replace(FIRST, signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
         (signed(FIRST, STRANGER), RejectReason.SIGNATURE_INVALID),
-        (replace(FIRST, signature=HEADER_KEY.sign(PROPOSAL_DOMAIN, FIRST.signable())), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, signature=HEADER_KEY.sign(DECISION_DOMAIN, FIRST.signable())), RejectReason.SIGNATURE_INVALID),
         (first_header(keys=(KeyEntry(1, WRITER.public.raw),)), RejectReason.ILL_FORMED),
+        (FIRST.proposed(), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=OTHER.decision), RejectReason.SIGNATURE_INVALID),
+        (decided(FIRST, STRANGER), RejectReason.SIGNATURE_INVALID),
+        (decided(FIRST, HEADER_KEY), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=Decision(BY_ORIGIN, (FIRST.signature,))), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=Decision(BY_ORIGIN, ())), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=Decision(BY_ORIGIN, FIRST.decision.certificates * 2)), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=Decision(BY_ORIGIN + 1, FIRST.decision.certificates)), RejectReason.SIGNATURE_INVALID),
+        (signed(replace(FIRST, origin_key=STRANGER.public.raw), decider=STRANGER), RejectReason.ILL_FORMED),
     ],
-    ids=["id", "genesis", "no signature", "other key", "other domain", "key not in it"],
+    ids=[
+        "id",
+        "genesis",
+        "no signature",
+        "other key",
+        "other domain",
+        "key not in it",
+        "proposed only",
+        "decision of another header",
+        "decided by a stranger",
+        "decided by an owner",
+        "the owner's signature as a decision",
+        "no certificate",
+        "two certificates",
+        "decided in an unknown form",
+        "another deciding key",
+    ],
 )
 def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:
     assert refusal(header) == reason
@@ -74,6 +106,13 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
             RejectReason.NOT_AUTHORISED,
         ),
         (later_header(FIRST, position=3, write_floor=2, key_epoch=1, succession=STEPS), RejectReason.NOT_AUTHORISED),
+        (later_header(FIRST, position=3, write_floor=2, key_epoch=1).proposed(), RejectReason.SIGNATURE_INVALID),
+        (later_header(FIRST, position=3, write_floor=2, key_epoch=1, decider=STRANGER), RejectReason.SIGNATURE_INVALID),
+        (
+            later_header(FIRST, position=3, write_floor=2, key_epoch=1, decider=STRANGER, origin_key=STRANGER.public.raw),
+            RejectReason.ILL_FORMED,
+        ),
+        (later_header(FIRST, position=3, write_floor=2, key_epoch=1, writers=()), RejectReason.ILL_FORMED),
     ],
     ids=[
         "older",
@@ -85,6 +124,10 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
         "key epoch sinks",
         "a forged heir",
         "another heir than it says",
+        "proposed only",
+        "decided by a stranger",
+        "another deciding key",
+        "another maker",
     ],
 )
 def test_what_does_not_follow_is_refused(header: SceneLogPublic, reason: RejectReason) -> None:

@@ -10,12 +10,17 @@ from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, Refused, Unreachable
 from scenefold.base.ids import NodeId
+from scenefold.base.limits import SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import SigningKey
 from scenefold.peer.scenes import MISS_S, Scenes
+from scenefold.scene.log import FOR_EVER
 from scenefold.wire import (
     AcceptSceneProposal,
     Ballot,
+    KeyEntry,
     ListScenes,
+    Member,
     Packet,
     Phase,
     ProposalId,
@@ -26,11 +31,13 @@ from scenefold.wire import (
     SceneLogAnswer,
     SceneLogPublic,
     Want,
+    WriterEntry,
     page_of,
 )
-from unit.peer.scenes_made import first_header, later_header
+from unit.peer.scenes_made import DECIDER, HEADER_KEY, LOG, STRANGER, WRITER, first_header, later_header
 
 ME, OTHER, THIRD = NodeId(1), NodeId(2), NodeId(3)
+LONGER = b"the longer log"
 FIRST = first_header(origin=ME)
 USER, NODE = "user:ada", "node:2"
 
@@ -96,6 +103,9 @@ class PlainPeers:
         if self.away:
             raise Unreachable("away")
         if isinstance(packet, ListScenes):
+            own = self.shown.get(member)
+            if own is not None:
+                return page_of([own], packet.after)
             return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
         if not isinstance(packet, RequestSceneLog):
             return packet
@@ -111,11 +121,16 @@ class Rig:
     def __init__(self) -> None:
         self.peers, self.store = PlainPeers(), PlainStore()
         world: Any = PlainWorld()
-        own: Any = type("Own", (), {"me": ME, "incarnation": bytes(16)})()
-        self.scenes = Scenes(world, self.store, self.peers, own)  # type: ignore[arg-type]
+        own: Any = type("Own", (), {"me": ME, "member": Member(ME, bytes(16)), "key": DECIDER})()
+        self.users = [WRITER.public]
+        self.scenes = Scenes(world, self.store, self.peers, own, lambda key: key in self.users)  # type: ignore[arg-type]
 
 
-def proposal(public: SceneLogPublic, private: bytes = b"log") -> ProposeSceneLog:
+def second_of(first: SceneLogPublic) -> SceneLogPublic:
+    return later_header(first, log=LONGER)
+
+
+def proposal(public: SceneLogPublic, private: bytes = LOG) -> ProposeSceneLog:
     number = ProposalId(public.position, Ballot(1, public.origin), Phase.ACCEPT)
     return ProposeSceneLog(
         genesis=public.genesis,
@@ -124,7 +139,7 @@ def proposal(public: SceneLogPublic, private: bytes = b"log") -> ProposeSceneLog
         nodes=(),
         highest=None,
         takeover=False,
-        public=public,
+        public=public.proposed(),
         private=private,
         mac_epoch=0,
         mac=b"",
@@ -187,13 +202,15 @@ async def test_a_scene_that_nobody_has_is_asked_for_once_a_second(autojump_clock
 async def test_the_origin_decides_keeps_and_tells(autojump_clock: MockClock) -> None:
     rig = Rig()
     assert isinstance(await rig.scenes.on_propose(proposal(FIRST), USER), AcceptSceneProposal)
-    second = later_header(FIRST)
-    assert isinstance(await rig.scenes.on_propose(proposal(second, b"longer log"), USER), AcceptSceneProposal)
-    assert rig.store.written == [(FIRST.encode(), b"log"), (second.encode(), b"longer log")]
+    second = second_of(FIRST)
+    accepted = await rig.scenes.on_propose(proposal(second, LONGER), USER)
+    assert isinstance(accepted, AcceptSceneProposal)
+    assert (accepted.decision, accepted.record_hash) == (second.decision, second.log_hash)
+    assert rig.store.written == [(FIRST.encode(), LOG), (second.encode(), LONGER)]
     assert sorted(member for member, _ in rig.peers.told) == [OTHER, OTHER, THIRD, THIRD]
     answer = await rig.scenes.on_request(request(), USER)
     assert isinstance(answer, RespondSceneLog) and answer.answer is not None
-    assert (answer.answer.public, answer.answer.private) == (second, b"longer log")
+    assert (answer.answer.public, answer.answer.private) == (second, LONGER)
     bare = await rig.scenes.on_request(request(Want.HEADER), USER)
     assert isinstance(bare, RespondSceneLog) and bare.answer is not None and bare.answer.private is None
 
@@ -201,14 +218,13 @@ async def test_the_origin_decides_keeps_and_tells(autojump_clock: MockClock) -> 
 async def test_of_two_proposals_at_once_one_is_first(autojump_clock: MockClock) -> None:
     rig = Rig()
     await rig.scenes.on_propose(proposal(FIRST), USER)
-    second = later_header(FIRST)
     replies: list[Packet] = []
 
     async def propose(private: bytes) -> None:
-        replies.append(await rig.scenes.on_propose(proposal(second, private), USER))
+        replies.append(await rig.scenes.on_propose(proposal(later_header(FIRST, log=private), private), USER))
 
     async with trio.open_nursery() as nursery:
-        # A translation and a scale have the same header: only the sealed logs differ.
+        # A translation and a scale have the same header but for the log that it names.
         nursery.start_soon(propose, b"translated")
         nursery.start_soon(propose, b"scaled")
     taken = [reply for reply in replies if isinstance(reply, AcceptSceneProposal)]
@@ -244,7 +260,7 @@ async def test_a_damaged_header_is_had_from_others(autojump_clock: MockClock) ->
 async def test_the_keeper_of_a_log_does_not_forget_how_far_it_is(autojump_clock: MockClock) -> None:
     rig = Rig()
     rig.store.headers_kept = {FIRST.scene: FIRST.encode()[:-1] + b"?"}
-    rig.store.private[FIRST.scene] = b"log"
+    rig.store.private[FIRST.scene] = LOG
     with pytest.raises(DamagedData, match="whose log is kept here"):
         await rig.scenes.load()
 
@@ -262,22 +278,38 @@ async def test_who_died_between_deciding_and_telling_tells_when_it_is_back(told:
     assert all(isinstance(packet, RespondSceneLog) and packet.answer and packet.answer.public == second for _, packet in rig.peers.told)
 
 
-@pytest.mark.expect_log("not taken: (this node keeps the scene's log|another node decides)")
-async def test_whom_a_proposal_is_handed_to_cannot_stop_the_log_by_calling_it_decided(autojump_clock: MockClock) -> None:
-    rig, second = Rig(), later_header(FIRST)
+@pytest.mark.expect_log("not taken: .*nobody shows that it was decided")
+async def test_what_was_only_proposed_counts_nowhere_whoever_shows_it(autojump_clock: MockClock) -> None:
+    """A relay has it before it is decided, and it may never be."""
+    rig, proposed = Rig(), second_of(FIRST).proposed()
+    await rig.scenes.on_propose(proposal(FIRST), USER)
+    await rig.scenes.on_push(pushed(proposed), NODE)
+    rig.peers.headers[FIRST.scene] = proposed
+    assert (await rig.scenes.known(FIRST.scene, position=2)).public == FIRST
+    await rig.scenes.catch_up()
+    assert rig.scenes.all() == [FIRST]
+    assert rig.store.written == [(FIRST.encode(), LOG)]
+    assert isinstance(await rig.scenes.on_propose(proposal(proposed, LONGER), USER), AcceptSceneProposal)
+
+
+async def test_what_was_decided_counts_whoever_shows_it(autojump_clock: MockClock) -> None:
+    rig, first = Rig(), first_header(origin=THIRD)
+    await rig.scenes.on_push(pushed(first), "node:2")
+    assert rig.scenes.all() == [first]
+
+
+@pytest.mark.expect_log("has decided position 2 and forgotten it")
+async def test_a_node_that_forgot_what_it_decided_decides_no_position_twice(autojump_clock: MockClock) -> None:
+    """Its disk is an older one. The log that it has goes with an older header, and is shown to nobody."""
+    rig, second = Rig(), second_of(FIRST)
     await rig.scenes.on_propose(proposal(FIRST), USER)
     await rig.scenes.on_push(pushed(second), NODE)
-    rig.peers.headers[FIRST.scene] = second
-    assert (await rig.scenes.known(FIRST.scene, position=2)).public == FIRST
-    assert isinstance(await rig.scenes.on_propose(proposal(second, b"longer log"), USER), AcceptSceneProposal)
-    assert rig.store.written == [(FIRST.encode(), b"log"), (second.encode(), b"longer log")]
-
-
-async def test_a_scene_whose_first_header_was_told_too_early_has_a_log_all_the_same(autojump_clock: MockClock) -> None:
-    rig = Rig()
-    await rig.scenes.adopt(FIRST)
-    assert isinstance(await rig.scenes.on_propose(proposal(FIRST), USER), AcceptSceneProposal)
-    assert rig.store.private == {FIRST.scene: b"log"}
+    third = later_header(second, log=LONGER)
+    refused = await rig.scenes.on_propose(proposal(third, LONGER), USER)
+    assert isinstance(refused, RejectSceneProposal) and refused.reason is RejectReason.UNKNOWN_SCENE_OR_SPACE
+    shown = await rig.scenes.on_request(request(), USER)
+    assert isinstance(shown, RespondSceneLog) and shown.answer is not None
+    assert (shown.answer.public, shown.answer.private) == (second, None)
 
 
 async def test_an_origin_that_lost_the_log_goes_on_hearing_of_headers(autojump_clock: MockClock) -> None:
@@ -287,24 +319,18 @@ async def test_an_origin_that_lost_the_log_goes_on_hearing_of_headers(autojump_c
     assert (await rig.scenes.known(FIRST.scene, position=2)).public == second
 
 
-@pytest.mark.expect_log("not taken: another node decides")
-async def test_a_header_counts_as_decided_by_the_word_of_the_node_that_decides(autojump_clock: MockClock) -> None:
-    """A relay has it before it is decided, and it may never be."""
-    rig = Rig()
+async def test_who_meets_a_scene_first_asks_the_node_that_decides_how_far_it_is(autojump_clock: MockClock) -> None:
+    """An older header was decided as well, and any node may show it."""
     first = first_header(origin=THIRD)
-    proposed = later_header(first)
-    rig.peers.shown[OTHER], rig.peers.shown[THIRD] = proposed, first
-    await rig.scenes.on_push(pushed(proposed), "node:2")
-    assert rig.scenes.all() == []
-    for _ in range(2):
-        assert (await rig.scenes.known(first.scene, position=2)).public == first
-        await trio.sleep(MISS_S)
-    rig.peers.headers[first.scene] = proposed
-    await rig.scenes.catch_up()
-    assert rig.scenes.all() == [first]
-    decided = later_header(first, write_floor=2)
-    await rig.scenes.on_push(pushed(decided), "node:3")
-    assert rig.scenes.all() == [decided]
+    for meet in ("known", "catch_up"):
+        rig = Rig()
+        rig.peers.headers[first.scene] = first
+        rig.peers.shown[OTHER], rig.peers.shown[THIRD] = first, second_of(first)
+        if meet == "known":
+            await rig.scenes.known(first.scene)
+        else:
+            await rig.scenes.catch_up()
+        assert rig.scenes.all() == [second_of(first)]
 
 
 async def test_while_the_node_that_decides_is_away_others_are_believed(autojump_clock: MockClock) -> None:
@@ -312,6 +338,41 @@ async def test_while_the_node_that_decides_is_away_others_are_believed(autojump_
     first = first_header(origin=THIRD)
     rig.peers.shown[OTHER], rig.peers.shown[THIRD] = later_header(first), None
     assert (await rig.scenes.known(first.scene)).public == later_header(first)
+
+
+def made_by(maker: SigningKey, number: int) -> SceneLogPublic:
+    """The scene of this number by a user."""
+    keys = tuple(KeyEntry(1, key.public.raw) for key in (HEADER_KEY, maker))
+    return first_header(maker, origin=ME, write_floor=number, keys=keys, writers=(WriterEntry(maker.key_id, 1, FOR_EVER),))
+
+
+async def reason_of(rig: Rig, public: SceneLogPublic) -> RejectReason | None:
+    reply = await rig.scenes.on_propose(proposal(public), USER)
+    return reply.reason if isinstance(reply, RejectSceneProposal) else None
+
+
+async def test_one_user_does_not_fill_the_list_for_all(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    rig.users.append(STRANGER.public)
+    made = [made_by(WRITER, number) for number in range(SCENES_PER_USER_MAX + 1)]
+    assert {await reason_of(rig, public) for public in made[:-1]} == {None}
+    assert await reason_of(rig, made[-1]) is RejectReason.LIMIT_EXCEEDED
+    assert await reason_of(rig, made[0]) is None, "what there is may be announced again"
+    assert await reason_of(rig, later_header(made[0])) is None, "and goes on"
+    assert await reason_of(rig, made_by(STRANGER, 0)) is None, "and others make theirs"
+
+
+async def test_nobody_makes_scenes_at_the_cost_of_another(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    assert await reason_of(rig, made_by(STRANGER, 0)) is RejectReason.NOT_AUTHORISED, "no user has this key"
+    # Ada's public key is known to all: what she must have signed is the first lockbox.
+    in_adas_name = first_header(STRANGER, origin=ME)
+    assert await reason_of(rig, in_adas_name) is RejectReason.SIGNATURE_INVALID
+    borrowed = first_header(origin=ME, write_floor=1, lockboxes=FIRST.lockboxes)
+    assert await reason_of(rig, borrowed) is RejectReason.SIGNATURE_INVALID
+    for without in ({"lockboxes": FIRST.lockboxes * 2}, {"writers": ()}):
+        assert await reason_of(rig, first_header(origin=ME, **without)) is RejectReason.ILL_FORMED
+    assert rig.scenes.all() == []
 
 
 def pushed(public: SceneLogPublic) -> RespondSceneLog:

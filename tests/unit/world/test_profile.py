@@ -158,7 +158,7 @@ def test_no_profile_is_one_clear_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"\xff\xfe", b"format = 3", b"format = 3\nname = 3", b"format =", b'format = 3\nname = "x"\ncluster_id = "00"\nmembers = []'],
+    [b"", b"\xff\xfe", b"format = 4", b"format = 4\nname = 3", b"format =", b'format = 4\nname = "x"\ncluster_id = "00"\nmembers = []'],
 )
 def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "cluster.toml").write_bytes(content)
@@ -166,10 +166,10 @@ def test_a_damaged_file_is_one_clear_error(tmp_path: Path, content: bytes) -> No
         ClusterProfile.load(tmp_path)
 
 
-@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (2, "cluster init"), (4, "the program that wrote it")])
+@pytest.mark.parametrize("number, remedy", [(1, "cluster init"), (3, "cluster init"), (5, "the program that wrote it")])
 def test_a_file_of_another_version_says_so(tmp_path: Path, number: int, remedy: str) -> None:
     (tmp_path / "cluster.toml").write_text(f"format = {number}")
-    with pytest.raises(LocalFault, match=rf"format {number}, .*this program.* knows format 3") as caught:
+    with pytest.raises(LocalFault, match=rf"format {number}, .*this program.* knows format 4") as caught:
         ClusterProfile.load(tmp_path)
     assert remedy in caught.value.remedy
 

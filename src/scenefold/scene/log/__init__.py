@@ -6,8 +6,9 @@ Light to import: numpy and the curves come with the first position that is asked
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.bytes import OpenedLog, open_private, seal_private, sign_record
+from scenefold.scene.log.decisions import Decider, Undecided, check_decided, check_log, decided, hash_of_log
 from scenefold.scene.log.first import first_entry, first_log, first_record
-from scenefold.scene.log.following import Followed, follow, header_keys, keys_after, keys_with_log, lockbox_for
+from scenefold.scene.log.following import Draft, Followed, follow, header_keys, keys_after, keys_with_log, lockbox_for, signed_header
 from scenefold.scene.log.grants import FOR_EVER, Granted, Grants
 from scenefold.scene.log.keys import EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, check_granter, keys_in, locked, own_lockbox, unlocked
@@ -19,6 +20,8 @@ __all__ = [
     "Affine",
     "CellBox",
     "Contents",
+    "Decider",
+    "Draft",
     "EpochKeys",
     "Followed",
     "Granted",
@@ -28,11 +31,16 @@ __all__ = [
     "SceneKeys",
     "SceneLog",
     "SpaceFault",
+    "Undecided",
+    "check_decided",
     "check_granter",
+    "check_log",
+    "decided",
     "first_entry",
     "first_log",
     "first_record",
     "follow",
+    "hash_of_log",
     "header_key_now",
     "header_keys",
     "keys_after",
@@ -45,6 +53,7 @@ __all__ = [
     "proven_header_key",
     "seal_private",
     "sign_record",
+    "signed_header",
     "succeeded",
     "unlocked",
 ]

@@ -23,7 +23,8 @@ from scenefold.crypto import (
     seal_former,
 )
 from scenefold.scene.log.book import SceneLog
-from scenefold.scene.log.bytes import OpenedLog, sign_record
+from scenefold.scene.log.bytes import OpenedLog, seal_private, sign_record
+from scenefold.scene.log.decisions import check_decided, hash_of_log
 from scenefold.scene.log.grants import Granted, newly_granted
 from scenefold.scene.log.keys import HEADER_SEED_BYTES, EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox
@@ -35,14 +36,44 @@ Token = Callable[[int], bytes]
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A position that may be proposed, and the keys that its author has then."""
+    """A position that may be proposed, and the keys that its author has then. `private`: its log, sealed."""
 
     header: SceneLogPublic
     log: OpenedLog
     keys: SceneKeys
+    private: bytes
 
 
-def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: SceneKeys, author: SigningKey, token: Token) -> Followed:
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """The next position, all dice cast; what is left takes time with a long log, and belongs in a worker thread."""
+
+    _header: SceneLogPublic
+    _log: OpenedLog
+    _keys: SceneKeys
+    _signer: SigningKey
+    _nonce: bytes
+
+    def sealed(self) -> Followed:
+        """The log sealed, the header signed over it."""
+        header, epoch = self._header, self._header.key_epoch
+        private = seal_private(
+            self._log.records,
+            genesis=header.genesis,
+            symmetric_key=self._keys.epochs[epoch],
+            key_epoch=epoch,
+            nonce=self._nonce,
+        )
+        return Followed(signed_header(header, private, self._signer), self._log, self._keys, private)
+
+
+def signed_header(header: SceneLogPublic, private: bytes, signer: SigningKey) -> SceneLogPublic:
+    """The header with the hash of its sealed log, signed with the scene's header key."""
+    header = replace(header, log_hash=hash_of_log(private), decision=None)
+    return replace(header, signature=signer.sign(HEADER_DOMAIN, header.signable()))
+
+
+def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: SceneKeys, author: SigningKey, token: Token) -> Draft:
     """The next position. Refused if the record does not fit; LocalFault if the author is no owner.
 
     `author`: signs the lockboxes, so that whoever opens one for the first time knows by whose word.
@@ -54,7 +85,7 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
     before, state = log.state, log.state.apply(record)
     former, epoch = header.former_keys, state.grants.key_epoch
     if epoch != before.grants.key_epoch:
-        # Whatever is known for this epoch came out of a header that was never decided, and others may know it.
+        # Whatever is known for this epoch is of a log that was decided otherwise since, and others may know it.
         keys = replace(keys, epochs=EpochKeys({**keys.epochs, epoch: new_symmetric_key(token)}))
         key, nonce = keys.epochs[epoch], token(NONCE_BYTES)
         former = seal_former(state.grants.former_keys, genesis=header.genesis, key_epoch=epoch, symmetric_key=key, nonce=nonce)
@@ -77,8 +108,7 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         lockboxes=_lockboxes(header, before, state, keys, author, token),
         succession=succession,
     )
-    public = replace(public, signature=signer.sign(HEADER_DOMAIN, public.signable()))
-    return Followed(public, OpenedLog(state, (*log.records, sign_record(record, signer))), keys)
+    return Draft(public, OpenedLog(state, (*log.records, sign_record(record, signer))), keys, signer, token(NONCE_BYTES))
 
 
 def header_keys(header_key: PublicKey, state: SceneLog) -> tuple[KeyEntry, ...]:
@@ -116,7 +146,8 @@ def _lockboxes(
 
 
 def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | None) -> SceneKeys:
-    """The keys that whoever has `keys` has under a verified header; DamagedData if it is not signed by the scene's header key.
+    """The keys that whoever has `keys` has under a header; DamagedData if it is not signed by the scene's header key, Undecided if it was
+    proposed, and no more.
 
     `sealing`: what its lockboxes are opened with. Whoever finds none there keeps what he has.
     """
@@ -125,7 +156,8 @@ def keys_after(header: SceneLogPublic, keys: SceneKeys, sealing: SealingKey | No
         raise DamagedData("a node answered with the header of another scene", where=where)
     header_key = header_key_now(header, keys.header_key)
     header_key.verify(header.signature, HEADER_DOMAIN, header.signable())
-    # Opened each time: what we hold for this epoch may come out of a header that was overtaken, and was never decided.
+    check_decided(header)
+    # Opened each time: a node that decides a position twice may have shown us the other header of this epoch.
     found = None if sealing is None else own_lockbox(header, sealing)
     if found is None:
         seed = keys.header_seed if header_key == keys.header_key else None

@@ -69,13 +69,18 @@ def locked(contents: Contents, recipient: KeyEntry, genesis: bytes, granter: Sig
     key = SealingPublicKey(recipient.raw, recipient.suite)
     context = _context(genesis, key.key_id, contents.key_epoch)
     sealed = key.seal(contents.encode(), LOCKBOX_PURPOSE, context, token)
-    return Lockbox(key.key_id, sealed, granter.sign(LOCKBOX_DOMAIN, _signed(context, contents.header_key, sealed)))
+    return Lockbox(key.key_id, sealed, granter.sign(LOCKBOX_DOMAIN, _signed(context, contents.header_key.raw, sealed)))
 
 
 def check_granter(lockbox: Lockbox, contents: Contents, genesis: bytes, granter: PublicKey) -> None:
     """InvalidSignature unless this key's holder sealed these contents into this lockbox."""
-    context = _context(genesis, lockbox.recipient, contents.key_epoch)
-    granter.verify(lockbox.signature, LOCKBOX_DOMAIN, _signed(context, contents.header_key, lockbox.sealed))
+    check_sealed_by(lockbox, genesis, contents.key_epoch, contents.header_key.raw, granter)
+
+
+def check_sealed_by(lockbox: Lockbox, genesis: bytes, key_epoch: int, header_key: bytes, granter: PublicKey) -> None:
+    """Likewise for who cannot open it: unless this key's holder says that it is of this scene, epoch and header key."""
+    context = _context(genesis, lockbox.recipient, key_epoch)
+    granter.verify(lockbox.signature, LOCKBOX_DOMAIN, _signed(context, header_key, lockbox.sealed))
 
 
 def unlocked(lockbox: Lockbox, key: SealingKey, genesis: bytes, key_epoch: int) -> Contents:
@@ -106,8 +111,8 @@ def keys_in(contents: Contents, genesis: bytes) -> SceneKeys:
     return SceneKeys(contents.name, genesis, epochs, contents.header_key, contents.role, contents.header_seed)
 
 
-def _signed(context: bytes, header_key: PublicKey, sealed: bytes) -> bytes:
-    return b"".join((context, header_key.raw, sealed))
+def _signed(context: bytes, header_key: bytes, sealed: bytes) -> bytes:
+    return b"".join((context, header_key, sealed))
 
 
 def _context(genesis: bytes, recipient: KeyId, key_epoch: int) -> bytes:

@@ -13,10 +13,10 @@ from scenefold.client.gifts import gifts_in
 from scenefold.crypto import HEADER_DOMAIN, SigningKey
 from scenefold.peer.headers import checked_header
 from scenefold.scene.head import SceneHead, check_head
-from scenefold.scene.log import FOR_EVER, lockbox_for, proven_header_key, succeeded
+from scenefold.scene.log import FOR_EVER, decided, lockbox_for, proven_header_key, succeeded
 from scenefold.wire import KeyEntry, Role, SceneLogPublic, WriterEntry
 from unit.scene.log.members import MAKER, grant, secrets_of
-from unit.scene.log.test_grants import MAKER_NUMBER, Story
+from unit.scene.log.test_grants import KEEPER_KEY, MAKER_NUMBER, Story
 
 EVIL = SigningKey(b"e" * 32)
 
@@ -35,7 +35,7 @@ def usurped(header: SceneLogPublic, **changes: object) -> SceneLogPublic:
     mine = KeyEntry(1, EVIL.public.raw)
     changes = {"public_key": EVIL.key_id, "keys": (mine,), "writers": (WriterEntry(EVIL.key_id, 0, FOR_EVER),), "lockboxes": (), **changes}
     forged = replace(header, **changes)  # type: ignore[arg-type]
-    return replace(forged, signature=EVIL.sign(HEADER_DOMAIN, forged.signable()))
+    return decided(replace(forged, signature=EVIL.sign(HEADER_DOMAIN, forged.signable())), KEEPER_KEY)
 
 
 def test_every_later_header_leads_back_to_the_genesis() -> None:
@@ -58,6 +58,8 @@ def test_a_header_that_is_met_first_is_believed_only_if_it_leads_back_to_the_gen
         usurped(header, position=1, succession=(), first_key=EVIL.public.raw),
         usurped(header, succession=(), origin=NodeId(99)),
         _by_the_owner(story, origin=NodeId(99)),
+        _by_the_owner(story, origin_key=EVIL.public.raw),
+        decided(_by_the_owner(story, origin_key=EVIL.public.raw), EVIL),
         _by_the_owner(story, succession=header.succession[1:]),
         _by_the_owner(story, birth=bytes(32)),
     ]
@@ -73,7 +75,7 @@ def _by_the_owner(story: Story, **changes: object) -> SceneLogPublic:
     header = replace(story.header, **changes)  # type: ignore[arg-type]
     seed = story.keys.header_seed
     assert seed is not None
-    return replace(header, signature=SigningKey(seed).sign(HEADER_DOMAIN, header.signable()))
+    return decided(replace(header, signature=SigningKey(seed).sign(HEADER_DOMAIN, header.signable())), KEEPER_KEY)
 
 
 @pytest.mark.expect_log("is not believed")

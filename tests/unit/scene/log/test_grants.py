@@ -14,36 +14,39 @@ from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId, SpaceId
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
-from scenefold.client.births import born, first_header, first_records, kept_keys
+from scenefold.client.births import born, first_header, first_private, first_records, kept_keys
 from scenefold.client.sealing import Draft, Opened
 from scenefold.client.wishes import Wish
 from scenefold.crypto import HEADER_DOMAIN, InvalidSignature, SigningKey
 from scenefold.peer.headers import checked_header
 from scenefold.peer.verification import KnownScene
 from scenefold.scene.log import (
+    Decider,
     EpochKeys,
     OpenedLog,
     SceneKeys,
     SceneLog,
     check_granter,
+    check_log,
+    decided,
     follow,
     keys_after,
     keys_in,
     keys_with_log,
     open_private,
     own_lockbox,
-    seal_private,
 )
 from scenefold.wire import Batch, KeyEntry, KeyEpoch, LogEntry, Revoke, Role, SceneLogPublic
 from unit.scene.log.members import MAKER, grant, secrets_of
 
-ORIGIN = NodeId(7)
+KEEPER_KEY = SigningKey(b"f" * 32)
+ORIGIN = Decider(NodeId(7), KEEPER_KEY.public.raw)
 MAKER_NUMBER = 200
 
 
 @dataclass
 class Story:
-    """A scene from its birth on; `keys`: of an owner."""
+    """A scene from its birth on; `keys`: of an owner. `private`: its log, sealed."""
 
     counter: Any = field(default_factory=lambda: itertools.count(1))
 
@@ -52,8 +55,9 @@ class Story:
         self.keys = self.first_keys = kept_keys(kept, secrets_of(MAKER_NUMBER).sealing)
         header = first_header(kept, self.keys, MAKER, ORIGIN)
         assert header is not None
-        self.header = header
-        self.known: KnownScene = checked_header(header, None)
+        self.header = decided(header, KEEPER_KEY)
+        self.private = first_private(self.keys, MAKER, ORIGIN)
+        self.known: KnownScene = checked_header(self.header, None)
         records = first_records(self.keys, MAKER, ORIGIN)
         self.log = OpenedLog(SceneLog.of(one.decoded() for one in records), records)
 
@@ -65,10 +69,10 @@ class Story:
         return self.log.state
 
     def do(self, entry: LogEntry, keys: SceneKeys | None = None) -> None:
-        """By an owner; nodes are told, and believe it."""
-        record = self.state.next_record(entry, self.token(16), ORIGIN)
-        followed = follow(self.header, self.log, record, keys or self.keys, secrets_of(MAKER_NUMBER).signing, self.token)
-        self.header, self.log, self.keys = followed.header, followed.log, followed.keys
+        """By an owner; it is decided, nodes are told, and believe it."""
+        record = self.state.next_record(entry, self.token(16), ORIGIN.node)
+        followed = follow(self.header, self.log, record, keys or self.keys, secrets_of(MAKER_NUMBER).signing, self.token).sealed()
+        self.header, self.log, self.keys, self.private = decided(followed.header, KEEPER_KEY), followed.log, followed.keys, followed.private
         self.known = checked_header(self.header, self.known)
 
     def key_epoch(self) -> KeyEpoch:
@@ -91,15 +95,9 @@ class Story:
 
     def read(self, keys: SceneKeys) -> SceneKeys:
         """Open the log with these keys; gives them with the former ones."""
-        private = seal_private(
-            self.log.records,
-            genesis=self.header.genesis,
-            symmetric_key=self.keys.epochs[self.header.key_epoch],
-            key_epoch=self.header.key_epoch,
-            nonce=bytes(12),
-        )
+        check_log(self.header, self.private)
         opened = open_private(
-            private,
+            self.private,
             genesis=self.header.genesis,
             position=self.header.position,
             symmetric_key=keys.epochs.newest,
@@ -165,10 +163,11 @@ def test_a_revoked_owner_signs_nothing_that_counts() -> None:
     before = story.header, story.log
     story.revoke(1)
     assert story.header.write_floor == story.header.position == 3
+    # Nor if the node that decides is on his side.
     forged = follow(
-        *before, before[1].state.next_record(grant(9, Role.OWNER), bytes(16), ORIGIN), former, secrets_of(1).signing, story.token
-    )
-    older = forged.header
+        *before, before[1].state.next_record(grant(9, Role.OWNER), bytes(16), ORIGIN.node), former, secrets_of(1).signing, story.token
+    ).sealed()
+    older = decided(forged.header, KEEPER_KEY)
     for header in (older, _signed(replace(older, position=9), former), _signed(replace(story.header, position=4), former)):
         with pytest.raises(Refused) as refused:
             checked_header(header, story.known)
@@ -178,15 +177,15 @@ def test_a_revoked_owner_signs_nothing_that_counts() -> None:
     # He can make a key follow the old one, but not the new one.
     heir = SigningKey(bytes(31) + b"\x63")
     taken = follow(
-        *before, before[1].state.next_record(KeyEpoch(1, bytes(24)), bytes(16), ORIGIN), former, secrets_of(1).signing, story.token
-    )
+        *before, before[1].state.next_record(KeyEpoch(1, bytes(24)), bytes(16), ORIGIN.node), former, secrets_of(1).signing, story.token
+    ).sealed()
     from scenefold.scene.log import succeeded
 
     step = succeeded(SigningKey(former.header_seed), heir.public, story.header.genesis, 4)
     for steps in ((step,), (*story.header.succession, step)):
         keys = (KeyEntry(1, heir.public.raw), *story.header.keys)
         usurped = replace(taken.header, position=4, write_floor=4, succession=steps, public_key=heir.key_id, keys=keys)
-        usurped = replace(usurped, signature=heir.sign(HEADER_DOMAIN, usurped.signable()))
+        usurped = decided(replace(usurped, signature=heir.sign(HEADER_DOMAIN, usurped.signable())), KEEPER_KEY)
         with pytest.raises(Refused) as refused:
             checked_header(usurped, story.known)
         assert refused.value.reason is RejectReason.NOT_AUTHORISED
@@ -196,7 +195,7 @@ def test_a_revoked_owner_signs_nothing_that_counts() -> None:
 
 def _signed(header: SceneLogPublic, keys: SceneKeys) -> SceneLogPublic:
     assert keys.header_seed is not None
-    return replace(header, signature=SigningKey(keys.header_seed).sign(HEADER_DOMAIN, header.signable()))
+    return decided(replace(header, signature=SigningKey(keys.header_seed).sign(HEADER_DOMAIN, header.signable())), KEEPER_KEY)
 
 
 def test_an_older_header_is_behind_and_no_crime() -> None:

@@ -1,11 +1,13 @@
-"""If this fails, a header that was overtaken, and never decided, goes on ruling which keys a scene is sealed under."""
+"""If this fails, a header that was never decided rules which keys a scene is sealed under, or one that was decided for some and not for others."""
 
 from __future__ import annotations
 
-from scenefold.scene.log import Followed, SceneKeys, follow, keys_after, keys_in, own_lockbox
-from scenefold.wire import Batch, KeyEpoch, LogEntry, Revoke, Role
+import pytest
+
+from scenefold.scene.log import Followed, SceneKeys, Undecided, decided, follow, keys_after, keys_in, own_lockbox
+from scenefold.wire import Batch, KeyEpoch, LogEntry, Revoke, Role, SceneLogPublic
 from unit.scene.log.members import grant, secrets_of
-from unit.scene.log.test_grants import MAKER_NUMBER, ORIGIN, Story
+from unit.scene.log.test_grants import KEEPER_KEY, MAKER_NUMBER, ORIGIN, Story
 
 
 def owner_keys(story: Story, number: int) -> SceneKeys:
@@ -16,15 +18,30 @@ def owner_keys(story: Story, number: int) -> SceneKeys:
 
 def proposed(story: Story, entry: LogEntry, number: int, keys: SceneKeys) -> Followed:
     """What an owner makes to follow the newest position, and nobody decides."""
-    record = story.state.next_record(entry, b"lost request id.", ORIGIN)
-    return follow(story.header, story.log, record, keys, secrets_of(number).signing, story.token)
+    record = story.state.next_record(entry, b"lost request id.", ORIGIN.node)
+    return follow(story.header, story.log, record, keys, secrets_of(number).signing, story.token).sealed()
+
+
+def twice(followed: Followed) -> SceneLogPublic:
+    """As a deciding node shows it that decides a position once for some, and otherwise for others."""
+    return decided(followed.header, KEEPER_KEY)
+
+
+def test_a_header_that_nobody_decided_gives_no_keys() -> None:
+    story = Story()
+    story.do(grant(5, Role.OWNER))
+    fork = proposed(story, story.key_epoch(), 5, owner_keys(story, 5))
+    for sealing in (None, secrets_of(MAKER_NUMBER).sealing):
+        with pytest.raises(Undecided, match="nobody shows that it was decided"):
+            keys_after(fork.header, story.keys, sealing)
+    assert 1 not in story.keys.epochs
 
 
 def test_the_key_after_a_revocation_is_none_that_the_revoked_has_shown() -> None:
     story = Story()
     story.do(grant(5, Role.OWNER))
     fork = proposed(story, story.key_epoch(), 5, owner_keys(story, 5))
-    mine = keys_after(fork.header, story.keys, secrets_of(MAKER_NUMBER).sealing)
+    mine = keys_after(twice(fork), story.keys, secrets_of(MAKER_NUMBER).sealing)
     story.do(grant(6))
     mine = keys_after(story.header, mine, secrets_of(MAKER_NUMBER).sealing)
     revoking = Batch((Revoke(secrets_of(5).signing.key_id), KeyEpoch(1, mine.epochs[0])))
@@ -38,7 +55,7 @@ def test_an_owner_seals_under_the_key_of_the_header_that_won() -> None:
     story.do(grant(5, Role.OWNER))
     story.do(grant(6, Role.OWNER))
     lost = proposed(story, story.key_epoch(), 5, owner_keys(story, 5))
-    keys = keys_after(lost.header, owner_keys(story, 6), secrets_of(6).sealing)
+    keys = keys_after(twice(lost), owner_keys(story, 6), secrets_of(6).sealing)
     story.do(story.key_epoch())
     assert keys_after(story.header, keys, secrets_of(6).sealing).epochs[1] == story.keys.epochs[1] != lost.keys.epochs[1]
     # Who was away for that long learns it from the former keys.

@@ -7,9 +7,10 @@ import json
 from make_scene_log_vectors import TARGET, document
 
 from house.sources import ROOT
+from scenefold.client.births import verified_header_key
 from scenefold.crypto import SealingKey, SigningKey
-from scenefold.scene.log import check_granter, open_private, unlocked
-from scenefold.wire import Lockbox, Role
+from scenefold.scene.log import check_granter, check_log, open_private, unlocked
+from scenefold.wire import Decision, Lockbox, Role, SceneLogPublic
 
 
 def test_the_golden_log_is_what_we_make() -> None:
@@ -36,6 +37,18 @@ def test_the_golden_log_is_read() -> None:
         assert [float(number).hex() for number in space.transform.offset] == row["offset"]
         positions = [[float.fromhex(number) for number in point] for point in row["positions"]]
         assert [location.hex() for location in space.locations_of(positions)] == row["locations"]
+
+
+def test_the_golden_header_is_believed() -> None:
+    golden = json.loads(TARGET.read_text(encoding="utf-8"))
+    row = golden["header"]
+    header = SceneLogPublic.decode(bytes.fromhex(row["bytes"]))
+    assert verified_header_key(header).raw == header.first_key == bytes.fromhex(row["first_key"])
+    assert (header.genesis.hex(), header.birth.hex(), header.log_hash.hex()) == (row["genesis"], row["birth"], row["log_hash"])
+    assert header.origin_key == SigningKey.from_seed(bytes.fromhex(row["origin_seed"])).public.raw
+    assert (header.signature.hex(), header.signable().hex()) == (row["signature"], row["signable"])
+    assert header.decision == Decision(1, (bytes.fromhex(row["certificate"]),))
+    check_log(header, bytes.fromhex(golden["sealed"]))
 
 
 def test_the_golden_lockbox_is_opened() -> None:

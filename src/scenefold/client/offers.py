@@ -1,0 +1,47 @@
+"""What is said when a position of a scene's log is proposed, and what of the answers is believed. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scenefold.base.errors import DamagedData, PeerFault, Refused
+from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.scene.log import check_decided
+from scenefold.wire import AcceptSceneProposal, Ballot, Phase, ProposalId, ProposeSceneLog, SceneLogPublic
+
+
+def proposal_of(header: SceneLogPublic, private: bytes) -> ProposeSceneLog:
+    """Packet 7: please have this header, with its sealed log, decided."""
+    return ProposeSceneLog(
+        genesis=header.genesis,
+        proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),
+        route=(header.origin,),
+        nodes=(),
+        highest=None,
+        takeover=False,
+        public=header,
+        private=private,
+        mac_epoch=0,
+        mac=b"",
+    )
+
+
+def as_decided(packet: ProposeSceneLog, reply: AcceptSceneProposal) -> SceneLogPublic:
+    """The header that was proposed, with its decision; PeerFault if the answer shows none, for it may be that of a relay that lies."""
+    header = replace(packet.public, decision=reply.decision)
+    try:
+        check_decided(header)
+    except DamagedData as problem:
+        raise PeerFault(f"a proposal is said to be accepted: {problem.what}", where=problem.where) from problem
+    return header
+
+
+def refusal_of(reason: RejectReason, name: str) -> Refused:
+    """In words, for whoever proposed something."""
+    where = f"scene {name}"
+    if reason is RejectReason.LIMIT_EXCEEDED:
+        what = f"the cluster takes no more scenes: {SCENES_PER_USER_MAX} of one user, {SCENES_LISTED_MAX} in all"
+        return Refused(reason, what, where=where, remedy="use one of those that there are: `scenectl scene list`")
+    words = reason.name.lower().replace("_", " ")
+    return Refused(reason, f"the cluster refused the scene: {words}", where=where)

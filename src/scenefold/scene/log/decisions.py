@@ -1,0 +1,63 @@
+"""Was this header decided, and is this its log? (specs/16-scene-log.md, Decisions.) Pure.
+
+An owner signs a header when it is proposed; that it is the scene's next one, and no other, says the node that decides, by a key that
+the scene's genesis holds. So nobody believes what was only proposed, whoever shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from scenefold.base.errors import DamagedData
+from scenefold.base.ids import NodeId
+from scenefold.crypto import DECISION_DOMAIN, PublicKey, SigningKey
+from scenefold.wire import Decision, SceneLogPublic, hash_of_record
+
+BY_ORIGIN = 1
+"""The form of a decision by one node: one certificate, its signature."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decider:
+    """The node that decides a scene's log, and the key that it signs with."""
+
+    node: NodeId
+    key: bytes
+
+
+class Undecided(DamagedData):
+    """A header that nobody shows to have been decided."""
+
+
+def decided(public: SceneLogPublic, key: SigningKey) -> SceneLogPublic:
+    """The header as decided by the node with this key."""
+    signature = key.sign(DECISION_DOMAIN, public.signable())
+    return replace(public, decision=Decision(BY_ORIGIN, (signature,)))
+
+
+def check_decided(public: SceneLogPublic) -> None:
+    """Undecided unless the scene's deciding node has signed this header. That it is the scene's, other checks tell."""
+    where, decision = f"scene {public.scene:08x}, log position {public.position}", public.decision
+    if decision is None:
+        raise Undecided("the header was proposed, and nobody shows that it was decided", where=where)
+    if decision.form != BY_ORIGIN:
+        what = f"the header is decided in form {decision.form}, which this program does not know"
+        raise Undecided(what, where=where, remedy="update this program")
+    if len(decision.certificates) != 1:
+        raise Undecided("the decision of the header is ill-formed", where=where)
+    try:
+        PublicKey(public.origin_key).verify(decision.certificates[0], DECISION_DOMAIN, public.signable())
+    except DamagedData as problem:
+        raise Undecided("the header is not decided by the node that decides the scene's log", where=where) from problem
+
+
+def hash_of_log(private: bytes) -> bytes:
+    """What a header says of its sealed log."""
+    return hash_of_record(private)
+
+
+def check_log(public: SceneLogPublic, private: bytes) -> None:
+    """DamagedData unless this is the sealed log that the header names."""
+    if hash_of_log(private) != public.log_hash:
+        where = f"scene {public.scene:08x}, log position {public.position}"
+        raise DamagedData("the scene's log is not the one that its header names", where=where)
