@@ -11,6 +11,8 @@ from random import Random
 
 import trio
 
+from scenefold.world.sim.time import current_time_of_simulation
+
 OFFSET_S_MAX = 1e6
 WALL_BEGIN = 1.8e9
 WALL_ERROR_S_MAX = 300.0
@@ -45,6 +47,6 @@ class SimClock:
         return self._wall_offset + self._virtual_now()
 
     async def sleep(self, seconds: float) -> None:
-        await trio.sleep(max(0.0, seconds) / self._rate)
+        await current_time_of_simulation().sleep(max(0.0, seconds) / self._rate)
         while (end := self.paused_until()) > trio.current_time():  # noqa: ASYNC110 - it may be lengthened meanwhile
             await trio.sleep_until(end)

@@ -44,7 +44,8 @@ class SimDatagrams:
             self._process.passes(Point.AFTER_SEND)
 
     async def receive(self) -> tuple[bytes, Endpoint]:
-        await trio.lowlevel.checkpoint()
+        if self._buffer or not self._is_open:
+            await trio.lowlevel.checkpoint()  # Else there is a wait.
         while not self._buffer:
             if not self._is_open:
                 raise trio.ClosedResourceError

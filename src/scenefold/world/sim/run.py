@@ -22,6 +22,7 @@ from typing import Any, TypeVar, TypeVarTuple
 import trio
 from trio._core import _run
 
+from scenefold.world.sim.rounds import spare_rounds
 from scenefold.world.sim.time import SimulationStuck, VirtualTime
 
 T = TypeVar("T")
@@ -60,6 +61,7 @@ def _unstuck(clock: VirtualTime, main: Callable[..., Awaitable[T]], args: tuple[
     result: list[T] = []
 
     async def bounded() -> None:
+        spare_rounds()
         with clock.main:
             result.append(await main(*args))
 
@@ -82,6 +84,8 @@ def deterministic(seed: int) -> Iterator[None]:
     """Trio runs tasks in an order that depends on the seed alone; the collector keeps to the steps of the clock."""
     switch, dice, collecting = _run._ALLOW_DETERMINISTIC_SCHEDULING, _run._r.getstate(), gc.isenabled()
     gc.collect()
+    # What is there already (modules, what the test has made) is not looked through again at every collection of the run.
+    gc.freeze()
     gc.disable()
     _run._ALLOW_DETERMINISTIC_SCHEDULING = True  # type: ignore[misc]
     _run._r.setstate(random.Random(hashlib.sha256(b"scheduling %d" % seed).digest()).getstate())
@@ -90,6 +94,7 @@ def deterministic(seed: int) -> Iterator[None]:
     finally:
         _run._ALLOW_DETERMINISTIC_SCHEDULING = switch  # type: ignore[misc]
         _run._r.setstate(dice)
+        gc.unfreeze()
         if collecting:
             gc.enable()
 

@@ -76,7 +76,8 @@ class SimConnection:
             raise trio.BusyResourceError("another task receives from this connection")
         self._is_receiving = True
         try:
-            await trio.lowlevel.checkpoint()
+            if self._in.unread or self._in.ended is not None or self._is_closed or self._lost is not None:
+                await trio.lowlevel.checkpoint()  # Else there is a wait.
             while True:
                 if self._is_closed:
                     raise ConnectionLost("the connection is closed")

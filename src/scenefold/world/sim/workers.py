@@ -31,6 +31,25 @@ SYNCING_LANE = "store"
 """Its calls take as much longer as the disk is slow."""
 
 
+class _Lane:
+    """Room for so many calls at once. Whoever finds room goes on without giving way: its call takes virtual time anyway."""
+
+    def __init__(self, width: int) -> None:
+        self._free = width
+        self._waiting = trio.lowlevel.ParkingLot()
+
+    async def __aenter__(self) -> None:
+        await trio.lowlevel.checkpoint_if_cancelled()
+        if self._free:
+            self._free -= 1
+        else:
+            await self._waiting.park()  # Who wakes it leaves it the room.
+
+    async def __aexit__(self, *_: object) -> None:
+        if not self._waiting.unpark():
+            self._free += 1
+
+
 class SimWorkers:
     """The lanes of one process."""
 
@@ -38,17 +57,17 @@ class SimWorkers:
         self._process = process
         self._paths = paths
         self._costs = costs
-        self._limiters: dict[str, trio.CapacityLimiter] = {}
+        self._lanes: dict[str, _Lane] = {}
 
     async def run(self, lane: str, function: Callable[..., T], *args: object) -> T:
         assert lane in WIDTHS, f"no lane is called {lane!r}"
-        await trio.lowlevel.checkpoint()
         cost = self._cost(lane)
         if cost == 0.0:
+            await trio.lowlevel.checkpoint()
             result = await self._call(function, *args)
             await trio.lowlevel.cancel_shielded_checkpoint()
             return result
-        async with self._limiter(lane):
+        async with self._lane(lane):
             before = cost * self._process.machine.dice.random()
             await self._elapse(before)
             if not self._process.is_alive:
@@ -66,10 +85,10 @@ class SimWorkers:
                 await trio.lowlevel.checkpoint()
             raise
 
-    def _limiter(self, lane: str) -> trio.CapacityLimiter:
-        if lane not in self._limiters:
-            self._limiters[lane] = trio.CapacityLimiter(WIDTHS[lane])
-        return self._limiters[lane]
+    def _lane(self, name: str) -> _Lane:
+        if name not in self._lanes:
+            self._lanes[name] = _Lane(WIDTHS[name])
+        return self._lanes[name]
 
     def _cost(self, lane: str) -> float:
         machine = self._process.machine
