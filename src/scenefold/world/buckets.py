@@ -26,6 +26,11 @@ class Buckets:
         self._remember(key, left - 1 if left >= 1 else left, now)
         return left >= 1
 
+    def has(self, key: str, now: float) -> bool:
+        """Whether there is one to take."""
+        left, at = self._left.get(key, (self._burst, now))
+        return left + (now - at) * self._per_s >= 1
+
     def give_back(self, key: str, now: float) -> None:
         """It was nothing that counts."""
         self._remember(key, min(self._burst, self._content(key, now) + 1), now)

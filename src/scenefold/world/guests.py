@@ -2,7 +2,7 @@
 
 A member may open as many connections as it likes, so a bound for each connection is none for the peer. Connections beyond the
 number that a peer may have push out its own oldest, which may be one that its machine has forgotten; nobody else's. Beside
-others it begins only a few requests at a time (turns.py).
+others it begins only a few requests at a time, and takes only a share of the time (turns.py).
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Share:
                 await self._turn_ended.park()
         return self._turns.begin(self._peer, trio.current_time())
 
-    def end_turn(self, number: int) -> None:
-        self._turns.end(self._peer, number)
+    def end_turn(self, number: int, answer_bytes: int) -> None:
+        self._turns.end(self._peer, number, answer_bytes, trio.current_time())
         self._turn_ended.unpark()
 
 

@@ -98,7 +98,7 @@ class _Serving:
                 frames = reader.feed(data)
             except MalformedPacket as error:
                 self._complain("framing", str(error))
-                await self._answer(_fault(0, RejectReason.LIMIT_EXCEEDED, error))
+                await self._put(encode_frame(_fault(0, RejectReason.LIMIT_EXCEEDED, error)))
                 await self._drain()
                 return
             for frame in frames:
@@ -139,10 +139,15 @@ class _Serving:
         async with AsyncExitStack() as held:
             held.callback(self._budget.give_back, len(frame))
             held.callback(self._share.budget.give_back, len(frame))
-            held.callback(self._share.end_turn, await self._share.take_turn())
-            answer = await self._answer_to(frame, held)
-            if answer is not None:
-                await self._answer(answer)
+            turn, answer_bytes = await self._share.take_turn(), 0
+            try:
+                answer = await self._answer_to(frame, held)
+                if answer is not None:
+                    answer_frame = self._frame_of(answer)
+                    answer_bytes = len(answer_frame)
+                    await self._put(answer_frame)
+            finally:
+                self._share.end_turn(turn, answer_bytes)
 
     async def _answer_to(self, frame: bytes, held: AsyncExitStack) -> Packet | None:
         """The answer to a packet. `held` keeps what must stay taken until the answer has left."""
@@ -167,13 +172,15 @@ class _Serving:
             return _fault(number, _reason(error), error) if number else None
         return replace(answer, request_id=number) if answer is not None and number else None
 
-    async def _answer(self, answer: Packet) -> None:
+    def _frame_of(self, answer: Packet) -> bytes:
         try:
-            frame = encode_frame(answer)
+            return encode_frame(answer)
         except LocalFault as error:
             # A handler's answer that fits no frame is its mistake, but only this request should suffer from it.
             self._complain("answer", str(error))
-            frame = encode_frame(_fault(answer.request_id, RejectReason.TOO_LARGE_FOR_PACKET, error))
+            return encode_frame(_fault(answer.request_id, RejectReason.TOO_LARGE_FOR_PACKET, error))
+
+    async def _put(self, frame: bytes) -> None:
         try:
             await self._outbox.put(frame)
         except ConnectionLost:

@@ -31,7 +31,8 @@ def test_handshakes_that_fail_are_counted_by_address() -> None:
     assert failed(admission, 10 * HANDSHAKES_BURST, 0.0) == HANDSHAKES_BURST
     assert failed(admission, 1_000, 10.0) == min(HANDSHAKES_BURST, 10 * HANDSHAKES_PER_S)
     assert admission.may_shake_hands(ELSEWHERE, 0.0)
-    assert admission.may_knock(OFFICE, 10.0), "who says nothing costs less, and is not meant"
+    assert not admission.may_knock(OFFICE, 10.0), "it need not come nearer"
+    assert admission.may_knock(OFFICE, 11.0) and admission.may_knock(ELSEWHERE, 10.0)
 
 
 def test_many_peers_behind_one_address_come_in_at_once_and_again() -> None:

@@ -16,7 +16,10 @@ def test_nobody_takes_more_than_a_bucket_and_what_comes_back(burst: int, per_s: 
         now += pause
         if not is_mine:
             buckets.take("another", now)
-        elif buckets.take("me", now):
+            continue
+        there_is_one = buckets.has("me", now)
+        assert buckets.take("me", now) == there_is_one
+        if there_is_one:
             taken.append(now)
     for first, begun in enumerate(taken):
         for last in range(first, len(taken)):

@@ -30,8 +30,8 @@ class Admission:
         self._peers = Buckets(PEER_HANDSHAKES_BURST, PEER_HANDSHAKES_PER_S)
 
     def may_knock(self, source: str, now: float) -> bool:
-        """Whether a connection that has just come may stay."""
-        return self._knocks.take(source, now)
+        """Whether a connection that has just come may stay. Whoever may not shake hands need not wait to be told."""
+        return self._handshakes.has(source, now) and self._knocks.take(source, now)
 
     def may_shake_hands(self, source: str, now: float) -> bool:
         """Whether TLS may begin on one."""

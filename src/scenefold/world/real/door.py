@@ -47,7 +47,7 @@ class Door:
             return False
         if self._admission.may_knock(source, time.monotonic()):
             return True
-        self._say(source, "knocks", "connections are closed: too many come")
+        self._say(source, "knocks", "connections are closed: too many come, or their TLS handshakes fail, or are of one peer")
         return False
 
     async def receive(self, stream: trio.SocketStream) -> None:
@@ -103,7 +103,7 @@ class Door:
                 elif self._admission.may_shake_hands(source, time.monotonic()):
                     return await shake_hands(stream, self._context, self._versions)
                 else:
-                    kind, why = "handshakes", "too many TLS handshakes of this address have failed, or are of one peer"
+                    kind, why = "handshakes", "too many TLS handshakes of this address fail, or are of one peer"
             except NoCommonVersion as error:
                 kind, why = "version", str(error)
             except (ConnectionLost, PeerFault, OSError) as error:
