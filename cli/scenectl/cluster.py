@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
-from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, trust, users
+from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
 from scenectl.member_values import TokenOption, given_token
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
+from scenectl.trusting import trust
 from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def init(
     name: str | None = None,
     ports: PortsOption | None = None,
     suite: SuiteOption = DEFAULT_SUITE,
+    trust_all: Annotated[bool, Parameter(negative="")] = False,
     output: Output = PLAIN,
 ) -> None:
     """Make the authority and the keys of a new cluster.
@@ -55,18 +57,25 @@ def init(
         Ports for low and high priority, LOW,HIGH; by default 17349,17350.
     suite
         Algorithms of the keys of the user who makes the cluster; nodes' keys are always of the first.
+    trust_all
+        Trust all these nodes, spares too, so that they render: for machines that are all your own. Else only the first is
+        trusted, the others store what they cannot read, and `cluster trust` changes that later.
     """
+    from scenefold.base.ids import address_of
     from scenefold.client import create_cluster
     from scenefold.crypto import suite_named
 
     more, title, number = () if spares is None else spares.all, folder.resolve().name if name is None else name, suite_named(suite).number
-    profile = create_cluster(folder, title, nodes.all, spares=more, ports=cluster_ports(ports), suite=number)
-    document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more)}
+    profile = create_cluster(folder, title, nodes.all, spares=more, ports=cluster_ports(ports), suite=number, trust_all=trust_all)
+    trusted = [address_of(node) for node in (*profile.voters, *profile.trusted)]
+    document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more), "trusted": trusted}
     first = nodes.all[0]
     text = (
         f"Cluster {profile.name} with {len(nodes.all)} nodes is in {profile.folder}.\n"
         f"Start each node, for example: scenectl node run --address {first} --profile {profile.folder}"
     )
+    if len(trusted) < len(nodes.all) + len(more):
+        text += f"\nOnly {trusted[0]} renders, the others store what they cannot read: `scenectl cluster trust` changes that."
     emit(output, document, text)
 
 

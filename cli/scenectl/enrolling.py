@@ -1,4 +1,4 @@
-"""`scenectl cluster invite`, `invitations`, `users`, `trust`, `revoke`: who belongs to a cluster."""
+"""`scenectl cluster invite`, `invitations`, `users`, `revoke`, `renew`: who belongs to a cluster."""
 
 from __future__ import annotations
 
@@ -171,43 +171,6 @@ def users(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     revoked = [name for name in found.revoked if name.startswith("user:")]
     note = f"\n\nrevoked: {', '.join(revoked)}" if revoked else ""
     emit(output, {"users": documents, "revoked": revoked}, table(("user", "admin", "key", "certificate until"), rows) + note)
-
-
-def trust(
-    address: AddressOption,
-    /,
-    *,
-    withdraw: Annotated[bool, Parameter(negative="")] = False,
-    output: ProfileOutput = DEFAULT_PROFILE,
-) -> None:
-    """Trust a node with the authority's key, so that it can enrol newcomers and renew certificates. Others only store and render.
-
-    Example: scenectl cluster trust 192.168.1.12 --profile studio
-
-    Parameters
-    ----------
-    address
-        IPv4 address of the node.
-    withdraw
-        Trust it no longer. It may have kept the key: if its owner turned against you, make the cluster anew.
-    """
-    from scenectl.running import connected, run
-    from scenefold.base.ids import node_id_of
-
-    node = node_id_of(address.text)
-
-    async def work() -> bool:
-        async with connected(output.profile) as cluster:
-            await cluster.membership.trust(node, trusted=not withdraw)
-            return node in cluster.profile.voters
-
-    is_voter = run(work)
-    words = "is trusted no longer" if withdraw else "is trusted: it can enrol others and renew certificates"
-    warning = (
-        "It decides the cluster's log and has read the authority's key: its owner could trust it again." if withdraw and is_voter else ""
-    )
-    document = {"address": address.text, "trusted": not withdraw, "warning": warning}
-    emit(output, document, f"Node {address} {words}." + (f"\n{warning}" if warning else ""))
 
 
 def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:

@@ -180,6 +180,7 @@ def local(
     spares: Annotated[int, whole(0, 126)] = 0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
+    trust: bool = True,
     output: Output = PLAIN,
 ) -> None:
     """Run COUNT nodes on this machine, one process each, until Ctrl-C, for trying things.
@@ -200,6 +201,9 @@ def local(
         Threads that each node may render with; by default the machine's are shared out.
     ports
         Ports for low and high priority, LOW,HIGH; by default 17349,17350.
+    trust
+        A cluster that is made now trusts all these nodes, so that they render what it holds. With --no-trust only the first one: the
+        others store what they cannot read.
     """
     import trio
 
@@ -207,7 +211,7 @@ def local(
     from scenefold.node.local import local_cluster
 
     async def work() -> None:
-        async with local_cluster(count, folder, spares=spares, threads=threads, ports=cluster_ports(ports)) as cluster:
+        async with local_cluster(count, folder, spares=spares, threads=threads, ports=cluster_ports(ports), trust=trust) as cluster:
             profile = str(cluster.profile.resolve())
             document = {"event": "ready", "profile": profile, "nodes": list(cluster.addresses), "spares": list(cluster.spares)}
             emit_event(output, document, f"{count} nodes are ready; use --profile {profile}\nCtrl-C ends them.")

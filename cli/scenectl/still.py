@@ -6,8 +6,9 @@ a node, in a temporary folder, and is stopped and removed at the end, however th
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
     from scenectl.values import PortPair
     from scenefold.client import Cluster, ImportReport, PreparedImport
     from scenefold.client.progress import ProgressCallback
+    from scenefold.render.choice import LeftOut
     from scenefold.render.client import StillOptions, StillResult
+
+ADDRESSES_SHOWN = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,10 +99,14 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
             with phases.time("import"):
                 scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
+        from scenefold.render.choosing import renderers_of
         from scenefold.render.client import render_still
 
         with phases.time("render"):
-            result = await render_still(cluster, scene, job.options, _render_progress(progress))
+            renderers = await renderers_of(cluster, scene)
+            if renderers.nodes and renderers.left_out:
+                print(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out), file=sys.stderr, flush=True)
+            result = await render_still(cluster, scene, job.options, _render_progress(progress), renderers=renderers)
         with phases.time("write"):
             sha256 = await _write(cluster, job, result)
         nodes = [node.address for node in await cluster.nodes()]
@@ -131,11 +139,31 @@ def report_text(report: dict[str, Any]) -> str:
     ):
         if report.get(key) is not None:
             lines.append(f"  {label + ':':<28}{_value_text(key, report[key])}")
+        if key == "nodes":
+            lines.append(f"  {'nodes that rendered:':<28}{len(report['render_nodes'])}")
     seconds = ", ".join(f"{phase} {value:.1f}" for phase, value in report["seconds"].items())
     lines.append(f"  {'seconds:':<28}{seconds}")
     lines += [f"  not carried over: {missing}" for missing in (report.get("import") or {}).get("not_carried", [])]
     lines.append(f"  {'image sha256:':<28}{report['image_sha256']}")
     return "\n".join(lines)
+
+
+def left_out_text(scene: str, count: int, left_out: Sequence[LeftOut]) -> str:
+    """Who does not render, why, and how to change that, while `count` nodes do."""
+    from scenefold.base.ids import address_of
+    from scenefold.render.choice import how_to_admit
+
+    by_reason: dict[str, list[str]] = {}
+    for one in left_out:
+        by_reason.setdefault(one.why, []).append(address_of(one.node))
+    reasons = "; ".join(f"{_few(addresses)}: {why}" for why, addresses in by_reason.items())
+    return f"note: {count} of {count + len(left_out)} nodes render ({reasons}): {how_to_admit(scene)}"
+
+
+def _few(addresses: Sequence[str]) -> str:
+    return ", ".join(addresses[:ADDRESSES_SHOWN]) + (
+        f" and {len(addresses) - ADDRESSES_SHOWN} more" if len(addresses) > ADDRESSES_SHOWN else ""
+    )
 
 
 @asynccontextmanager
@@ -151,7 +179,7 @@ async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
 
     begun = time.monotonic()
     stopping = begun
-    async with local_cluster(job.nodes, threads=job.threads, ports=cluster_ports(job.ports)) as embedded:
+    async with local_cluster(job.nodes, threads=job.threads, ports=cluster_ports(job.ports), trust=True) as embedded:
         async with connect(embedded.profile) as cluster:
             phases.seconds["start"] = round(time.monotonic() - begun, 3)
             yield cluster

@@ -29,7 +29,7 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[
     """Two nodes: the profile of who made them, and their processes by address."""
     folder = tmp_path_factory.mktemp("trial")
     ports = ports_option(*FOUNDERS, NEWCOMER, LATER)
-    with running("node", "local", "2", "--folder", folder, "--ports", ports, "--json") as (process, ready):
+    with running("node", "local", "2", "--no-trust", "--folder", folder, "--ports", ports, "--json") as (process, ready):
         yield ready["profile"], children(process.pid)
 
 

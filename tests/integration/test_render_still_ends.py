@@ -102,7 +102,9 @@ def test_a_node_that_is_killed_is_named_and_ends_the_render(victim: str, tmp_pat
 def test_a_node_of_a_running_cluster_that_is_killed_is_named(tmp_path: Path) -> None:
     """No supervisor here: the nodes that are left must notice by themselves, and stay of use."""
     ours = addresses(3)
-    made = scenectl("cluster", "init", tmp_path / "studio", "--nodes", ",".join(ours), "--ports", ports_option(*ours), "--json")
+    made = scenectl(
+        "cluster", "init", tmp_path / "studio", "--nodes", ",".join(ours), "--trust-all", "--ports", ports_option(*ours), "--json"
+    )
     profile = made.json["profile"]
     (tmp_path / "room.obj").write_text(ROOM)
 

@@ -17,10 +17,12 @@ from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import SealingKey
 from scenefold.render.arrays import F32
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool.organiser import RenderRequest, organiser_of
+from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.service import RenderService
+from scenefold.render.sealed_keys import About, SealedKeys, open_keys, seal_keys
 from scenefold.scene.head import SceneHead
 from scenefold.scene.importers import read_scene
 from scenefold.scene.importers.plan import ImportPlan
@@ -42,6 +44,8 @@ from scenefold.world import World
 
 Records = dict[tuple[SpaceId, Location], bytes]
 USER = "user:test"
+CLUSTER, GENESIS = bytes(16), bytes(32)
+SCENE_KEY = b"the key of the scene, 24"
 
 
 def records_of(path: Path) -> Records:
@@ -72,6 +76,9 @@ class MemoryHost:
         self.world = pool.world
         self.handlers: dict[type[Packet], tuple[Callable[[Any, str], Awaitable[Packet | None]], bool]] = {}
         self.away = False
+        self.sealing = SealingKey.generate()
+        self.keys: list[EpochKeys] = []
+        """That it could open."""
 
     def nodes(self) -> list[NodeId]:
         return self._pool.nodes
@@ -88,6 +95,10 @@ class MemoryHost:
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._pool.deliver(f"node:{self.node_id}", node, packet)
 
+    def opened(self, keys: SealedKeys, genesis: bytes, job: int) -> EpochKeys:
+        self.keys.append(open_keys(keys, self.node_id, self.sealing, About(CLUSTER, genesis, job)))
+        return self.keys[-1]
+
     def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> MemoryReader:
         return MemoryReader(self._pool.records)
 
@@ -102,6 +113,8 @@ class MemoryPool:
         self.world, self.records = world, records
         self.nodes = [NodeId(0x7F000002 + index) for index in range(count)]
         self.hosts = {node: MemoryHost(self, node) for node in self.nodes}
+        self.delivered: dict[NodeId, list[bytes]] = {node: [] for node in self.nodes}
+        """What each node was told, by whomever."""
 
     async def deliver(self, peer: str, node: NodeId, packet: Packet) -> Packet | None:
         await trio.lowlevel.checkpoint()
@@ -111,17 +124,24 @@ class MemoryPool:
         handler, nodes_only = host.handlers[type(packet)]
         if nodes_only and not peer.startswith("node:"):
             raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} may not send this")
+        self.delivered[node].append(encode_packet(packet))
         answer = await handler(decode_packet(encode_packet(packet)), peer)
         return None if answer is None else decode_packet(encode_packet(answer))
 
     async def ask(self, node: NodeId, packet: Packet) -> Any:
         return await self.deliver(USER, node, packet)
 
-    async def start(self, job: int, options: RenderOptions) -> NodeId:
-        """Ask the organiser for a render; its id."""
-        owner = organiser_of(job, self.nodes)
-        request = RenderRequest(job, SceneId(1), bytes(32), EpochKeys.only(bytes(24)), options)
-        answer = await self.ask(owner, StartJob(job=job, document=request.to_bytes()))
+    def request(self, job: int, options: RenderOptions, chosen: Sequence[NodeId]) -> StartJob:
+        """What a client says that has chosen these nodes."""
+        recipients = {node: self.hosts[node].sealing.public for node in chosen}
+        keys = seal_keys(EpochKeys.only(SCENE_KEY), recipients, About(CLUSTER, GENESIS, job), self.world.entropy.token)
+        return StartJob(job=job, document=RenderRequest(job, SceneId(1), GENESIS, keys, options).to_bytes())
+
+    async def start(self, job: int, options: RenderOptions, chosen: Sequence[NodeId] | None = None) -> NodeId:
+        """Ask the organiser for a render on these nodes (all); its id."""
+        nodes = self.nodes if chosen is None else chosen
+        owner = organiser_of(job, nodes)
+        answer = await self.ask(owner, self.request(job, options, nodes))
         assert isinstance(answer, JobAnswer)
         if answer.reason:
             raise Refused(RejectReason(answer.reason), answer.text)
@@ -143,9 +163,12 @@ class MemoryPool:
                     return state
                 await self.world.clock.sleep(0.02)
 
-    async def render(self, job: int, options: RenderOptions) -> tuple[bytes, dict[str, Any]]:
+    async def render(self, job: int, options: RenderOptions, chosen: Sequence[NodeId] | None = None) -> tuple[bytes, dict[str, Any]]:
         """The image's bytes and the final state."""
-        owner = await self.start(job, options)
+        return await self.finished(job, await self.start(job, options, chosen))
+
+    async def finished(self, job: int, owner: NodeId) -> tuple[bytes, dict[str, Any]]:
+        """Wait for a job; its image's bytes and the final state."""
         state = await self.until(job, owner, "done", "failed")
         assert state["phase"] == "done", state["failure"]
         image = b""

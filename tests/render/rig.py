@@ -25,11 +25,11 @@ from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_n
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree.cast_kernels import find_owners
 from scenefold.render.renderers.embree.renderer import EmbreeRenderer
+from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.scene.importers import atoms, prototypes
 from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.layout import GEOMETRY, TEXTURES
-from scenefold.scene.log import EpochKeys
 from scenefold.scene.payloads.tiles import decode_tile
 from scenefold.scene.tables import SceneTables
 
@@ -93,7 +93,7 @@ class Rig:
             id=7,
             scene=SceneId(1),
             genesis=bytes(32),
-            keys=EpochKeys.only(bytes(24)),
+            keys=NO_KEYS,
             content=self.tables.document.content,
             numeric_class=EmbreeRenderer().numeric_class(),
             width=asked.width,

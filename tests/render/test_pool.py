@@ -7,11 +7,25 @@ from pathlib import Path
 import pytest
 import trio
 
-from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
+from render.pool_in_memory import SCENE_KEY, MemoryPool, Records, memory_pool, records_of, sha256_of
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
+from scenefold.base.reasons import RejectReason
 from scenefold.render.job import RenderOptions
-from scenefold.wire import JobEvent, SendRays, pack_value
+from scenefold.scene.log import EpochKeys
+from scenefold.wire import (
+    CancelJob,
+    CollectPass,
+    FilmPart,
+    JobAnswer,
+    JobEvent,
+    JobState,
+    MergeFilm,
+    Packet,
+    PassCounts,
+    SendRays,
+    pack_value,
+)
 from scenefold.world.real.world import offline_world
 
 ROOM = """\
@@ -123,8 +137,6 @@ async def test_a_cancelled_job_leaves_nothing_behind(room: Records) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
         owner = await pool.start(31, long)
         await pool.until(31, owner, "rendering")
-        from scenefold.wire import CancelJob
-
         await pool.ask(owner, CancelJob(job=31))
         with trio.fail_after(60):
             while True:
@@ -186,3 +198,84 @@ async def test_users_may_not_speak_as_nodes(room: Records) -> None:
     async with memory_pool(offline_world(), room, 1) as pool:
         with pytest.raises(Refused):
             await pool.ask(pool.nodes[0], JobEvent(job=1, document=pack_value({"go": True})))
+
+
+async def test_who_was_not_chosen_is_told_nothing_and_the_image_is_the_same(room: Records) -> None:
+    alone, _ = await _render(room, 1, SMALL)
+    async with memory_pool(offline_world(), room, 4) as pool:
+        chosen = [pool.nodes[0], pool.nodes[2]]
+        image, state = await pool.render(81, SMALL, chosen)
+        assert sha256_of(image) == alone
+        assert [node["address"] for node in state["nodes"]] == ["127.0.0.2", "127.0.0.4"]
+        for node in pool.nodes:
+            if node in chosen:
+                assert set(pool.hosts[node].keys) == {EpochKeys.only(SCENE_KEY)}
+            else:
+                assert not pool.delivered[node] and not pool.hosts[node].keys
+        # Not to those that were chosen either, but sealed.
+        assert not any(SCENE_KEY in packet for packets in pool.delivered.values() for packet in packets)
+
+
+async def test_whose_trust_ended_during_a_render_is_told_nothing_of_the_next_one(room: Records) -> None:
+    # Numbers of nine bytes on the wire, so that they are found in what was said.
+    first, second = (2**63 + number for number in (82, 83))
+    long = RenderOptions(width=320, height=240, samples=512)
+    async with memory_pool(offline_world(), room, 3) as pool:
+        owner = await pool.start(first, long)
+        await pool.until(first, owner, "rendering")
+        image, _ = await pool.render(second, SMALL, pool.nodes[:2])
+        assert image
+        told = {
+            job: [any(job.to_bytes(8, "big") in packet for packet in pool.delivered[node]) for node in pool.nodes]
+            for job in (first, second)
+        }
+        # The first one goes on with the keys that its nodes have.
+        assert told == {first: [True, True, True], second: [True, True, False]}
+        assert (await pool.state(first, owner))["phase"] == "rendering"
+        await pool.ask(owner, CancelJob(job=first))
+
+
+async def test_who_was_not_chosen_does_not_organise(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 3) as pool:
+        answer = await pool.ask(pool.nodes[2], pool.request(84, SMALL, pool.nodes[:2]))
+        assert isinstance(answer, JobAnswer)
+        assert answer.reason == RejectReason.NOT_AUTHORISED and "not sealed to this node" in answer.text
+        with pytest.raises(Refused):
+            await pool.state(84, pool.nodes[2])
+
+
+async def test_a_chosen_node_that_has_left_is_passed_over(room: Records) -> None:
+    alone, _ = await _render(room, 1, SMALL)
+    async with memory_pool(offline_world(), room, 3) as pool:
+        request = pool.request(85, SMALL, pool.nodes)
+        left = pool.nodes.pop()
+        assert (await pool.ask(pool.nodes[0], request)).reason == 0
+        image, _ = await pool.finished(85, pool.nodes[0])
+        assert sha256_of(image) == alone
+        assert not pool.delivered[left]
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        JobState(job=86),
+        CancelJob(job=86),
+        CollectPass(job=86, pass_index=0, attempt=0),
+        MergeFilm(job=86),
+        FilmPart(job=86, part_index=0, part_count=1, payload=b""),
+        JobEvent(job=86, document=pack_value({"go": True})),
+        PassCounts(job=86, pass_index=0, attempt=0, created=1, retired=1, sent=0, received=0),
+        SendRays(job=86, frame=0, pass_index=0, attempt=0, partition_epoch=1, link_sequence=1, render_location=(), count=0, rays=b""),
+    ],
+    ids=lambda packet: type(packet).__name__,
+)
+async def test_a_node_outside_of_the_job_learns_and_changes_nothing_of_it(packet: Packet, room: Records) -> None:
+    async with memory_pool(offline_world(), room, 3) as pool:
+        chosen, outsider = pool.nodes[:2], pool.nodes[2]
+        owner = await pool.start(86, RenderOptions(width=320, height=240, samples=256), chosen)
+        await pool.until(86, owner, "rendering")
+        for node in chosen:
+            with pytest.raises(Refused) as caught:
+                await pool.deliver(f"node:{outsider}", node, packet)
+            assert caught.value.reason is RejectReason.NOT_AUTHORISED
+        assert (await pool.state(86, owner))["phase"] == "rendering"

@@ -141,12 +141,6 @@ class SceneAccess:
             if header is not None and header.position > self.identity.position:
                 self.identity = self.identity.with_header(header, self.log.keys.epochs)
 
-    async def know_all_keys(self) -> None:
-        """Learn the scene's keys of all epochs: records may still lie under any of them."""
-        newest = self.identity.keys.newest_epoch
-        if self.identity.key_epoch != newest or len(self.identity.keys) <= newest:
-            await self.read_log()
-
     async def _caught_up(self, unknown: NewerThanKnown) -> bool:
         """Whether more of the scene is known now than when a record was not understood. Keys of former epochs stand in the log."""
         before = self.identity

@@ -22,14 +22,15 @@ _MEMBER = re.compile(r"user:[A-Za-z0-9._@-]{1,50}|node:(0|[1-9][0-9]{0,9})")
 
 
 def member_name(who: str) -> str:
-    """ "user:ada" or "node:<id>", of that or of a node's address; UsageFault for anything else."""
+    """ "user:ada" or "node:<id>", of that or of a node's address, with "node:" before it or not; UsageFault for anything else."""
     if _MEMBER.fullmatch(who):
         return who
     try:
-        return f"node:{int(checked_node_id(who))}"
+        node = checked_node_id(who.removeprefix("node:"))
     except ValueError:
         remedy = "name a user as in user:ada, or a node by its address"
         raise UsageFault(f"{who[:80]!r} names no member of a cluster", where="member", remedy=remedy) from None
+    return f"node:{int(node)}"
 
 
 async def card_for(cluster: Cluster, who: str, file: Path | None = None) -> Card:

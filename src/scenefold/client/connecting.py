@@ -86,6 +86,10 @@ def create_cluster(
     spares: Sequence[str] = (),
     ports: Ports | None = None,
     suite: int = DEFAULT_SUITE,
+    trust_all: bool = False,
 ) -> ClusterProfile:
-    """Make authority and keys of a new cluster in a folder, whole or not at all. `spares` may join it later. `suite`: of the user's keys."""
-    return ClusterProfile.create(folder, name, node_addresses, spares=spares, ports=ports, suite=suite)
+    """Make authority and keys of a new cluster in a folder, whole or not at all. `spares` may join it later. `suite`: of the user's keys.
+
+    `trust_all`: the cluster trusts all these nodes from the start, so that they render; else the first one only.
+    """
+    return ClusterProfile.create(folder, name, node_addresses, spares=spares, ports=ports, suite=suite, trust_all=trust_all)

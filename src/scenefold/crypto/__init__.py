@@ -56,7 +56,7 @@ from scenefold.crypto.records import (
     verify_record,
     verify_records,
 )
-from scenefold.crypto.sealing_keys import AUTHORITY_PURPOSE, LOCKBOX_PURPOSE, SealingKey, SealingPublicKey
+from scenefold.crypto.sealing_keys import AUTHORITY_PURPOSE, LOCKBOX_PURPOSE, RENDER_PURPOSE, SealingKey, SealingPublicKey
 from scenefold.crypto.secret_folder import SecretFolder, refuse_to_ask
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES, SUITES, Suite, UnknownSuite, suite_named, suite_of
@@ -81,6 +81,7 @@ __all__ = [
     "PLACED_BY_CLIENT",
     "PLACED_BY_NODE",
     "RECORD_DOMAIN",
+    "RENDER_PURPOSE",
     "RSA3072",
     "SALT_BYTES",
     "SEALED_OVERHEAD_BYTES",

@@ -31,6 +31,8 @@ LOCKBOX_PURPOSE = b"scenefold/lockbox"
 """A scene's keys, sealed to one who may use them."""
 AUTHORITY_PURPOSE = b"scenefold/authority"
 """The key of a cluster's authority, sealed to a trusted node."""
+RENDER_PURPOSE = b"scenefold/render"
+"""A scene's keys, sealed to a node that shall render it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,19 +114,21 @@ async def local_cluster(
     first_address: str = FIRST_ADDRESS,
     options: Sequence[str] = (),
     start_s_max: float = START_S_MAX,
+    trust: bool = False,
 ) -> AsyncIterator[LocalCluster]:
     """`count` nodes that are ready and know each other, and `spares` more that can be started to join them.
 
     `folder` gets profile/, data/ and logs/, and keeps them; one that holds such a cluster already is run again. None: a
     temporary folder, removed at the end. `threads` render in each node; by default the machine's are shared out,
     and so are three quarters of its memory.
-    `options` are further arguments of `python -m scenefold.node`.
+    `options` are further arguments of `python -m scenefold.node`. `trust`: a cluster that is made here trusts all its nodes, so that they
+    render; else its first node only.
     """
     if not 1 <= count <= POOL_NODES_MAX:
         raise LocalFault(f"a local cluster of {count} nodes", remedy=f"choose a number from 1 to {POOL_NODES_MAX}")
     place = Path(tempfile.mkdtemp(prefix="scenefold-")) if folder is None else folder
     try:
-        known = _profile(place, count, spares, name, ports, first_address)
+        known = _profile(place, count, spares, name, ports, first_address, trust=trust)
         arguments = ["--threads", str(threads or max(1, processors() // count)), *options]
         arguments += ["--memory", str(memory_bytes or machine_memory_bytes() * 3 // 4 // count)]
         async with _nodes_end_with_the_block() as nursery:
@@ -173,14 +175,14 @@ def _first(group: BaseExceptionGroup[NodeEnded]) -> NodeEnded:
     return error
 
 
-def _profile(folder: Path, count: int, spares: int, name: str, ports: Ports | None, first_address: str) -> ClusterProfile:
+def _profile(folder: Path, count: int, spares: int, name: str, ports: Ports | None, first_address: str, *, trust: bool) -> ClusterProfile:
     """The cluster in `folder`, made if there is none; LocalFault if there is one of another size."""
     first = node_id_of(first_address)
     addresses = [address_of(NodeId(first + index)) for index in range(count + spares)]
     where = folder / _PROFILE
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     if not where.exists():
-        return ClusterProfile.create(where, name, addresses[:count], spares=addresses[count:], ports=ports)
+        return ClusterProfile.create(where, name, addresses[:count], spares=addresses[count:], ports=ports, trust_all=trust)
     known = ClusterProfile.load(where)
     founders = [address_of(node) for node in known.founders]
     if founders != addresses[:count] or [member.address for member in known.members] != addresses:

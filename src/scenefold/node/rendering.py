@@ -1,8 +1,8 @@
 """The renderer as an extension of a node: what render/ needs of its host, made from what the node has.
 
 A node reads the scene that it renders through its own data service: what lies here comes from the store without
-leaving the process, the rest from its owners. It opens records with the keys that came with the job, which are kept in
-memory only.
+leaving the process, the rest from its owners. It opens records with the keys that came with the job, sealed to this node, which
+are kept in memory only.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import NewerThanKnown, Opened, SceneIdentity, open_all, payload_of, writers_of
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
+from scenefold.render.sealed_keys import About, SealedKeys, open_keys
 from scenefold.scene.head import SceneHead, check_head
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet, RecordBytes, RecordKey
@@ -76,6 +77,10 @@ class RenderHost:
 
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._context.peers.tell(node, priority_of(packet), packet, SEND_S_MAX)
+
+    def opened(self, keys: SealedKeys, genesis: bytes, job: int) -> EpochKeys:
+        about = About(self._context.facts.cluster_id, genesis, job)
+        return open_keys(keys, self.node_id, self._context.own.secrets.sealing, about)
 
     def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> NodeReader:
         return NodeReader(self._context, scene, genesis, keys, head)

@@ -160,12 +160,13 @@ class ClusterLog:
                     nursery.start_soon(self._puller.pull_from, node)
 
     async def _found(self, voter: Voter) -> None:
-        """Begin the log unless it has begun; on a full disk, as soon as there is room."""
+        """Begin the log unless it has begun to the end; on a full disk, as soon as there is room."""
         founders = (self._facts.credential(node) for node in self._facts.founders)
         seats = tuple(Founder(one.node_id, one.public_key.raw, one.sealing_key.raw, one.address) for one in founders if one is not None)
-        while self.registry.position == 0:
+        while True:
             try:
                 await voter.found(Found(seats, self._facts.voters))
+                return
             except Refused as refusal:
                 _log.warning("the cluster's log cannot begin: %s", refusal)
                 await self._world.clock.sleep(SYNC_S)

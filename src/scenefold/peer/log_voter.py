@@ -8,6 +8,7 @@ forget, because it then counts from its own start, as if it had granted one to e
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -18,12 +19,14 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
+from scenefold.peer.card_rules import credential_of
 from scenefold.peer.lives import Lives, is_restored, lives_asked_with, note_of, pack_granted, unpack_granted
 from scenefold.peer.log_rules import check_proposer, in_words, lease_message, predecessor
 from scenefold.peer.registry import Registry
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.store import Store
 from scenefold.wire import AddNode, LogEntry, LogRecord, Member, RemoveNode, RequestSceneLog, SceneLogPublic, SignedRecord
+from scenefold.wire.enrol_entries import Trust
 from scenefold.world import World
 from scenefold.world.facts import ClusterFacts
 
@@ -31,6 +34,11 @@ Veto = Callable[[Member], Awaitable[str | None]]
 Commit = Callable[[SignedRecord, Registry], Awaitable[None]]
 
 _log = logging.getLogger("scenefold.peer.cluster_log")
+
+
+def first_trust_of(node: NodeId) -> bytes:
+    """The request id of the record by which a node is trusted from the start."""
+    return hashlib.sha256(b"scenefold/first-trust" + node.to_bytes(4, "big")).digest()[:16]
 
 
 class Voter:
@@ -91,10 +99,17 @@ class Voter:
             return await self._append(entry, request_id, proposer)
 
     async def found(self, entry: LogEntry) -> None:
-        """Commit the first record."""
+        """Commit the first record, and whom the cluster trusts from the start: nobody becomes a member in between. What was interrupted is
+        done to the end; what was done is not done again, so that a trust may be withdrawn for ever.
+        """
         async with self._lock:
             if self._registry().position == 0:
                 await self._append(entry, self._world.entropy.token(16), self._facts.voter)
+            for node in self._facts.trusted:
+                request_id, known, registry = first_trust_of(node), self._facts.credential(node), self._registry()
+                is_as_made = known is not None and credential_of(node, registry, self._facts) == known
+                if registry.position_of(request_id) is None and known is not None and is_as_made:
+                    await self._append(Trust(node, True, known.sealing_key.raw), request_id, self._facts.voter)
 
     def _committed_at(self, entry: LogEntry, request_id: bytes) -> int | None:
         """Where this was committed already; a member that registers again, not knowing that it has, is welcome."""

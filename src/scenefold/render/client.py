@@ -1,4 +1,4 @@
-"""Rendering as a client sees it: ask the job's organiser, watch, fetch the image."""
+"""Rendering as a client sees it: choose who renders, seal the keys to them, ask the job's organiser, watch, fetch the image."""
 
 from __future__ import annotations
 
@@ -14,9 +14,13 @@ from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES
 from scenefold.client import Cluster, Scene
 from scenefold.render.arrays import F32
+from scenefold.render.choice import Renderers
+from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool.organiser import LAYERS, RenderRequest, organiser_of
+from scenefold.render.pool.organiser import LAYERS
+from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
+from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob, unpack_value
 
@@ -71,23 +75,32 @@ class StillResult:
     report: dict[str, Any]
 
 
-async def render_still(cluster: Cluster, scene: Scene, options: StillOptions, progress: Progress) -> StillResult:
-    """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none."""
+async def render_still(
+    cluster: Cluster, scene: Scene, options: StillOptions, progress: Progress, *, renderers: Renderers | None = None
+) -> StillResult:
+    """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none.
+
+    The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. `renderers`: they, as
+    `renderers_of` has just told them, for whoever wants to know before; None: asked for here. LocalFault if there is none.
+    """
     wanted = options.checked()
-    job = int.from_bytes(cluster.calls.world.entropy.token(8), "big") or 1
-    owner = organiser_of(job, [node.node_id for node in await cluster.nodes()])
-    watch = _Watch(cluster, address_of(owner), job)
-    await scene.access.know_all_keys()
+    chosen = renderers or await renderers_of(cluster, scene)
+    chosen.check_any(scene.name)
+    token = cluster.calls.world.entropy.token
+    job = int.from_bytes(token(8), "big") or 1
+    watch = _Watch(cluster, address_of(organiser_of(job, chosen.nodes)), job)
+    # Of all epochs: the newest log was read when they were chosen.
     identity = scene.access.identity
-    request = RenderRequest(job, identity.scene, identity.genesis, identity.keys, wanted, _head(scene))
-    await watch.start(request)
+    about = About(cluster.profile.cluster_id, identity.genesis, job)
+    keys = await cluster.in_worker("crypto", seal_keys, identity.keys, chosen.sealing, about, token)
+    await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, _head(scene)))
     try:
         state = await watch.until_done(progress)
         image = await watch.fetch(int(state["image_bytes"]), progress)
     finally:
         await watch.let_go()
     layers = _unpack(image, wanted.width, wanted.height)
-    return StillResult(layers, _report(state))
+    return StillResult(layers, {**_report(state), "left_out": [one.document() for one in chosen.left_out]})
 
 
 def _head(scene: Scene) -> SceneHead:

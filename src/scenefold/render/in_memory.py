@@ -15,13 +15,12 @@ import numpy as np
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.crypto import SYMMETRIC_KEY_BYTES
 from scenefold.partition import make_partition
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import camera_numbers, job_box
 from scenefold.render.pool.share import LoadedShare, load_share, read_tables
+from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.scene.importers import plan_import, read_scene
-from scenefold.scene.log import EpochKeys
 from scenefold.world import Workers
 
 LANE = "render"
@@ -80,7 +79,7 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         id=1,
         scene=SceneId(1),
         genesis=bytes(32),
-        keys=EpochKeys.only(bytes(SYMMETRIC_KEY_BYTES)),
+        keys=NO_KEYS,
         content=tables.document.content,
         numeric_class=numeric_class,
         width=options.width,

@@ -17,8 +17,8 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition
 from scenefold.render.passes import PassPlan
+from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import NO_HEAD, SceneHead
-from scenefold.scene.log import EpochKeys
 from scenefold.wire import pack_value, unpack_value
 
 ALGORITHMS = ("bounded-radial", "voronoi")
@@ -75,8 +75,8 @@ class Job:
     id: int
     scene: SceneId
     genesis: bytes
-    keys: EpochKeys
-    """Of the scene: taking part in a job is what lets a node read the scene, for as long as the job lasts."""
+    keys: SealedKeys
+    """Of the scene, for those that the client chose: a node reads the scene for as long as the job lasts."""
     content: bytes
     """SHA-256 of the scene's tables, so that all nodes render the same content or none."""
     numeric_class: str
@@ -106,7 +106,7 @@ class Job:
                 "id": self.id,
                 "scene": int(self.scene),
                 "genesis": self.genesis,
-                "keys": self.keys.rows(),
+                "keys": self.keys.row(),
                 "content": self.content,
                 "numeric_class": self.numeric_class,
                 "size": [self.width, self.height],
@@ -138,7 +138,7 @@ class Job:
             id=_whole(document["id"], 0, 2**64 - 1),
             scene=SceneId(_whole(document["scene"], 0, 2**32 - 1)),
             genesis=_exactly(document["genesis"], HASH_BYTES),
-            keys=EpochKeys.of_rows(document["keys"]),
+            keys=SealedKeys.of_row(document["keys"]),
             content=_exactly(document["content"], HASH_BYTES),
             numeric_class=_text(document["numeric_class"]),
             width=width,

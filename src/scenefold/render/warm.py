@@ -84,9 +84,9 @@ def _render(algorithm: Algorithm) -> None:
     from scenefold.render.job import Job
     from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_numbers
     from scenefold.render.pass_sums import PassSums
+    from scenefold.render.sealed_keys import NO_KEYS
     from scenefold.scene.importers.plan import ImportPlan
     from scenefold.scene.layout import GEOMETRY, TEXTURES
-    from scenefold.scene.log import EpochKeys
     from scenefold.scene.payloads.tiles import decode_tile
     from scenefold.scene.tables import SceneTables
 
@@ -105,7 +105,7 @@ def _render(algorithm: Algorithm) -> None:
     partition.owner(np.zeros((1, 3)), np.ones((1, 3)))
     renderer = load_renderer("embree")
     job = Job(
-        id=1, scene=SceneId(1), genesis=bytes(32), keys=EpochKeys.only(bytes(24)), content=document.content,
+        id=1, scene=SceneId(1), genesis=bytes(32), keys=NO_KEYS, content=document.content,
         numeric_class=renderer.numeric_class(), width=16, height=16, samples=2, seed=1, frame=0, depth=4, sky=(0.5, 0.5, 0.5),
         camera=camera_numbers(camera, 16, 16), nodes=(NodeId(2), NodeId(3)), partition=partition,
     )  # fmt: skip

@@ -34,7 +34,8 @@ class ClusterFacts:
     Founders stand on the line from the start; the other credentials are of spares, which may join.
     `log_key` is the public half of the key that signs the cluster's log. `authority`: its certificate (PEM), by which cards are
     believed; `charter`: these facts as it signed them (charter.py), to be handed to newcomers; `owners`: cards (DER) of the users that
-    the cluster began with. A cluster in memory may do without these three: then nobody can be enrolled.
+    the cluster began with. A cluster in memory may do without these three: then nobody can be enrolled. `trusted`: known to the voter
+    alone, which enters it into the log when it founds that: whom besides itself the cluster trusts from the start.
     """
 
     name: str
@@ -48,9 +49,12 @@ class ClusterFacts:
     authority: bytes = b""
     charter: bytes = b""
     owners: tuple[bytes, ...] = ()
+    trusted: tuple[NodeId, ...] = ()
 
     def __post_init__(self) -> None:
         known = [credential.node_id for credential in self.credentials]
+        if not set(self.trusted) <= set(known):
+            raise ValueError("who is trusted has a credential")
         for ids, above in ((known, known), (self.founders, known), (self.voters, self.founders)):
             if not ids or list(ids) != sorted(set(ids)) or not set(ids) <= set(above):
                 raise ValueError("credentials, founders and voters are given in id order, each once and out of the ones before")

@@ -109,7 +109,8 @@ class Newcomer:
             credentials[self.node] = Credential(self.node, address_of(self.node), keys.signing, keys.sealing)
         others = [address for address in map(address_of, self.token.addresses) if address != address_of(self.node)]
         seeds = tuple(dict.fromkeys([*others, *chartered.seeds]))[:SEEDS_MAX]
-        return replace(chartered, credentials=tuple(credentials[node] for node in sorted(credentials)), seeds=seeds)
+        trusted = () if known is None else known.trusted
+        return replace(chartered, credentials=tuple(credentials[node] for node in sorted(credentials)), seeds=seeds, trusted=trusted)
 
 
 def write_party(profile: Path, identity: Identity, own: MemberSecrets) -> None:

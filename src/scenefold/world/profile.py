@@ -81,6 +81,8 @@ class ClusterProfile:
     charter: bytes
     user: str = DEFAULT_USER
     """Whose keys clients take if nobody says otherwise."""
+    trusted: tuple[NodeId, ...] = ()
+    """Whom the cluster trusts from its start, besides its voter."""
 
     @classmethod
     def create(
@@ -92,11 +94,13 @@ class ClusterProfile:
         spares: Sequence[str] = (),
         ports: Ports | None = None,
         suite: int = DEFAULT_SUITE,
+        trust_all: bool = False,
     ) -> ClusterProfile:
         """Make a new cluster with these nodes and the user "owner" in `folder`, whole or not at all.
 
         The nodes found the cluster; `spares` get credentials, so that they can join it later. `folder` must not
-        exist, or be empty. `suite` is that of the user's keys. Takes some ten milliseconds a node.
+        exist, or be empty. `suite` is that of the user's keys. `trust_all`: the cluster trusts all of them, spares too, from its start,
+        and not its first node alone. Takes some ten milliseconds a node.
         """
         checked_name(name, "cluster")
         founders, addresses = checked_addresses(node_addresses), checked_addresses([*node_addresses, *spares])
@@ -105,7 +109,7 @@ class ClusterProfile:
         make_private_folder(folder.parent)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
         try:
-            write_cluster(draft, name, addresses, founders, ports, suite)
+            write_cluster(draft, name, addresses, founders, ports, suite, trust_all=trust_all)
             draft.rename(folder)  # fails if somebody filled `folder` meanwhile
         except OSError as problem:
             raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder") from problem
@@ -156,6 +160,7 @@ class ClusterProfile:
             founders=self.founders,
             voters=self.voters,
             log_key=self.log_key,
+            trusted=self.trusted,
         )
 
     @property
@@ -286,6 +291,7 @@ def _decoded(folder: Path, document: dict[str, Any]) -> ClusterProfile:
         log_key=PublicKey(bytes.fromhex(document["log_key"])),
         charter=base64.b64decode(document["charter"], validate=True),
         user=checked_name(document.get("user", DEFAULT_USER), "user"),
+        trusted=tuple(NodeId(int(node)) for node in document.get("trusted", ())),
     )
     profile._own_facts()  # it says what does not fit
     return profile

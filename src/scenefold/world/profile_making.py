@@ -56,8 +56,12 @@ def refuse_taken(folder: Path) -> None:
         raise LocalFault("the place is taken by something else", where=str(folder), remedy="choose another folder")
 
 
-def write_cluster(folder: Path, name: str, addresses: Sequence[str], founders: Sequence[str], ports: Ports, suite: int) -> None:
-    """Authority, keys and settings of a new cluster. The first founder votes, and is trusted with the authority's key. `suite`: the owner's."""
+def write_cluster(
+    folder: Path, name: str, addresses: Sequence[str], founders: Sequence[str], ports: Ports, suite: int, *, trust_all: bool = False
+) -> None:
+    """Authority, keys and settings of a new cluster. The first founder votes, and is trusted with the authority's key; with `trust_all`
+    the others are, too. `suite`: the owner's.
+    """
     authority = Authority.create(name)
     make_private_folder(folder)
     authority.to_files(folder / "authority")
@@ -78,6 +82,7 @@ def write_cluster(folder: Path, name: str, addresses: Sequence[str], founders: S
         voters=(voter.node_id,),
         log_key=log_key.public,
         owners=(owner.der,),
+        trusted=tuple(one.node_id for one in members if one is not voter) if trust_all else (),
     )
     log_key.to_file(folder / "nodes" / voter.address / LOG_SEED)
     sealed = voter.sealing_key.seal(authority.key_der(), AUTHORITY_PURPOSE, facts.cluster_id, secrets.token_bytes)
@@ -100,6 +105,8 @@ def write_settings(folder: Path, facts: ClusterFacts, charter: bytes, *, user: s
         "ports": {"low": facts.ports.low, "high": facts.ports.high},
         "members": [_member(credential) for credential in facts.credentials],
     }
+    if facts.trusted:
+        document["trusted"] = [int(node) for node in facts.trusted]
     write_toml(folder / SETTINGS, document)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -18,6 +19,7 @@ from scenefold.peer.log_pull import LogPuller
 from scenefold.peer.registered import NO_INCARNATION
 from scenefold.peer.timing import RENEW_S, SYNC_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import Member, RemoveNode
+from scenefold.wire.enrol_entries import Trust
 from scenefold.world.sim import Delay, Point, Weather, run_simulated
 from scenefold.world.sim.time import current_time_of_simulation
 from unit.peer.log_cluster import LogCluster, log_cluster
@@ -57,6 +59,39 @@ def test_founders_become_members_whoever_starts_first(seed: int) -> None:
         assert [registry.founding_arc(member) is not None for member in registry.members] == [True] * 3
 
     simulate(scenario, seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whom_the_cluster_trusts_from_its_start_is_trusted_before_anybody_is_a_member(seed: int) -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        cluster.facts = replace(cluster.facts, trusted=(node(1), node(3)))
+        await cluster.start(1, 2, 0)
+        await cluster.members(0, 1, 2)
+        await cluster.equal()
+        registry = cluster.nodes[2].log.registry
+        assert registry.roll.trusted == {node(0), node(1), node(3)}
+        assert all(known.position > 3 for member in registry.members if (known := registry.current(member)))
+
+    simulate(scenario, seed, spares=1)
+
+
+def test_a_first_trust_that_was_withdrawn_does_not_come_back_with_a_restart_and_one_that_was_interrupted_does() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        whole = cluster.facts
+        cluster.facts = replace(whole, trusted=(node(1),))
+        await cluster.start(0, 1, 2)
+        await cluster.members(0, 1, 2)
+        voter = cluster.nodes[0].log
+        await voter.propose(Trust(node(1), False))
+        assert voter.registry.roll.trusted == {node(0)}
+        await cluster.crash(0)
+        # As if the disk had been full, or the power gone, when it came to node 2.
+        cluster.facts = replace(whole, trusted=(node(1), node(2)))
+        await cluster.start(0)
+        await cluster.nodes[1].log.changed_after(voter.registry.position)
+        assert cluster.nodes[1].log.registry.roll.trusted == {node(0), node(2)}
+
+    simulate(scenario)
 
 
 def test_a_spare_joins_and_everybody_knows_at_once() -> None:

@@ -13,15 +13,15 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
+from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import SceneHead
-from scenefold.scene.log import EpochKeys
 from scenefold.wire import pack_value, unpack_value
 
 JOB = Job(
     id=2**63 + 5,
     scene=SceneId(3),
     genesis=bytes(range(32)),
-    keys=EpochKeys({1: bytes(range(24)), 2: bytes(24)}),
+    keys=SealedKeys(((NodeId(3), b"a box"), (NodeId(0x7F000002), b"another one")), b"what they open"),
     content=bytes(32),
     numeric_class="embree-4.3.3-avx2-embreex-4.3.3",
     width=640,
@@ -78,10 +78,17 @@ def test_every_entry_is_needed(key: str) -> None:
         ("nodes", None),
         ("keys", []),
         ("keys", None),
-        ("keys", [[0, bytes(16)]]),
-        ("keys", [[-1, bytes(24)]]),
-        ("keys", [[2**32, bytes(24)]]),
-        ("keys", [[0, bytes(24)], [0, bytes(24)]]),
+        ("keys", [[]]),
+        ("keys", [[], None]),
+        ("keys", [[], bytes(200_000)]),
+        ("keys", [[[1, "text"]], b""]),
+        ("keys", [[[1, bytes(600)]], b""]),
+        ("keys", [[[-1, b"box"]], b""]),
+        ("keys", [[[2**32, b"box"]], b""]),
+        ("keys", [[[True, b"box"]], b""]),
+        ("keys", [[[2, b"box"], [2, b"box"]], b""]),
+        ("keys", [[[2, b"box"], [1, b"box"]], b""]),
+        ("keys", [[[node, b"box"] for node in range(128)], b""]),
         ("genesis", bytes(31)),
         ("content", bytes(31)),
         ("sky", bytes(8)),

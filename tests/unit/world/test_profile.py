@@ -46,6 +46,13 @@ def test_founders_stand_on_the_line_and_spares_have_credentials_only(profile: Cl
     assert profile.seeds == tuple(sorted(ADDRESSES)), "a spare is nobody to look for"
 
 
+def test_whom_the_cluster_trusts_from_its_start_is_said_when_it_is_made(profile: ClusterProfile, tmp_path: Path) -> None:
+    assert profile.facts().trusted == (), "besides the voter, nobody"
+    trusting = ClusterProfile.create(tmp_path / "farm", "farm", ADDRESSES, spares=SPARES, trust_all=True)
+    assert [address_of(node) for node in trusting.facts().trusted] == [address for address in EVERYBODY if address != "127.0.0.2"]
+    assert ClusterProfile.load(trusting.folder) == trusting
+
+
 def test_only_the_voter_can_sign_the_log(profile: ClusterProfile) -> None:
     key = profile.log_signing_key("127.0.0.2")
     assert key is not None and key.public == profile.log_key
@@ -174,9 +181,9 @@ def test_a_file_of_another_version_says_so(tmp_path: Path, number: int, remedy: 
     assert remedy in caught.value.remedy
 
 
-@pytest.mark.parametrize("line", ["founders = [1]", "voters = []", "voters = [2130706435, 2130706434]", 'log_key = "00"'])
+@pytest.mark.parametrize("line", ["founders = [1]", "voters = []", "voters = [2130706435, 2130706434]", 'log_key = "00"', "trusted = [1]"])
 def test_founders_voters_and_key_that_cannot_be_are_one_clear_error(tmp_path: Path, line: str) -> None:
-    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"])
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"], trust_all=True)
     path = profile.folder / "cluster.toml"
     name = line.partition(" ")[0]
     path.write_text("\n".join(line if text.startswith(name) else text for text in path.read_text().splitlines()))
@@ -193,7 +200,7 @@ def test_a_missing_key_file_is_named(tmp_path: Path) -> None:
 
 
 def test_another_nodes_seed_is_noticed(tmp_path: Path) -> None:
-    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"])
+    profile = ClusterProfile.create(tmp_path / "studio", "studio", ["127.0.0.2", "127.0.0.3"], trust_all=True)
     nodes = profile.folder / "nodes"
     (nodes / "127.0.0.3" / "signing.seed").replace(nodes / "127.0.0.2" / "signing.seed")
     with pytest.raises(LocalFault, match="not the keys that are registered"):

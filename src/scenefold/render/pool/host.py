@@ -7,6 +7,7 @@ from typing import Protocol, TypeVar
 
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.pool.share import SceneReader
+from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet
@@ -48,6 +49,10 @@ class Host(Protocol):
 
     async def send(self, node: NodeId, packet: Packet) -> None:
         """Send a packet that has no answer. Unreachable."""
+        ...
+
+    def opened(self, keys: SealedKeys, genesis: bytes, job: int) -> EpochKeys:
+        """The scene's keys that came with a job. Refused (12) if they are sealed to others; DamagedData or PeerFault if they do not open."""
         ...
 
     def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> SceneReader:

@@ -1,33 +1,30 @@
 """The owner of a job's location: it makes the job, gets everybody ready, watches, and gathers the image.
 
-No master: which node organises a job follows from the job's id, and all that it decides alone is the partition,
-as one value. Passes belong to all nodes. If a node is lost, the job fails with a word that says which.
+No master: which node organises a job follows from the job's id and from who may render, and all that it decides alone is the
+partition, as one value. Passes belong to all nodes. If a node is lost, the job fails with a word that says which.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault, ScenefoldError
-from scenefold.base.ids import NodeId, SceneId, address_of
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
 from scenefold.partition import make_partition
 from scenefold.render.arrays import F32
 from scenefold.render.content import pair_boxes
 from scenefold.render.contract import Renderer
-from scenefold.render.job import Job, RenderOptions
+from scenefold.render.job import Job
 from scenefold.render.numbers import camera_numbers, diagonal_of, job_box
-from scenefold.render.passes import place_of
 from scenefold.render.pool.host import Host
-from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.pool.part import Part
+from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.render.pool.telling import error_of, failure_fields
-from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
@@ -41,79 +38,12 @@ LAYERS = (("beauty", 3), ("albedo", 3), ("normal", 3), ("depth", 1))
 """The image as it is sent: these layers one after the other, float32, rows from the top."""
 
 
-@dataclass(frozen=True, slots=True)
-class RenderRequest:
-    """What a client asks of the organiser."""
-
-    job: int
-    scene: SceneId
-    genesis: bytes
-    keys: EpochKeys
-    options: RenderOptions
-    head: SceneHead = NO_HEAD
-
-    def to_bytes(self) -> bytes:
-        """The packed document."""
-        options = self.options
-        return pack_value(
-            {
-                "request": True,
-                "scene": int(self.scene),
-                "genesis": self.genesis,
-                "keys": self.keys.rows(),
-                "head": self.head.row(),
-                "width": options.width,
-                "height": options.height,
-                "samples": options.samples,
-                "seed": options.seed,
-                "depth": options.depth,
-                "sky": [float(channel) for channel in options.sky],
-                "camera": options.camera,
-                "algorithm": options.algorithm,
-            }
-        )
-
-    @classmethod
-    def from_map(cls, job: int, document: dict[str, Any]) -> RenderRequest:
-        """The request of a document; PeerFault if it is none."""
-        try:
-            red, green, blue = (float(channel) for channel in document["sky"])
-            camera = document["camera"]
-            options = RenderOptions(
-                width=int(document["width"]),
-                height=int(document["height"]),
-                samples=int(document["samples"]),
-                seed=int(document["seed"]),
-                depth=int(document["depth"]),
-                sky=(red, green, blue),
-                camera=None if camera is None else str(camera),
-                algorithm=str(document["algorithm"]),
-            )
-            request = cls(
-                job,
-                SceneId(int(document["scene"])),
-                bytes(document["genesis"]),
-                EpochKeys.of_rows(document["keys"]),
-                options,
-                SceneHead.of_row(document["head"]),
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise PeerFault("a request to render is ill-formed", where=f"{type(error).__name__}: {error}") from error
-        options.check()
-        return request
-
-
-def organiser_of(job: int, nodes: list[NodeId]) -> NodeId:
-    """Which node organises a job: the owner of the job's place on the line."""
-    return nodes[owner_index(place_of(b"job", job), len(nodes))]
-
-
 class Organiser:
     """One job, from the request to the image."""
 
-    def __init__(self, host: Host, renderer: Renderer, request: RenderRequest, own_part: Callable[[int], Part]) -> None:
-        """`own_part(job)`: this node's own part in a job."""
-        self._host, self._renderer, self._request, self._own_part = host, renderer, request, own_part
+    def __init__(self, host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, own_part: Callable[[int], Part]) -> None:
+        """`keys`: those of the request, opened. `own_part(job)`: this node's own part in a job."""
+        self._host, self._renderer, self._request, self._keys, self._own_part = host, renderer, request, keys, own_part
         self._job: Job | None = None
         self._phase = "preparing"
         self._failure: ScenefoldError | None = None
@@ -174,7 +104,7 @@ class Organiser:
 
     async def _plan(self) -> tuple[Job, SceneTables]:
         host, request = self._host, self._request
-        reader = host.reader(request.scene, request.genesis, request.keys, request.head)
+        reader = host.reader(request.scene, request.genesis, self._keys, request.head)
         tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, tables)
         return job, tables
@@ -185,7 +115,7 @@ class Organiser:
         if camera is None:
             names = ", ".join(repr(known.name) for known in tables.cameras)
             raise LocalFault(f"the scene has no camera {options.camera!r}", remedy=f"choose one of: {names}")
-        nodes = tuple(self._host.nodes())
+        nodes = self._nodes()
         _, groups, low, high = pair_boxes(tables)
         rotation = np.asarray(camera.matrix, np.float64)
         partition = make_partition(
@@ -217,6 +147,14 @@ class Organiser:
             partition=partition,
             head=request.head,
         )
+
+    def _nodes(self) -> tuple[NodeId, ...]:
+        """Of those that the client named, the members. Nobody else: only for them are the keys, in what we hand on as in what we have."""
+        named = self._request.keys.nodes
+        nodes = tuple(node for node in self._host.nodes() if node in named)
+        if self._host.node_id not in nodes:
+            raise Refused(RejectReason.NOT_READY, "this node is no member of the cluster at the moment", remedy="start the render again")
+        return nodes
 
     async def _all_closed(self, job: Job) -> bool:
         async def look(index: int, node: NodeId) -> None:

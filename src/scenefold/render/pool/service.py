@@ -9,13 +9,14 @@ from typing import TypeVarTuple
 import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
-from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import node_named
 from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.job import Job
 from scenefold.render.pool.host import Host
-from scenefold.render.pool.organiser import Organiser, RenderRequest
+from scenefold.render.pool.organiser import Organiser
 from scenefold.render.pool.part import Part, Phase
+from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.telling import reason_of, words_of
 from scenefold.wire import (
     CancelJob,
@@ -94,7 +95,7 @@ class RenderService:
             if peer.startswith("user:"):
                 self._organise(packet)
             else:
-                await self._take_part(packet)
+                await self._take_part(packet, peer)
         except ScenefoldError as error:
             return JobAnswer(job=packet.job, reason=int(reason_of(error)), text=words_of(error))
         return JobAnswer(job=packet.job, reason=OK, text="")
@@ -108,7 +109,8 @@ class RenderService:
         if len(self._organisers) >= JOBS_MAX:
             raise Refused(RejectReason.BUSY, "this node organises as many jobs as it may", remedy="try again later")
         request = RenderRequest.from_map(packet.job, document)
-        organiser = Organiser(self._host, self._load(), request, self._part)
+        keys = self._host.opened(request.keys, request.genesis, request.job)
+        organiser = Organiser(self._host, self._load(), request, keys, self._part)
         self._organisers[packet.job] = organiser
         self._start(self._keep_organiser, packet.job, organiser)
 
@@ -122,7 +124,7 @@ class RenderService:
         if peer.startswith("user:"):
             state = self._organiser(packet.job).state()
         else:
-            part = self._part(packet.job)
+            part = self._part_with(packet.job, peer)
             part.last_heard = self._host.world.clock.now()
             state = part.state()
         return JobStateReply(job=packet.job, document=pack_value(state))
@@ -138,17 +140,20 @@ class RenderService:
         if peer.startswith("user:"):
             self._organiser(packet.job).cancel()
         else:
-            part = self._parts.pop(packet.job, None)
+            part = self._parts.get(packet.job)
             if part is not None:
+                self._index(part, peer)
+                del self._parts[packet.job]
                 await part.end()
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     # Nodes ---------------------------------------------------------------------------------------------------
 
-    async def _take_part(self, packet: StartJob) -> None:
+    async def _take_part(self, packet: StartJob, peer: str) -> None:
         job = Job.from_bytes(packet.document)
         if job.id != packet.job:
             raise PeerFault("a job's document is another job's")
+        index_of(job, peer)
         part = self._parts.get(job.id)
         if part is None:
             if len(self._parts) >= JOBS_MAX:
@@ -158,7 +163,7 @@ class RenderService:
         await part.prepared()
 
     async def _on_event(self, packet: JobEvent, peer: str) -> JobAnswer:
-        part = self._part(packet.job)
+        part = self._part_with(packet.job, peer)
         document = unpack_value(packet.document, what="a job's event")
         if isinstance(document, dict) and document.get("go") is True:
             part.go()
@@ -167,14 +172,14 @@ class RenderService:
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_rays(self, packet: SendRays, peer: str) -> None:
-        self._part(packet.job).member().on_rays(packet)
+        self._part_with(packet.job, peer).member().on_rays(packet)
 
     async def _on_counts(self, packet: PassCounts, peer: str) -> None:
         part = self._part(packet.job)
         part.member().on_counts(self._index(part, peer), packet)
 
     async def _on_collect(self, packet: CollectPass, peer: str) -> PassSums:
-        return await self._part(packet.job).member().on_collect(packet)
+        return await self._part_with(packet.job, peer).member().on_collect(packet)
 
     async def _on_merge(self, packet: MergeFilm, peer: str) -> JobAnswer:
         part = self._part(packet.job)
@@ -182,7 +187,7 @@ class RenderService:
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_film(self, packet: FilmPart, peer: str) -> JobAnswer:
-        await self._part(packet.job).merge(packet)
+        await self._part_with(packet.job, peer).merge(packet)
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     # Looking up ----------------------------------------------------------------------------------------------
@@ -200,6 +205,12 @@ class RenderService:
             raise LocalFault("this node's part of the job failed")
         return part
 
+    def _part_with(self, job: int, peer: str) -> Part:
+        """This node's part in a job that the peer takes part in, too: nobody else is told anything of it."""
+        part = self._part(job)
+        self._index(part, peer)
+        return part
+
     def _organiser(self, job: int) -> Organiser:
         organiser = self._organisers.get(job)
         if organiser is None:
@@ -207,11 +218,16 @@ class RenderService:
         return organiser
 
     def _index(self, part: Part, peer: str) -> int:
-        number = NodeId(int(peer.partition(":")[2]))
-        if number not in part.job.nodes:
-            raise PeerFault(f"{peer} is not among the job's nodes")
-        return part.job.nodes.index(number)
+        return index_of(part.job, peer)
 
     def _start(self, function: Callable[[*_Arguments], Awaitable[object]], *args: *_Arguments) -> None:
         assert self._nursery is not None, "the service is not running"
         self._nursery.start_soon(function, *args)
+
+
+def index_of(job: Job, peer: str) -> int:
+    """The peer's index among the job's nodes; Refused (12) if it is none of them."""
+    node = node_named(peer)
+    if node is None or node not in job.nodes:
+        raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is not among the job's nodes")
+    return job.nodes.index(node)

@@ -1,0 +1,58 @@
+"""Who may render a scene, as a client finds it out (specs/19-jobs.md, Who may).
+
+Whom the cluster trusts, and under which keys, says its log, which is asked of several nodes for each render: what one of them shows it can
+only cut short, and not below what this profile has seen. Who is granted the scene says the scene's log, as its keeper has it now.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from functools import partial
+
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.client import Cluster, Scene
+from scenefold.client.together import together
+from scenefold.crypto import Card
+from scenefold.render.choice import REVOKED, UNKNOWN, Renderers, choose
+from scenefold.world.log_view import LogView, NodeKeys
+
+
+async def renderers_of(cluster: Cluster, scene: Scene) -> Renderers:
+    """Who may render the scene now, and who is left out. Unreachable if the node that keeps the scene's log does not answer."""
+    grants = (await scene.access.read_log()).state.grants.members
+    view = await cluster.log.newest()
+    line = [owner.node_id for owner in await cluster.nodes()]
+    certified, problems = await _certified(cluster, view, line)
+    return choose(line, view, grants, certified, problems)
+
+
+async def _certified(cluster: Cluster, view: LogView, line: Sequence[NodeId]) -> tuple[dict[NodeId, NodeKeys], dict[NodeId, str]]:
+    """The keys that the authority certified, of each node; or why they are not known."""
+    authority = await cluster.in_worker("import", cluster.profile.authority_certificate)
+    now = datetime.datetime.fromtimestamp(cluster.calls.world.clock.wall(), datetime.UTC)
+    # Made with the cluster, by who made the profile, or as the authority has signed in the charter.
+    original = {one.node_id: NodeKeys(one.public_key.raw, one.sealing_key.raw) for one in cluster.profile.members}
+    found: dict[NodeId, NodeKeys] = {}
+    problems: dict[NodeId, str] = {}
+
+    async def look(node: NodeId) -> None:
+        card, keys = view.roll.card_of(f"node:{node}"), view.keys_of(node)
+        if keys is None:
+            problems[node] = REVOKED if node in view.nodes else UNKNOWN
+        elif card is None and original.get(node) == keys:
+            found[node] = keys
+        else:
+            try:
+                shown = await cluster.card_of(f"node:{node}") if card is None else Card.verified(card.der, authority, now)
+                found[node] = NodeKeys(shown.keys.signing.raw, shown.keys.sealing.raw)
+            except (DamagedData, LocalFault, PeerFault, Refused, Unreachable) as problem:
+                problems[node] = _words(problem)
+
+    await together(partial(look, node) for node in line)
+    return found, problems
+
+
+def _words(problem: ScenefoldError) -> str:
+    return f"its certificate: {problem.what}"

@@ -1,0 +1,83 @@
+"""What a client asks of the node that organises a job, and which node that is (specs/19-jobs.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.render.job import RenderOptions
+from scenefold.render.passes import place_of
+from scenefold.render.pool.own_passes import owner_index
+from scenefold.render.sealed_keys import SealedKeys
+from scenefold.scene.head import NO_HEAD, SceneHead
+from scenefold.wire import pack_value
+
+
+@dataclass(frozen=True, slots=True)
+class RenderRequest:
+    """`keys`: sealed to those that may render, and they do."""
+
+    job: int
+    scene: SceneId
+    genesis: bytes
+    keys: SealedKeys
+    options: RenderOptions
+    head: SceneHead = NO_HEAD
+
+    def to_bytes(self) -> bytes:
+        """The packed document."""
+        options = self.options
+        return pack_value(
+            {
+                "request": True,
+                "scene": int(self.scene),
+                "genesis": self.genesis,
+                "keys": self.keys.row(),
+                "head": self.head.row(),
+                "width": options.width,
+                "height": options.height,
+                "samples": options.samples,
+                "seed": options.seed,
+                "depth": options.depth,
+                "sky": [float(channel) for channel in options.sky],
+                "camera": options.camera,
+                "algorithm": options.algorithm,
+            }
+        )
+
+    @classmethod
+    def from_map(cls, job: int, document: dict[str, Any]) -> RenderRequest:
+        """The request of a document; PeerFault if it is none."""
+        try:
+            red, green, blue = (float(channel) for channel in document["sky"])
+            camera = document["camera"]
+            options = RenderOptions(
+                width=int(document["width"]),
+                height=int(document["height"]),
+                samples=int(document["samples"]),
+                seed=int(document["seed"]),
+                depth=int(document["depth"]),
+                sky=(red, green, blue),
+                camera=None if camera is None else str(camera),
+                algorithm=str(document["algorithm"]),
+            )
+            request = cls(
+                job,
+                SceneId(int(document["scene"])),
+                bytes(document["genesis"]),
+                SealedKeys.of_row(document["keys"]),
+                options,
+                SceneHead.of_row(document["head"]),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise PeerFault("a request to render is ill-formed", where=f"{type(error).__name__}: {error}") from error
+        options.check()
+        return request
+
+
+def organiser_of(job: int, nodes: Sequence[NodeId]) -> NodeId:
+    """Which of the nodes that may render organises a job: the owner of the job's place, were the line theirs in even arcs."""
+    return nodes[owner_index(place_of(b"job", job), len(nodes))]
