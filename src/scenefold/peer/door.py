@@ -19,7 +19,7 @@ from scenefold.peer.cluster_log import ClusterLog
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, LogRecord, MalformedPacket, Packet, ProposeSceneLog, RequestSceneLog, Want
-from scenefold.world import Connection, Guests, Links, Priority, QuietLog, World, serve_connection
+from scenefold.world import Connection, Guests, Links, Priority, QuietLog, Turns, World, serve_connection
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.serving import Handler
 
@@ -43,7 +43,8 @@ class Door:
         self._links = links
         links.refusal_of = self._refusal_now
         self._quiet = QuietLog(_log)
-        self._at = {priority: Guests() for priority in Priority}
+        turns = Turns()
+        self._at = {priority: Guests(turns, int(priority)) for priority in Priority}
         # Of their own: they come under a member's name, and shall take nothing of its share.
         self._refused = Guests()
         self._guests: dict[trio.CancelScope, tuple[str, KeyId | None]] = {}

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from scenefold.world.real import DEFAULT_LANES, newcomer_world, offline_world, real_world
     from scenefold.world.serving import Handler, serve_connection
     from scenefold.world.tasks import background_tasks, first_of
+    from scenefold.world.turns import Turns
 
 _LATE = {
     "Channel": "channel",
@@ -53,6 +54,7 @@ _LATE = {
     "serve_connection": "serving",
     "background_tasks": "tasks",
     "first_of": "tasks",
+    "Turns": "turns",
 }
 
 __all__ = [
@@ -77,6 +79,7 @@ __all__ = [
     "Priority",
     "QuietLog",
     "ReadTransaction",
+    "Turns",
     "Workers",
     "World",
     "WriteTransaction",

@@ -18,7 +18,7 @@ from scenefold.base.limits import (
     PEER_REQUEST_BYTES_HANDLED_MAX,
     PEER_REQUESTS_HANDLED_MAX,
 )
-from scenefold.world.turns import Turns
+from scenefold.world.turns import Guest, Turns
 
 
 class Budget:
@@ -45,9 +45,10 @@ class Budget:
 class Share:
     """One peer's."""
 
-    def __init__(self, peer: str, turns: Turns) -> None:
-        self._peer = peer
+    def __init__(self, guest: Guest, turns: Turns) -> None:
+        self._guest = guest
         self._turns = turns
+        self._line = trio.Lock()
         self._turn_ended = trio.lowlevel.ParkingLot()
         self.budget = Budget(PEER_REQUESTS_HANDLED_MAX, PEER_REQUEST_BYTES_HANDLED_MAX)
         self.bulk_slots = trio.CapacityLimiter(PEER_BULK_ANSWERS_MAX)
@@ -56,27 +57,31 @@ class Share:
 
     async def take_turn(self) -> int:
         """Wait until a request may be taken up; the number is for `end_turn`."""
-        while wait_s := self._turns.wait_s(self._peer, trio.current_time()):
-            with trio.move_on_after(wait_s):
-                await self._turn_ended.park()
-        return self._turns.begin(self._peer, trio.current_time())
+        if self._line.locked() or self._turns.wait_s(self._guest, trio.current_time()):
+            # Only the first in line looks again and again: a hundred that did would take the time that is to be left to others.
+            async with self._line:
+                while wait_s := self._turns.wait_s(self._guest, trio.current_time()):
+                    with trio.move_on_after(wait_s):
+                        await self._turn_ended.park()
+        return self._turns.begin(self._guest, trio.current_time())
 
     def end_turn(self, number: int, answer_bytes: int) -> None:
-        self._turns.end(self._peer, number, answer_bytes, trio.current_time())
+        self._turns.end(self._guest, number, answer_bytes, trio.current_time())
         self._turn_ended.unpark()
 
 
 class Guests:
-    """The peers that are connected to one port."""
+    """The peers that are connected to one port. `turns`: those of all ports of a node, whose numbers tell them apart."""
 
-    def __init__(self) -> None:
+    def __init__(self, turns: Turns | None = None, port: int = 0) -> None:
         self._shares: dict[str, Share] = {}
-        self._turns = Turns()
+        self._turns = turns or Turns()
+        self._port = port
 
     @contextmanager
     def admitted(self, peer: str) -> Iterator[tuple[Share, trio.CancelScope]]:
         """Serve a connection of a peer within this; the scope is cancelled when the peer opens too many after it."""
-        share = self._shares.setdefault(peer, Share(peer, self._turns))
+        share = self._shares.setdefault(peer, Share((peer, self._port), self._turns))
         if len(share.connections) >= CONNECTIONS_PER_PEER_MAX:
             oldest = next(iter(share.connections))
             del share.connections[oldest]
