@@ -25,6 +25,8 @@ LIES = 0.3
 """Share of what it says that a liar says wrongly."""
 PACKETS = 0.5
 """Share of the packets of a handover in which one record is altered."""
+WAYS = 10
+"""In which a wrong record is made; most often it is made up."""
 PLACES_MAX = 512
 VERSIONS_MAX = 3
 """Places, and versions of each, that it remembers."""
@@ -120,9 +122,9 @@ class Liar:
         found = [known for known in self._versions.get(place, ()) if RecordHeader.decode(known.header).seq < seq]
         return self.dice.choice(found) if found else None
 
-    def wrong(self, place: Place, record: RecordBytes) -> RecordBytes:
-        """Something else than a record, which nobody may take for it."""
-        match self.dice.randrange(10):
+    def wrong(self, place: Place, record: RecordBytes, how: int) -> RecordBytes:
+        """Something else than a record, which nobody may take for it, made in one of WAYS."""
+        match how:
             case 0:
                 return replace(record, ciphertext=flipped(record.ciphertext, self.dice))
             case 1:

@@ -11,7 +11,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordHeader
 from scenefold.peer import NodeContext
 from scenefold.simulation.history import Place
-from scenefold.simulation.liar import Liar, Scope
+from scenefold.simulation.liar import WAYS, Liar, Scope
 from scenefold.simulation.lies import Manner
 from scenefold.simulation.recording import named
 from scenefold.wire import (
@@ -72,13 +72,15 @@ class LyingAnswers:
         if not isinstance(packet, GetMany) or not isinstance(answer, GetManyReply) or not self._liar.lies_in(Scope.READS):
             return answer
         places = [Place(packet.scene, key.space, key.object or key.location) for key in packet.keys]
-        records = tuple(self._read(place, record) for place, record in zip(places, answer.records, strict=False))
+        # One answer lies in one manner: what is noticed at once must not hide what is hard to notice.
+        manner, how = self._liar.dice.choice(OF_READS), self._liar.dice.randrange(WAYS)
+        records = tuple(self._read(place, record, manner, how) for place, record in zip(places, answer.records, strict=False))
         if self._liar.chance(Scope.READS) and self._liar.dice.random() < 0.1:
             self._lies.tells(self._slot, places[0], Manner.NONSENSE, b"")
             return replace(answer, records=(*records, *records) if self._liar.dice.random() < 0.5 else ())
         return replace(answer, records=records)
 
-    def _read(self, place: Place, record: RecordBytes | None) -> RecordBytes | None:
+    def _read(self, place: Place, record: RecordBytes | None, manner: Manner, how: int) -> RecordBytes | None:
         liar = self._liar
         if record is None or record == DAMAGED_RECORD:
             return record
@@ -87,14 +89,14 @@ class LyingAnswers:
         if not liar.chance(Scope.READS):
             return record
         # What another node decides about that one has; only an owner can withhold it.
-        manner = liar.dice.choice(OF_READS) if liar.decides(place.home) else Manner.NONSENSE
-        if manner is Manner.WITHHELD:
+        decides = liar.decides(place.home)
+        if manner is Manner.WITHHELD and decides:
             self._lies.tells(self._slot, place, manner, None)
             return DAMAGED_RECORD if liar.dice.random() < 0.3 else None
-        if manner is Manner.OLDER and older is not None:
+        if manner is Manner.OLDER and decides and older is not None:
             self._lies.tells(self._slot, place, manner, RecordHeader.decode(older.header).digest)
             return older
-        wrong = liar.wrong(place, record)
+        wrong = liar.wrong(place, record, how)
         self._lies.tells(self._slot, place, Manner.NONSENSE, wrong.header[-32:])
         return wrong
 

@@ -14,7 +14,7 @@ from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.peer import NodeContext
 from scenefold.simulation import laws
 from scenefold.simulation.history import Place
-from scenefold.simulation.liar import PACKETS, Liar, Scope
+from scenefold.simulation.liar import PACKETS, WAYS, Liar, Scope
 from scenefold.simulation.lying_answers import Honest, overlay
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
@@ -122,7 +122,7 @@ class LyingHandovers:
             return replace(item, location=place, object=b"") if item.object else replace(item, location=place)
         place_of, _ = named(item)
         record = RecordBytes(item.signature, item.header, item.ciphertext)
-        wrong = self._liar.wrong(place_of, record)
+        wrong = self._liar.wrong(place_of, record, self._liar.dice.randrange(WAYS))
         return replace(item, signature=wrong.signature, header=wrong.header, ciphertext=wrong.ciphertext)
 
     def _older(self, handover: bytes, item: HandItem) -> HandItem:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import random
+from collections.abc import Callable
 
 import trio
 
@@ -25,12 +26,13 @@ BYTES_PER_S = (50_000.0, 2_000_000.0)
 class KeyChanges:
     """One client at it."""
 
-    def __init__(self, scene: Scene, seed: int, guest: MemberSecrets, tally: Tally) -> None:
-        """`guest`: somebody who does nothing with the scene; owners are revoked under another header key than others."""
+    def __init__(self, scene: Scene, seed: int, guest: MemberSecrets, tally: Tally, nonsense: Callable[[], int]) -> None:
+        """`guest`: somebody who does nothing with the scene; owners are revoked under another header key than others. `nonsense`: as of a worker."""
         self._scene = scene
         self._guest = Card(GUEST, (), guest.public(), 1, _DAY, _DAY, b"")
         self._dice = random.Random(f"keys/{seed}")
         self._tally = tally
+        self._nonsense = nonsense
 
     async def run(self, stop: trio.Event) -> None:
         """Until told to stop; a change that has begun is ended, or given up."""
@@ -42,6 +44,7 @@ class KeyChanges:
                 await self._change(act, role, rate)
 
     async def _change(self, act: str, role: Role, rate: float) -> None:
+        heard = self._nonsense()
         try:
             if act == "key":
                 await self._scene.rotate_key()
@@ -55,7 +58,9 @@ class KeyChanges:
             self._tally.given_up += 1
         except Refused as refusal:
             self._tally.refused += 1
-            if refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED):
+            is_grave = refusal.reason in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED)
+            if is_grave and self._nonsense() == heard:
                 self._tally.wrong.append(f"changing the key is refused: {refusal}")
         except (DamagedData, PeerFault) as problem:
-            self._tally.wrong.append(f"changing the key: {problem}")
+            if self._nonsense() == heard:
+                self._tally.wrong.append(f"changing the key: {problem}")

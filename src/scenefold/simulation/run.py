@@ -125,8 +125,9 @@ class _Drama:
             for worker in workers:
                 work.start_soon(worker.run, stop)
             if self._order.workload == "keys" and clients[-1].scene is not None:
-                seed = self._order.seed
-                work.start_soon(KeyChanges(clients[-1].scene, seed, secrets_of(key_of(seed, "the guest")), self._tally).run, stop)
+                seed, nonsense = self._order.seed, _nonsense_heard(cluster, clients[-1])
+                guest = secrets_of(key_of(seed, "the guest"))
+                work.start_soon(KeyChanges(clients[-1].scene, seed, guest, self._tally, nonsense).run, stop)
             async with trio.open_nursery() as faults:
                 if clients[0].scene is not None:
                     faults.start_soon(self._ask, cluster, clients[0].scene)
@@ -151,9 +152,7 @@ class _Drama:
             await Asker(cluster, links, scene, META, [*self._places.hot, *self._places.wide]).run()
 
     def _worker(self, cluster: Cluster, client: Client, scene: Scene) -> Worker:
-        def nonsense() -> int:
-            return cluster.watch.recorder.nonsense_heard[client.name]
-
+        nonsense = _nonsense_heard(cluster, client)
         return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally, nonsense)
 
     async def _settle(self, cluster: Cluster, clients: list[Client]) -> None:
@@ -215,3 +214,8 @@ class _Drama:
             reported={} if lies is None else dict(lies.reported),
             story=story,
         )
+
+
+def _nonsense_heard(cluster: Cluster, client: Client) -> Callable[[], int]:
+    """How many answers with nonsense a client was given."""
+    return lambda: cluster.watch.recorder.nonsense_heard[client.name]
