@@ -1,47 +1,36 @@
 """What it takes to read and write one scene: its identity, the writer's key, a session, and the way to the nodes.
 
-Space and importer build on the calls here, which speak payloads on one side and wire on the other: `put`, `get`, `entries`, and
-`read_log` and `change_log`. Sealing and opening happen in worker threads, a batch at a time.
+Space and importer build on the calls here, which speak payloads on one side and wire on the other: `put` (putting.py), `get`,
+`entries`, and `read_log` and `change_log`. Sealing and opening happen in worker threads, a batch at a time.
 """
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TypeVar
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
+from scenefold.base.limits import CLIENT_BATCH_BYTES
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.delivery import deliver, fetch
-from scenefold.client.doubt import Doubt
+from scenefold.client.delivery import fetch
+from scenefold.client.putting import put
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
-from scenefold.client.sealing import Draft, Key, NewerThanKnown, Opened, SceneIdentity, deleted_all, key_withheld, open_all, seal_all
+from scenefold.client.sealing import Key, NewerThanKnown, Opened, SceneIdentity, deleted_all, key_withheld, open_all
 from scenefold.client.setbacks import Setbacks
 from scenefold.client.split import frames
-from scenefold.client.together import together
-from scenefold.client.tombstones import Lengths, is_tombstone, tombstone
+from scenefold.client.tombstones import Lengths, tombstone
 from scenefold.client.versions import Sequencer
 from scenefold.client.wishes import Placed, Wish
-from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
-from scenefold.crypto.record_header import version_key
+from scenefold.crypto import SigningKey
 from scenefold.scene.log import SceneLog
-from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, PutItem, RecordBytes
+from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, RecordBytes
 
 Result = TypeVar("Result")
-
-_BEHIND = frozenset({RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED})
-"""What a node says to whoever signs under a log position that is over."""
-
-_REMEDIES = {
-    RejectReason.STORAGE_FULL: "free space on the nodes or add a node",
-    RejectReason.UNKNOWN_SCENE_OR_SPACE: "`scenectl space list` shows the spaces of the scene",
-}
 
 
 @dataclass(eq=False)
@@ -68,62 +57,14 @@ class SceneAccess:
         became of the record. PeerFault or DamagedData only if what lies there already could not be read.
         `fresh`: all of them want empty places, and the caller looks itself at what lies in taken ones.
         """
-        doubt = Doubt("a write", lambda index: self._where(wishes[index]), "read it, then decide whether to write again")
-        with doubt.no_refusal():
-            return await self._put(wishes, fresh, doubt)
-
-    async def _put(self, wishes: Sequence[Wish], fresh: bool, doubt: Doubt) -> list[Placed]:
-        """`doubt`: by number of the wish, over all the records that it is signed as."""
-        await self._check(wishes)
-        placed: list[Placed | None] = [None] * len(wishes)
-        pending = list(range(len(wishes)))
-        current = list(wishes)
-        routes = [wish.route for wish in wishes]
-        for attempt in range(CLIENT_TRIES_MAX):
-            items = dict(zip(pending, await self._seal([current[index] for index in pending]), strict=True))
-            outcomes = await deliver(self.calls, items, routes, doubt)
-            behind: list[int] = []
-            for index, item in items.items():
-                outcome = outcomes[index]
-                placed[index] = Placed(outcome.reason, digest_of(item), outcome.node, outcome.location)
-                is_stale = outcome.reason == RejectReason.STALE_VERSION
-                if outcome.reason == 0:
-                    header = RecordHeader.decode(item.header)
-                    self.setbacks.wrote(wishes[index].key, version_key(header), is_deleted=is_tombstone(wishes[index].payload))
-                is_settled = outcome.reason == 0 or (is_stale and fresh)
-                if is_stale and fresh:
-                    doubt.settle(index)
-                if outcome.reason in _BEHIND and attempt + 1 < CLIENT_TRIES_MAX and self.log is not None:
-                    behind.append(index)
-                elif not is_settled and (not is_stale or index in doubt):
-                    await self._explain(outcome.reason, wishes[index])
-                    raise self._refused(outcome.reason, wishes[index])
-            if behind:
-                # The log went on without us. What was not stored is signed anew, under the position that is known now.
-                await self.refresh()
-                await self._check([wishes[index] for index in behind])
-            stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
-            there = await self.get([wishes[index].key for index in stale])
-            pending = behind
-            for index, found in zip(stale, there, strict=True):
-                # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
-                if _may_replace(wishes[index], found):
-                    pending.append(index)
-                    if found is not None and wishes[index].expect == EXPECT_ABSENT:
-                        current[index] = wishes[index]._replace(expect=found.digest)
-            if not pending:
-                break
-        else:
-            remedy = "somebody else writes there all the time; try again"
-            raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
-        return [outcome for outcome in placed if outcome is not None]
+        return await put(self, wishes, fresh=fresh)
 
     async def put_one(self, wish: Wish) -> Placed:
         """`put` for one record; Refused with STALE_VERSION, in words, if what is there is not what was expected."""
         (placed,) = await self.put([wish])
         if placed.reason == RejectReason.STALE_VERSION:
             what = "there is a record already" if wish.expect == EXPECT_ABSENT else "another version is there"
-            raise Refused(RejectReason.STALE_VERSION, what, where=self._where(wish), remedy="read it, then decide")
+            raise Refused(RejectReason.STALE_VERSION, what, where=self.where(wish), remedy="read it, then decide")
         return placed
 
     def tombstone(self, key: Key) -> bytes:
@@ -182,13 +123,7 @@ class SceneAccess:
             raise LocalFault("the log of this scene is not known here", where=f"scene {self.name}")
         return self.log
 
-    async def _explain(self, reason: int, wish: Wish) -> None:
-        """A record of the wrong kind is refused as ill-formed. Of a space that is younger than what we know we know its kind now."""
-        if reason == RejectReason.ILL_FORMED:
-            await self.refresh()
-            self.identity.check_kind(wish.space, wish.object)
-
-    async def _check(self, wishes: Sequence[Wish]) -> None:
+    async def check(self, wishes: Sequence[Wish]) -> None:
         """An author writes nothing that is no output while the scene is being rendered (consensus.md §7), nor of the wrong kind."""
         for wish in wishes:
             self.identity.check_kind(wish.space, wish.object)
@@ -268,61 +203,6 @@ class SceneAccess:
     async def in_crypto_lane(self, function: Callable[..., Result], *arguments: object) -> Result:
         return await self.calls.world.workers.run("crypto", function, *arguments)
 
-    async def _seal(self, wishes: Sequence[Wish]) -> list[PutItem]:
-        wall, token = self.calls.world.clock.wall(), self.calls.world.entropy.token
-        drafts = [
-            Draft(
-                wish.space,
-                wish.location,
-                wish.payload,
-                wish.expect,
-                self.sequencer.next(wall),
-                token(NONCE_BYTES),
-                wish.content_position,
-                wish.object,
-            )
-            for wish in wishes
-        ]
-        items: list[PutItem] = []
-        sizes = [len(draft.payload) for draft in drafts]
-        for index, size in enumerate(sizes):
-            if size > PAYLOAD_BYTES_MAX:
-                where = self._where(wishes[index])
-                raise LocalFault(f"{size} bytes do not fit a record of {PAYLOAD_BYTES_MAX}", where=where, remedy="split it")
-        batches = list(frames(range(len(drafts)), sizes, CLIENT_BATCH_BYTES))
-        sealed: list[list[PutItem]] = [[] for _ in batches]
-
-        async def seal(number: int, batch: list[int]) -> None:
-            part = [drafts[index] for index in batch]
-            sealed[number] = await self.in_crypto_lane(seal_all, self.identity, self.writer, self.session, part)
-
-        await together(partial(seal, number, batch) for number, batch in enumerate(batches))
-        for wish in wishes:
-            self.lengths.saw(wish.key, wish.payload)
-        for part in sealed:
-            items += part
-        return items
-
-    def _refused(self, reason: int, wish: Wish) -> Refused:
-        remedy = _REMEDIES.get(RejectReason(reason), "")
-        words = RejectReason(reason).name.lower().replace("_", " ")
-        return Refused(RejectReason(reason), f"the record was refused: {words}", where=self._where(wish), remedy=remedy)
-
-    def _where(self, wish: Wish) -> str:
+    def where(self, wish: Wish) -> str:
+        """What a wish is about, for an error."""
         return f"scene {self.name}, space {wish.space}, {wish.location.hex()}"
-
-
-def digest_of(item: PutItem) -> bytes:
-    """The digest that `expect` speaks of."""
-    return RecordHeader.decode(item.header).digest
-
-
-def _may_replace(wish: Wish, there: Opened | None) -> bool:
-    """Whether a wish that was refused for its version wants what is there now replaced."""
-    if wish.expect == EXPECT_ABSENT:
-        return there is None or there.deleted
-    return wish.expect is None or (there is not None and there.digest == wish.expect)
-
-
-def _is_stale(placed: Placed | None) -> bool:
-    return placed is not None and placed.reason == RejectReason.STALE_VERSION

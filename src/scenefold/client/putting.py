@@ -1,0 +1,154 @@
+"""Records into a scene: sealed, sent to whoever owns their places, and again until each is durable or refused (specs/18-data.md, Writes).
+
+What is sent again is sealed anew where the scene, or what lies at the place, went on meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.client.delivery import deliver
+from scenefold.client.doubt import Doubt
+from scenefold.client.sealing import Draft, Opened, seal_all
+from scenefold.client.split import frames
+from scenefold.client.together import together
+from scenefold.client.tombstones import is_tombstone
+from scenefold.client.wishes import Placed, Wish
+from scenefold.crypto import NONCE_BYTES, RecordHeader
+from scenefold.crypto.record_header import version_key
+from scenefold.wire import EXPECT_ABSENT, PutItem
+
+if TYPE_CHECKING:
+    from scenefold.client.access import SceneAccess
+
+_BEHIND = frozenset({RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED})
+"""What a node says to whoever signs under a log position that is over."""
+
+_REMEDIES = {
+    RejectReason.STORAGE_FULL: "free space on the nodes or add a node",
+    RejectReason.UNKNOWN_SCENE_OR_SPACE: "`scenectl space list` shows the spaces of the scene",
+}
+
+
+async def put(access: SceneAccess, wishes: Sequence[Wish], *, fresh: bool) -> list[Placed]:
+    """See `SceneAccess.put`."""
+    doubt = Doubt("a write", lambda index: access.where(wishes[index]), "read it, then decide whether to write again")
+    with doubt.no_refusal():
+        return await _put(access, wishes, fresh, doubt)
+
+
+async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: Doubt) -> list[Placed]:
+    """`doubt`: by number of the wish, over all the records that it is signed as."""
+    await access.check(wishes)
+    placed: list[Placed | None] = [None] * len(wishes)
+    pending = list(range(len(wishes)))
+    current = list(wishes)
+    routes = [wish.route for wish in wishes]
+    for attempt in range(CLIENT_TRIES_MAX):
+        items = dict(zip(pending, await _seal(access, [current[index] for index in pending]), strict=True))
+        outcomes = await deliver(access.calls, items, routes, doubt)
+        behind: list[int] = []
+        for index, item in items.items():
+            outcome = outcomes[index]
+            placed[index] = Placed(outcome.reason, _digest_of(item), outcome.node, outcome.location)
+            is_stale = outcome.reason == RejectReason.STALE_VERSION
+            if outcome.reason == 0:
+                header = RecordHeader.decode(item.header)
+                access.setbacks.wrote(wishes[index].key, version_key(header), is_deleted=is_tombstone(wishes[index].payload))
+            is_settled = outcome.reason == 0 or (is_stale and fresh)
+            if is_stale and fresh:
+                doubt.settle(index)
+            if outcome.reason in _BEHIND and attempt + 1 < CLIENT_TRIES_MAX and access.log is not None:
+                behind.append(index)
+            elif not is_settled and (not is_stale or index in doubt):
+                await _explain(access, outcome.reason, wishes[index])
+                raise _refused(access, outcome.reason, wishes[index])
+        if behind:
+            # The log went on without us. What was not stored is signed anew, under the position that is known now.
+            await access.refresh()
+            await access.check([wishes[index] for index in behind])
+        stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
+        there = await access.get([wishes[index].key for index in stale])
+        pending = behind
+        for index, found in zip(stale, there, strict=True):
+            # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
+            if _may_replace(wishes[index], found):
+                pending.append(index)
+                if found is not None and wishes[index].expect == EXPECT_ABSENT:
+                    current[index] = wishes[index]._replace(expect=found.digest)
+        if not pending:
+            break
+    else:
+        remedy = "somebody else writes there all the time; try again"
+        raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
+    return [outcome for outcome in placed if outcome is not None]
+
+
+async def _explain(access: SceneAccess, reason: int, wish: Wish) -> None:
+    """A record of the wrong kind is refused as ill-formed. Of a space that is younger than what we know we know its kind now."""
+    if reason == RejectReason.ILL_FORMED:
+        await access.refresh()
+        access.identity.check_kind(wish.space, wish.object)
+
+
+async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
+    wall, token = access.calls.world.clock.wall(), access.calls.world.entropy.token
+    drafts = [
+        Draft(
+            wish.space,
+            wish.location,
+            wish.payload,
+            wish.expect,
+            access.sequencer.next(wall),
+            token(NONCE_BYTES),
+            wish.content_position,
+            wish.object,
+        )
+        for wish in wishes
+    ]
+    items: list[PutItem] = []
+    sizes = [len(draft.payload) for draft in drafts]
+    for index, size in enumerate(sizes):
+        if size > PAYLOAD_BYTES_MAX:
+            where = access.where(wishes[index])
+            raise LocalFault(f"{size} bytes do not fit a record of {PAYLOAD_BYTES_MAX}", where=where, remedy="split it")
+    batches = list(frames(range(len(drafts)), sizes, CLIENT_BATCH_BYTES))
+    sealed: list[list[PutItem]] = [[] for _ in batches]
+
+    async def seal(number: int, batch: list[int]) -> None:
+        part = [drafts[index] for index in batch]
+        sealed[number] = await access.in_crypto_lane(seal_all, access.identity, access.writer, access.session, part)
+
+    await together(partial(seal, number, batch) for number, batch in enumerate(batches))
+    for wish in wishes:
+        access.lengths.saw(wish.key, wish.payload)
+    for part in sealed:
+        items += part
+    return items
+
+
+def _refused(access: SceneAccess, reason: int, wish: Wish) -> Refused:
+    remedy = _REMEDIES.get(RejectReason(reason), "")
+    words = RejectReason(reason).name.lower().replace("_", " ")
+    return Refused(RejectReason(reason), f"the record was refused: {words}", where=access.where(wish), remedy=remedy)
+
+
+def _digest_of(item: PutItem) -> bytes:
+    """The digest that `expect` speaks of."""
+    return RecordHeader.decode(item.header).digest
+
+
+def _may_replace(wish: Wish, there: Opened | None) -> bool:
+    """Whether a wish that was refused for its version wants what is there now replaced."""
+    if wish.expect == EXPECT_ABSENT:
+        return there is None or there.deleted
+    return wish.expect is None or (there is not None and there.digest == wish.expect)
+
+
+def _is_stale(placed: Placed | None) -> bool:
+    return placed is not None and placed.reason == RejectReason.STALE_VERSION
