@@ -16,7 +16,7 @@ from scenefold.base.ids import KeyId, SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.card_rules import is_unknown, refusal_of
 from scenefold.peer.cluster_log import ClusterLog
-from scenefold.peer.handlers import Handlers
+from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.registry import Registry
 from scenefold.wire import AddNode, LogRecord, MalformedPacket, Packet, ProposeSceneLog, RequestSceneLog, Want
 from scenefold.world import Connection, Guests, Links, Priority, QuietLog, Turns, World, serve_connection
@@ -43,7 +43,7 @@ class Door:
         self._links = links
         links.refusal_of = self._refusal_now
         self._quiet = QuietLog(_log)
-        turns = Turns()
+        turns = Turns(self._is_member)
         self._at = {priority: Guests(turns, int(priority)) for priority in Priority}
         # Of their own: they come under a member's name, and shall take nothing of its share.
         self._refused = Guests()
@@ -79,6 +79,10 @@ class Door:
             with trio.move_on_after(NEWS_S_MAX):
                 await self._cluster_log.pull()
         return refusal
+
+    def _is_member(self, peer: str) -> bool:
+        node = node_of(peer)
+        return node is not None and self._cluster_log.registry.current(node) is not None
 
     def _refusal_now(self, connection: Connection) -> Refused | None:
         return refusal_of(connection.peer, connection.peer_key, self._cluster_log.registry, self._facts)

@@ -3,7 +3,8 @@
 All requests are handled by one thread, in tasks that run in turns: of a hundred of one peer and one of another, the one has a
 hundredth of the time. So a peer beside others begins only a few at a time, the next once one of them has ended; one that takes
 long, as it waits for a disk or another node, takes nobody's time, and soon counts no more. And it gets at most a share of the
-thread's time, by what requests and answers of that size take. A peer that is alone may begin all, and take all.
+thread's time, by what requests and answers of that size take; but for members, whose traffic all have caused. A peer that is
+alone may begin all, and take all.
 
 Each peer has an account for each port, so that what is small and urgent does not wait behind its own bulk.
 """
@@ -11,6 +12,7 @@ Each peer has an account for each port, so that what is small and urgent does no
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -21,14 +23,14 @@ TURN_S = 0.025
 BESIDE_S = 1.0
 """Others are beside a peer for so long after their last request."""
 WORK_SHARE = 0.2
-"""Of the thread's time, for a peer beside others. By the costs below it may read 20 MiB a second, or have 500 small answers."""
+"""Of the thread's time, for a peer beside others. By the costs below it may read 20 MiB a second, or have 250 small answers."""
 WORK_S_MAX = 0.2
 """What a peer that was quiet may take at once."""
 WORK_S_OWED_MAX = 0.05
 """What one that was alone, and took all, owes at most when others come."""
 FORGET_S = max(BESIDE_S, (WORK_S_MAX + WORK_S_OWED_MAX) / WORK_SHARE)
 """Who was quiet for so long is as if it had never been."""
-REQUEST_S = 0.0004
+REQUEST_S = 0.0008
 ANSWER_BYTE_S = 10e-6 / 1024
 """What a request costs, whatever it asks, and each byte of its answer."""
 
@@ -49,9 +51,10 @@ class _Account:
 
 
 class Turns:
-    """Of all peers at one node."""
+    """Of all peers at one node. `is_free`: whether a peer's share of the time has no bound."""
 
-    def __init__(self) -> None:
+    def __init__(self, is_free: Callable[[str], bool] = lambda _peer: False) -> None:
+        self._is_free = is_free
         self._guests: OrderedDict[Guest, _Account] = OrderedDict()
         """Whoever began a request last is the last one."""
         self._number = 0
@@ -66,7 +69,10 @@ class Turns:
             # If this one counts no more, so many are left at most.
             at = next(islice(reversed(account.begun.values()), TURNS_MAX - 1, None))
             wait_s = at + TURN_S - now
-        return max(0.0, wait_s, account.work_at - account.work_s / WORK_SHARE - now)
+        work_wait_s = account.work_at - account.work_s / WORK_SHARE - now
+        if work_wait_s > 0 and not self._is_free(guest[0]):
+            wait_s = max(wait_s, work_wait_s)
+        return max(0.0, wait_s)
 
     def begin(self, guest: Guest, now: float) -> int:
         """A request is taken up; the number is for `end`."""

@@ -79,17 +79,17 @@ def test_who_is_busy_at_one_port_is_beside_others_at_both_and_by_itself_at_none(
     assert len(begin_all(turns, ("user:pushy", 1), 0.0, 100)) == len(begin_all(turns, PUSHY, 0.0, 100)) == TURNS_MAX
 
 
-def requests_in(turns: Turns, seconds: float, answer_bytes: int, *, beside: bool) -> int:
+def requests_in(turns: Turns, seconds: float, answer_bytes: int, *, beside: bool, guest: Guest = PUSHY) -> int:
     """How many one makes that asks again and again, and is answered at once."""
     now, count = 0.0, 0
     while now < seconds:
         if beside:
             visit(turns, OTHER, now)
-        wait_s = turns.wait_s(PUSHY, now)
+        wait_s = turns.wait_s(guest, now)
         assert not wait_s or beside
         now += wait_s + 1e-9 if wait_s else 1e-4
         if not wait_s:
-            turns.end(PUSHY, turns.begin(PUSHY, now), answer_bytes, now)
+            turns.end(guest, turns.begin(guest, now), answer_bytes, now)
             count += 1
     return count
 
@@ -108,6 +108,12 @@ def test_who_took_all_alone_owes_little_when_others_come() -> None:
         turns.end(ME, turns.begin(ME, 0.0), 1_000_000, 0.0)
     visit(turns, OTHER, 0.0)
     assert 0 < turns.wait_s(ME, 0.0) <= WORK_S_OWED_MAX / WORK_SHARE
+
+
+def test_members_take_all_the_time_but_begin_no_more_at_a_time_than_others() -> None:
+    turns = Turns(is_free=lambda peer: peer == ME[0])
+    assert requests_in(turns, 1.0, 77_000, beside=True, guest=ME) >= 9_000
+    assert len(begin_all(turns, ME, 1.0, 100)) == TURNS_MAX
 
 
 def test_who_was_quiet_for_long_is_forgotten() -> None:
