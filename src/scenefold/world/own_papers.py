@@ -16,7 +16,7 @@ def check_papers(profile: ClusterProfile, identity: Identity, secrets: MemberSec
     try:
         card = Card.verified(identity.certificate, profile.authority_certificate(), datetime.datetime.now(datetime.UTC))
     except DamagedData as problem:
-        raise type(problem)(problem.what, where=problem.where or f"{identity.name}, {profile.folder}", remedy=problem.remedy) from None
+        raise type(problem)(problem.what, where=f"{identity.name}, {profile.folder}", remedy=problem.remedy) from None
     check_keys(profile, card, secrets)
 
 

@@ -9,6 +9,7 @@ Written by `scenectl cluster init`, read by every client and node (design page u
     nodes/<address>/         a node's TLS identity, signing and sealing key; a voter's also holds the seed of the log's key
     users/<name>/            a user's TLS identity, signing and sealing key
     scenes/<name>.toml       keys of scenes (keyring.py)
+    members.log              what clients have read of the cluster's log (log_file.py); may be removed, and comes back
 
 A machine needs only its own part: cluster.toml, the authority's certificate, and its own folder under nodes/ or users/.
 So each file is read when it is asked for, and a missing one is that request's error.
