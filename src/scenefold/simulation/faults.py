@@ -125,7 +125,7 @@ KINDS: dict[Kind, Shape] = {
     ),
     Kind.REPLAY: Shape(0.66, Whom.ALL, (5, 40), (2, 40), "datagrams a second, of those sent lately"),
     Kind.LIAR: Shape(
-        0.7,
+        1.2,
         Whom.ONE,
         (10, 70),
         (1, 12),

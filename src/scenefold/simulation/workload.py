@@ -166,6 +166,8 @@ class Worker:
                 await self._put_over(place)
             case "delete":
                 self._seen.pop(place, None)
+                # Where it has deleted something itself, nothing is nothing less.
+                self._newest.pop(place, None)
                 await self._space.delete(place)
             case "get":
                 await self._get([place])
