@@ -20,7 +20,7 @@ from typing import Any
 
 import msgpack
 
-from fuzz import datagrams, enrolling, mutations
+from fuzz import datagrams, enrolling, mutations, scenes
 from fuzz.findings import Finding
 from fuzz.targets import TARGETS
 from scenefold.base.errors import ScenefoldError
@@ -77,6 +77,10 @@ def seeds() -> dict[str, list[bytes]]:
         "frames": [frame(data) for data in packets] + [b"".join(frame(data) for data in packets[:9])],
         "status": [pack_piece(STATUS, example(STATUS, salt)) for salt in range(4)],
         "header": [pack_piece(SCENE_LOG_PUBLIC, example(SCENE_LOG_PUBLIC, salt)) for salt in range(4)],
+        "decided": scenes.DECIDED,
+        "lockbox": scenes.LOCKBOXES,
+        "former": scenes.FORMER,
+        "former plain": scenes.FORMER_PLAIN,
         "record": records,
         "log": logs,
         "datagram": datagrams.SEALED,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 
-from fuzz import datagrams, enrolling
+from fuzz import datagrams, enrolling, scenes
 from fuzz.findings import Finding
 from scenefold.wire import (
     FrameReader,
@@ -116,6 +116,10 @@ TARGETS: dict[str, Target] = {
     "frames": frames,
     "status": _piece(lambda data: unpack_piece(STATUS, data), lambda value: pack_piece(STATUS, value), "Status"),  # type: ignore[arg-type]
     "header": _piece(SceneLogPublic.decode, _encoded, "SceneLogPublic"),
+    "decided": scenes.decided,
+    "lockbox": scenes.lockbox,
+    "former": scenes.former,
+    "former plain": scenes.former_plain,
     "record": _piece(LogRecord.decode, _encoded, "LogRecord"),
     "log": _piece(unpack_log, _packed_log, "log"),
     "datagram": datagrams.datagram,

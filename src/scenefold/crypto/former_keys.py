@@ -37,7 +37,7 @@ def open_former(sealed: bytes, *, genesis: bytes, key_epoch: int, symmetric_key:
     except InvalidTag:
         raise DamagedData("the scene's former keys do not open under its key", where=where) from None
     count, rest = divmod(len(plain), SYMMETRIC_KEY_BYTES)
-    if rest or count > key_epoch:
+    if rest or count != min(key_epoch, FORMER_KEYS_MAX):
         raise DamagedData("the scene's former keys are ill-formed", where=where)
     keys = (plain[at : at + SYMMETRIC_KEY_BYTES] for at in range(0, len(plain), SYMMETRIC_KEY_BYTES))
     return dict(zip(range(key_epoch - count, key_epoch), keys, strict=True))
