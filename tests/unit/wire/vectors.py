@@ -2,6 +2,7 @@
 
 The files pin the bytes: an entry is written once and, from the first release on, changes only when the protocol's
 version does. To add what is new: `PYTHONPATH=tests .venv/bin/python -m unit.wire.vectors`; it keeps every entry that exists.
+Where keys and signatures may be of either suite, "packets" has those of suite 1; "packets of suite 2" has some with the longer ones.
 
 In the files bytes stand as {"bin": hexadecimal}; everything else as in JSON. "array" is the MessagePack array.
 """
@@ -26,10 +27,14 @@ from unit.wire.lawful import lawful
 FOLDER = Path(__file__).resolve().parents[3] / "specs" / "vectors"
 PATH = FOLDER / "packets.json"
 LOG_PATH = FOLDER / "log.json"
+LONG = "packets of suite 2"
+LONG_NUMBERS = (6, 10, 14, 32)
+"""A scene's header, and records."""
+_LONG_BYTES = 384
 
 
-def example(kind: Kind[Any], salt: int) -> Any:
-    """A value of this kind that uses its width: no two fields of a packet alike."""
+def example(kind: Kind[Any], salt: int, *, is_long: bool = False) -> Any:
+    """A value of this kind that uses its width: no two fields of a packet alike. `is_long`: keys and signatures are those of suite 2."""
     match kind:
         case Uint():
             return min(kind.most, kind.least + salt * 0x0123456789AB % (kind.most - kind.least + 1))
@@ -42,27 +47,28 @@ def example(kind: Kind[Any], salt: int) -> Any:
         case Bin():
             size = kind.lengths[-1 if kind.lengths[-1] <= 32 else 0] if kind.lengths else 5
             size = 64 if 64 in kind.lengths else size
+            size = _LONG_BYTES if is_long and _LONG_BYTES in kind.lengths else size
             return bytes((salt + at) % 256 for at in range(size))
         case Text():
             return f"text {salt} é"
         case Place():
             return Location(bytes((salt * 7 + at) % 256 for at in range(20)))
         case Maybe():
-            return example(kind.inner, salt)
+            return example(kind.inner, salt, is_long=is_long)
         case Many():
-            return tuple(example(kind.inner, salt + at) for at in range(kind.counts[-1] if kind.counts else 2))
+            return tuple(example(kind.inner, salt + at, is_long=is_long) for at in range(kind.counts[-1] if kind.counts else 2))
         case Struct():
-            fields = {name: example(inner, salt + at) for at, (name, inner) in enumerate(kind.fields)}
+            fields = {name: example(inner, salt + at, is_long=is_long) for at, (name, inner) in enumerate(kind.fields)}
             return kind.build(**lawful(kind.law, fields))
         case Tagged():
-            return example(list(kind.structs.values())[salt % len(kind.structs)], salt)
+            return example(list(kind.structs.values())[salt % len(kind.structs)], salt, is_long=is_long)
     raise AssertionError(kind)
 
 
-def example_packet(number: int) -> Packet:
+def example_packet(number: int, *, is_long: bool = False) -> Packet:
     row = ROWS[number]
     mini_status = None if number == 1 else example(MINI_STATUS, number)
-    fields = {name: example(kind, number + at) for at, (name, kind) in enumerate(row.fields)}
+    fields = {name: example(kind, number + at, is_long=is_long) for at, (name, kind) in enumerate(row.fields)}
     return row.packet(**lawful(row.law, fields), request_id=number * 1000, mini_status=mini_status)
 
 
@@ -96,7 +102,7 @@ def main() -> None:
 
 
 def _add_records() -> None:
-    entries = _entries(LOG_PATH, "records")
+    entries = _entries(LOG_PATH).get("records", {})
     for number in sorted(LOG_ENTRY.structs.keys() - entries.keys()):
         record = example_record(number)
         entries[number] = {
@@ -106,29 +112,37 @@ def _add_records() -> None:
             "bytes": record.encode().hex(),
             "hash": record.hash().hex(),
         }
-    _write(LOG_PATH, "records", entries)
+    _write(LOG_PATH, {"records": entries})
 
 
 def _add_packets() -> None:
-    entries = _entries(PATH, "packets")
-    for number in sorted(ROWS.keys() - entries.keys()):
-        packet = example_packet(number)
-        entries[number] = {
-            "number": number,
-            "name": ROWS[number].name,
-            "array": to_json(plain_array(packet)),
-            "bytes": encode_packet(packet).hex(),
-        }
-    _write(PATH, "packets", entries)
+    lists = _entries(PATH)
+    made = {"packets": lists.get("packets", {}), LONG: lists.get(LONG, {})}
+    for what, numbers in (("packets", sorted(ROWS)), (LONG, LONG_NUMBERS)):
+        for number in numbers:
+            if number not in made[what]:
+                packet = example_packet(number, is_long=what == LONG)
+                made[what][number] = {
+                    "number": number,
+                    "name": ROWS[number].name,
+                    "array": to_json(plain_array(packet)),
+                    "bytes": encode_packet(packet).hex(),
+                }
+    _write(PATH, made)
 
 
-def _entries(path: Path, what: str) -> dict[int, Any]:
-    return {entry["number"]: entry for entry in json.loads(path.read_text())[what]} if path.exists() else {}
+def _entries(path: Path) -> dict[str, dict[int, Any]]:
+    """The lists of a file, by their names and numbers."""
+    lists = json.loads(path.read_text()) if path.exists() else {}
+    return {what: {entry["number"]: entry for entry in entries} for what, entries in lists.items()}
 
 
-def _write(path: Path, what: str, entries: dict[int, Any]) -> None:
-    lines = ",\n".join(json.dumps(entries[number], ensure_ascii=False) for number in sorted(entries))
-    path.write_text(f'{{"{what}": [\n{lines}\n]}}\n')
+def _write(path: Path, lists: dict[str, dict[int, Any]]) -> None:
+    parts = []
+    for what, entries in lists.items():
+        lines = ",\n".join(json.dumps(entries[number], ensure_ascii=False) for number in sorted(entries))
+        parts.append(f'"{what}": [\n{lines}\n]')
+    path.write_text("{" + ",\n".join(parts) + "}\n")
 
 
 if __name__ == "__main__":
