@@ -25,7 +25,8 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from scenefold.base.errors import DamagedData, UsageFault
 from scenefold.base.ids import NodeId
-from scenefold.crypto.keys import SEED_BYTES, SigningKey
+from scenefold.crypto.key_files import SEED_BYTES
+from scenefold.crypto.keys import SigningKey
 
 ENROL_DOMAIN = b"scenefold/enrol"
 """Requests to be enrolled, signed by the key of an invitation."""

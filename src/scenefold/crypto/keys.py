@@ -12,20 +12,17 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Self
 
 from cryptography.exceptions import InvalidSignature as _InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
-from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId
 from scenefold.crypto import rsa3072
-from scenefold.crypto.key_files import secret_from_text, secret_to_text
-from scenefold.crypto.secrets_on_disk import read_secret, write_secret
+from scenefold.crypto.key_files import KeptKey
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITES, suite_of
 
-SEED_BYTES = 32
 SIGNATURE_BYTES = SUITES[ED25519].signature_bytes
 """Of suite 1, which all that goes by datagram is signed in."""
 
@@ -94,21 +91,21 @@ def _verifier(raw: bytes, suite: int) -> Callable[[bytes, bytes], None]:
         raise DamagedData("these bytes are no Ed25519 key") from None
 
 
-class SigningKey:
+class SigningKey(KeptKey):
     """A private key that signs. Its repr shows the public half only."""
 
-    __slots__ = ("_secret", "_sign", "public")
+    __slots__ = ("_sign", "public")
+
+    WHAT = "signing seed"
 
     def __init__(self, secret: bytes, suite: int = DEFAULT_SUITE) -> None:
         """`secret`: a seed of 32 bytes, or in suite 2 a PEM; LocalFault if it is none."""
-        self._secret = bytes(secret)
-        if suite_of(suite).number == RSA3072:
+        super().__init__(secret, suite)
+        if self.suite == RSA3072:
             rsa = rsa3072.private_key(self._secret)
             self._sign: Callable[[bytes], bytes] = partial(rsa3072.sign, rsa)
             raw = rsa3072.modulus_of(rsa)
         else:
-            if len(secret) != SEED_BYTES:
-                raise LocalFault(f"a signing seed has {SEED_BYTES} bytes, not {len(secret)}")
             key = Ed25519PrivateKey.from_private_bytes(self._secret)
             self._sign = key.sign
             raw = key.public_key().public_bytes_raw()
@@ -123,42 +120,6 @@ class SigningKey:
     def from_seed(cls, seed: bytes) -> Self:
         """The Ed25519 key of this seed of 32 bytes; LocalFault for any other length."""
         return cls(seed)
-
-    @classmethod
-    def from_file(cls, path: Path) -> Self:
-        """The key in a file, of either suite; LocalFault if it is missing, exposed or none."""
-        return cls.from_text(read_secret(path), str(path))
-
-    @classmethod
-    def from_text(cls, text: bytes, where: str) -> Self:
-        """The key that `to_text` made, of either suite; LocalFault naming `where` if it is none."""
-        try:
-            return cls(*secret_from_text(text))
-        except LocalFault:
-            raise LocalFault("the file holds no signing seed", where=where, remedy="restore it from a backup") from None
-
-    def to_file(self, path: Path) -> None:
-        """Writes the key as its suite says, mode 0600; LocalFault if the file exists."""
-        write_secret(path, self.to_text())
-
-    def to_text(self) -> bytes:
-        """What stands in the file of the key: a seed in hexadecimal, or a PEM."""
-        return secret_to_text(self._secret, self.suite)
-
-    @property
-    def suite(self) -> int:
-        return self.public.suite
-
-    @property
-    def secret(self) -> bytes:
-        """What the key is made from: see `__init__`."""
-        return self._secret
-
-    @property
-    def seed(self) -> bytes:
-        """The seed of a key of suite 1; others have none."""
-        assert self.suite == ED25519, "an RSA key has no seed"
-        return self._secret
 
     @property
     def key_id(self) -> KeyId:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Self
 
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey, RSAPublicKey
@@ -19,9 +18,8 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId
 from scenefold.crypto import rsa3072
 from scenefold.crypto.hpke import EPHEMERAL_BYTES, agreed, open_base, seal_base
-from scenefold.crypto.key_files import secret_from_text, secret_to_text
-from scenefold.crypto.keys import SEED_BYTES, key_id_of
-from scenefold.crypto.secrets_on_disk import read_secret, write_secret
+from scenefold.crypto.key_files import KeptKey
+from scenefold.crypto.keys import key_id_of
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITES, suite_of
 
 SEALING_KEY_BYTES = SUITES[ED25519].public_key_bytes
@@ -62,21 +60,21 @@ class SealingPublicKey:
         return seal_base(plaintext, self._key, _info(purpose, context), token(EPHEMERAL_BYTES))
 
 
-class SealingKey:
+class SealingKey(KeptKey):
     """The private half. Its repr shows the public one only."""
 
-    __slots__ = ("_key", "_secret", "public")
+    __slots__ = ("_key", "public")
+
+    WHAT = "sealing key"
 
     def __init__(self, secret: bytes, suite: int = DEFAULT_SUITE) -> None:
         """`secret`: 32 bytes, or in suite 2 a PEM; LocalFault if it is none."""
-        self._secret = bytes(secret)
+        super().__init__(secret, suite)
         self._key: X25519PrivateKey | RSAPrivateKey
-        if suite_of(suite).number == RSA3072:
+        if self.suite == RSA3072:
             self._key = rsa3072.private_key(self._secret)
             raw = rsa3072.modulus_of(self._key)
         else:
-            if len(secret) != SEED_BYTES:
-                raise LocalFault(f"a sealing key has {SEED_BYTES} bytes, not {len(secret)}")
             self._key = X25519PrivateKey.from_private_bytes(self._secret)
             raw = self._key.public_key().public_bytes_raw()
         self.public = SealingPublicKey(raw, suite)
@@ -85,42 +83,6 @@ class SealingKey:
     def generate(cls, suite: int = DEFAULT_SUITE) -> Self:
         """A new key, from the operating system's entropy. In suite 2 it takes about half a second."""
         return cls(rsa3072.new_key() if suite == RSA3072 else X25519PrivateKey.generate().private_bytes_raw(), suite)
-
-    @classmethod
-    def from_file(cls, path: Path) -> Self:
-        """The key in a file, of either suite; LocalFault if it is missing, exposed or none."""
-        return cls.from_text(read_secret(path), str(path))
-
-    @classmethod
-    def from_text(cls, text: bytes, where: str) -> Self:
-        """The key that `to_text` made, of either suite; LocalFault naming `where` if it is none."""
-        try:
-            return cls(*secret_from_text(text))
-        except LocalFault:
-            raise LocalFault("the file holds no sealing key", where=where, remedy="restore it from a backup") from None
-
-    def to_file(self, path: Path) -> None:
-        """Writes the key as its suite says, mode 0600; LocalFault if the file exists."""
-        write_secret(path, self.to_text())
-
-    def to_text(self) -> bytes:
-        """What stands in the file of the key: a seed in hexadecimal, or a PEM."""
-        return secret_to_text(self._secret, self.suite)
-
-    @property
-    def suite(self) -> int:
-        return self.public.suite
-
-    @property
-    def secret(self) -> bytes:
-        """What the key is made from: see `__init__`."""
-        return self._secret
-
-    @property
-    def seed(self) -> bytes:
-        """The 32 bytes of a key of suite 1; others have none."""
-        assert self.suite == ED25519, "an RSA key has no seed"
-        return self._secret
 
     def open(self, sealed: bytes, purpose: bytes, context: bytes) -> bytes:
         """What was sealed to this key for this purpose and context; DamagedData for anything else."""
