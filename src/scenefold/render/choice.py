@@ -1,8 +1,7 @@
 """Which nodes may render a scene: trusted by the cluster, or granted the scene, under keys that the authority certified. Pure (specs/19-jobs.md).
 
 What goes in was verified by whoever gives it: the view is the fold of the cluster's signed log, grants are those of the scene's own log,
-keys are those of certificates. Each speaks of keys, and a node counts only where all of them mean the same ones. Who is on the line
-may be one node's word: it adds nobody by that.
+keys are those of certificates. Each speaks of keys, and a node counts only where all of them mean the same ones.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ TOO_MANY = f"a job has at most {POOL_NODES_MAX} nodes"
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A node that does not render the scene, and why."""
+    """A member that does not render the scene, and why."""
 
     node: NodeId
     why: str
@@ -50,7 +49,7 @@ class Renderers:
     def check_any(self, scene: str) -> None:
         """LocalFault, with what to do about it, if nobody may render."""
         if not self.sealing:
-            why = "; ".join(f"{address_of(one.node)}: {one.why}" for one in self.left_out[:4]) or "no node is on the line"
+            why = "; ".join(f"{address_of(one.node)}: {one.why}" for one in self.left_out[:4]) or "the cluster has no member"
             raise LocalFault("no node may render this scene", where=f"scene {scene}; {why}", remedy=how_to_admit(scene))
 
 
@@ -62,17 +61,11 @@ def how_to_admit(scene: str) -> str:
     )
 
 
-def choose(
-    line: Sequence[NodeId],
-    view: LogView,
-    grants: Sequence[Granted],
-    certified: Mapping[NodeId, NodeKeys],
-    problems: Mapping[NodeId, str],
-) -> Renderers:
-    """Of the nodes on the line, in its order. `certified`: the keys in their certificates; `problems`: why there is none of a node."""
+def choose(view: LogView, grants: Sequence[Granted], certified: Mapping[NodeId, NodeKeys], problems: Mapping[NodeId, str]) -> Renderers:
+    """Of the members, in the order of the line. `certified`: the keys in their certificates; `problems`: why there is none of a node."""
     sealing: dict[NodeId, SealingPublicKey] = {}
     left_out = []
-    for node in line:
+    for node in view.members:
         keys = certified.get(node)
         why = problems.get(node, UNKNOWN) if keys is None else _obstacle(node, keys, view, grants)
         if not why and len(sealing) >= POOL_NODES_MAX:

@@ -7,7 +7,6 @@ only cut short, and not below what this profile has seen. Who is granted the sce
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
 from functools import partial
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
@@ -15,7 +14,7 @@ from scenefold.base.ids import NodeId
 from scenefold.client import Cluster, Scene
 from scenefold.client.together import together
 from scenefold.crypto import Card
-from scenefold.render.choice import REVOKED, UNKNOWN, Renderers, choose
+from scenefold.render.choice import REVOKED, Renderers, choose
 from scenefold.world.log_view import LogView, NodeKeys
 
 
@@ -23,13 +22,12 @@ async def renderers_of(cluster: Cluster, scene: Scene) -> Renderers:
     """Who may render the scene now, and who is left out. Unreachable if the node that keeps the scene's log does not answer."""
     grants = (await scene.access.read_log()).state.grants.members
     view = await cluster.log.newest()
-    line = [owner.node_id for owner in await cluster.nodes()]
-    certified, problems = await _certified(cluster, view, line)
-    return choose(line, view, grants, certified, problems)
+    certified, problems = await _certified(cluster, view)
+    return choose(view, grants, certified, problems)
 
 
-async def _certified(cluster: Cluster, view: LogView, line: Sequence[NodeId]) -> tuple[dict[NodeId, NodeKeys], dict[NodeId, str]]:
-    """The keys that the authority certified, of each node; or why they are not known."""
+async def _certified(cluster: Cluster, view: LogView) -> tuple[dict[NodeId, NodeKeys], dict[NodeId, str]]:
+    """The keys that the authority certified, of each member; or why they are not known."""
     authority = await cluster.in_worker("import", cluster.profile.authority_certificate)
     now = datetime.datetime.fromtimestamp(cluster.calls.world.clock.wall(), datetime.UTC)
     # Made with the cluster, by who made the profile, or as the authority has signed in the charter.
@@ -40,7 +38,7 @@ async def _certified(cluster: Cluster, view: LogView, line: Sequence[NodeId]) ->
     async def look(node: NodeId) -> None:
         card, keys = view.roll.card_of(f"node:{node}"), view.keys_of(node)
         if keys is None:
-            problems[node] = REVOKED if node in view.nodes else UNKNOWN
+            problems[node] = REVOKED
         elif card is None and original.get(node) == keys:
             found[node] = keys
         else:
@@ -50,7 +48,7 @@ async def _certified(cluster: Cluster, view: LogView, line: Sequence[NodeId]) ->
             except (DamagedData, LocalFault, PeerFault, Refused, Unreachable) as problem:
                 problems[node] = _words(problem)
 
-    await together(partial(look, node) for node in line)
+    await together(partial(look, node) for node in view.members)
     return found, problems
 
 

@@ -14,7 +14,7 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import LOG_DOMAIN, Card, PublicKey, key_id_of
-from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, RevokeNode, SignedRecord, hash_of_record
+from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, RemoveNode, RevokeNode, SignedRecord, hash_of_record
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.roll import Roll
 
@@ -40,6 +40,14 @@ class LogView:
     nodes: Mapping[NodeId, NodeKeys] = field(default_factory=dict)
     revoked_at: Mapping[tuple[str, KeyId], int] = field(default_factory=dict)
     """Where in the log keys ceased to count."""
+    order: tuple[NodeId, ...] = ()
+    """The line, founders that have not registered yet included."""
+    registered: frozenset[NodeId] = frozenset()
+
+    @property
+    def members(self) -> tuple[NodeId, ...]:
+        """The registered nodes in the order of the line."""
+        return tuple(node for node in self.order if node in self.registered)
 
     def keys_of(self, node: NodeId) -> NodeKeys | None:
         """What a node signs with, and what is sealed to it; None if it has no keys that count."""
@@ -73,15 +81,20 @@ class LogView:
     def _followed(self, record: LogRecord, record_hash: bytes) -> LogView:
         if record.position != self.position + 1 or record.prev_hash != self.head:
             raise DamagedData(f"record {record.position} does not follow what is known, which ends at {self.position}")
-        roll, nodes, entry = self.roll, self.nodes, record.entry
+        roll, nodes, order, registered, entry = self.roll, self.nodes, self.order, self.registered, record.entry
         match entry:
             case Found():
                 if not entry.voters or entry.voters[0] not in [founder.node for founder in entry.founders]:
                     raise DamagedData("its first voter did not found the cluster")
                 nodes = {founder.node: NodeKeys(founder.key, founder.sealing_key) for founder in entry.founders}
-                roll = roll.after(Trust(entry.voters[0], True, nodes[entry.voters[0]].sealing))
+                roll, order = roll.after(Trust(entry.voters[0], True, nodes[entry.voters[0]].sealing)), tuple(nodes)
             case AddNode():
-                nodes = {**nodes, entry.member.node: NodeKeys(entry.key, entry.sealing_key)}
+                node = entry.member.node
+                nodes, registered = {**nodes, node: NodeKeys(entry.key, entry.sealing_key)}, registered | {node}
+                # A founder that registers stands there already.
+                order = order if node in order else _with(order, node, entry.left_of)
+            case RemoveNode(member):
+                order, registered = tuple(node for node in order if node != member.node), registered - {member.node}
             case RevokeNode(node, key):
                 roll = roll.without(f"node:{node}", key)
             case Trust() | Invite() | Enrol() | RenewCard() | RevokeUser() | Withdraw():
@@ -89,7 +102,7 @@ class LogView:
         revoked_at = self.revoked_at
         if roll.revoked is not self.roll.revoked:
             revoked_at = {**revoked_at, **dict.fromkeys(roll.revoked - self.roll.revoked, record.position)}
-        return LogView(record.position, record_hash, roll, nodes, revoked_at)
+        return LogView(record.position, record_hash, roll, nodes, revoked_at, order, registered)
 
     def cards(self, owners: Sequence[bytes]) -> list[Card]:
         """The newest cards of all members that have one and count, by name. `owners`: of the users that the cluster began with."""
@@ -99,3 +112,11 @@ class LogView:
     def card_of(self, name: str, owners: Sequence[bytes]) -> Card | None:
         """The newest card of a member, if it has one and counts."""
         return next((card for card in self.cards(owners) if card.name == name), None)
+
+
+def _with(order: tuple[NodeId, ...], node: NodeId, left_of: NodeId) -> tuple[NodeId, ...]:
+    """The line with one more node, directly left of another one."""
+    if left_of not in order:
+        raise DamagedData("a node stands beside one that is not on the line")
+    rank = order.index(left_of)
+    return (*order[:rank], node, *order[rank:])

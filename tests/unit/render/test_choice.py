@@ -52,11 +52,10 @@ def view_of(*entries: LogEntry) -> LogView:
 def chosen(
     *entries: LogEntry,
     grants: Sequence[Granted] = (),
-    line: Sequence[int] = range(COUNT),
     certified: Mapping[NodeId, NodeKeys] = CERTIFIED,
     problems: Mapping[NodeId, str] = MappingProxyType({}),
 ) -> Renderers:
-    return choose([node(number) for number in line], view_of(found(COUNT), *MEMBERS, *entries), grants, certified, problems)
+    return choose(view_of(found(COUNT), *MEMBERS, *entries), grants, certified, problems)
 
 
 def why(renderers: Renderers) -> dict[int, str]:
@@ -88,14 +87,14 @@ def test_a_revoked_node_is_left_out_whatever_it_was_granted() -> None:
     assert seen.nodes == (node(0),) and why(seen)[1] == REVOKED
 
 
-def test_who_is_not_on_the_line_is_not_chosen_and_not_told_of() -> None:
-    seen = chosen(trust(2), remove(2), grants=(granted(2),), line=(3, 1, 0))
-    assert seen.nodes == (node(0),) and list(why(seen)) == [3, 1]
+def test_who_is_no_member_is_not_chosen_and_not_told_of() -> None:
+    seen = chosen(trust(2), trust(9), remove(2), grants=(granted(2), granted(9)), certified={**CERTIFIED, node(9): keys_of(9)})
+    assert seen.nodes == (node(0),) and list(why(seen)) == [1, 3]
 
 
-def test_who_names_a_node_on_the_line_that_the_log_does_not_know_adds_nobody() -> None:
-    seen = chosen(trust(9), grants=(granted(9),), line=(0, 9), certified={**CERTIFIED, node(9): keys_of(9)})
-    assert seen.nodes == (node(0),) and why(seen) == {9: OTHER_KEYS}
+def test_who_came_back_to_another_place_renders_there() -> None:
+    seen = chosen(trust(2), remove(2), add(2, left_of=0, life=1))
+    assert seen.nodes == (node(2), node(0))
 
 
 @pytest.mark.parametrize("part", ["signing", "sealing"])
@@ -124,7 +123,7 @@ def test_more_than_a_job_may_have_are_left_out() -> None:
     count = POOL_NODES_MAX + 2
     everybody = [entry for number in range(count) for entry in (add(number), trust(number))]
     certified = {node(number): keys_of(number) for number in range(count)}
-    seen = choose(list(certified), view_of(found(count), *everybody), (), certified, {})
+    seen = choose(view_of(found(count), *everybody), (), certified, {})
     assert len(seen.nodes) == POOL_NODES_MAX
     assert why(seen) == {POOL_NODES_MAX: TOO_MANY, POOL_NODES_MAX + 1: TOO_MANY}
 
@@ -135,6 +134,6 @@ def test_if_nobody_may_render_the_error_says_what_to_do() -> None:
     with pytest.raises(LocalFault) as caught:
         nobody.check_any("kitchen")
     with pytest.raises(LocalFault, match="no node may render"):
-        chosen(line=()).check_any("kitchen")
+        choose(LogView(), (), CERTIFIED, {}).check_any("kitchen")
     assert "kitchen" in caught.value.where and STRANGE in caught.value.where
     assert "scenectl scene grant kitchen" in caught.value.remedy and "scenectl cluster trust" in caught.value.remedy

@@ -12,7 +12,7 @@ import trio
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.crypto import Authority, Card
-from scenefold.render.choice import REVOKED, STRANGE, UNKNOWN, Renderers
+from scenefold.render.choice import REVOKED, STRANGE, Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.wire import AddNode, LogEntry, Member, RevokeNode
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, Trust
@@ -23,7 +23,6 @@ from unit.render.test_choice import granted, trust, view_of
 NEWCOMER = NodeId(node_id_of("127.0.0.9"))
 NAME = f"node:{NEWCOMER}"
 FOUNDED: tuple[LogEntry, ...] = (found(3), add(0), add(1), add(2))
-LINE = [node(0), node(1), node(2), NEWCOMER]
 
 
 class Cluster:
@@ -41,10 +40,6 @@ class Cluster:
         await trio.lowlevel.checkpoint()
         self.asked.append("log")
         return view_of(*self._entries)
-
-    async def nodes(self) -> Any:
-        await trio.lowlevel.checkpoint()
-        return [SimpleNamespace(node_id=one) for one in LINE]
 
     async def in_worker(self, _lane: str, function: Any, *args: object) -> Any:
         await trio.lowlevel.checkpoint()
@@ -76,7 +71,7 @@ def why(seen: Renderers) -> dict[NodeId, str]:
 async def test_founders_are_known_by_log_and_profile_and_nobody_is_asked_for_cards() -> None:
     cluster = Cluster(*FOUNDED, trust(1))
     seen = await renderers(cluster, granted(2))
-    assert seen.nodes == (node(0), node(1), node(2)) and why(seen) == {NEWCOMER: UNKNOWN}
+    assert seen.nodes == (node(0), node(1), node(2)) and not seen.left_out
     assert cluster.asked == ["log"]
     assert seen.sealing[node(1)] == secrets_of(1).sealing.public
 
@@ -112,7 +107,7 @@ def _joined(card: Card | None, keys: int = 0) -> tuple[LogEntry, ...]:
 async def test_who_joined_is_known_by_the_card_that_the_authority_issued() -> None:
     card = card_for(NAME, 0)
     seen = await renderers(Cluster(*_joined(card)))
-    assert seen.nodes == (node(0), NEWCOMER) and seen.sealing[NEWCOMER] == card.keys.sealing
+    assert seen.nodes == (NEWCOMER, node(0)) and seen.sealing[NEWCOMER] == card.keys.sealing
 
 
 async def test_a_card_of_another_authority_or_out_of_date_lets_nobody_render() -> None:
@@ -132,7 +127,7 @@ async def test_a_member_under_other_keys_than_those_of_its_card_is_left_out() ->
 async def test_of_whom_neither_log_nor_profile_knows_a_certificate_one_is_asked_for() -> None:
     """Somebody who was invited has no list of those nodes whose keys were made with the cluster, and that joined later."""
     for cards, nodes in (
-        ({NAME: card_for(NAME, 0)}, (node(0), NEWCOMER)),
+        ({NAME: card_for(NAME, 0)}, (NEWCOMER, node(0))),
         ({NAME: card_for(NAME, 1)}, (node(0),)),
         ({}, (node(0),)),
     ):

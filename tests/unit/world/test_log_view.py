@@ -72,6 +72,26 @@ def test_it_is_what_a_node_makes_of_the_same_log_in_however_many_parts(cuts: lis
     assert [card.name for card in view.cards([])] == [ADA]
 
 
+def test_the_line_and_its_members_are_those_that_a_node_knows_after_each_record() -> None:
+    view, registry = LogView(), Registry()
+    for entry in (
+        found(3),
+        add(1),
+        add(0),
+        add(3, left_of=1),
+        remove(1),
+        add(2),
+        add(4, left_of=0),
+        remove(3),
+        add(1, left_of=4, life=1),
+        add(3, left_of=2, life=1),
+    ):
+        one = record(registry, entry)
+        registry = registry.apply(one)
+        view, _ = view.after([signed(one)], KEY)
+        assert (view.order, view.members) == (registry.order, registry.members)
+
+
 def test_whoever_shows_it_nobody_leaves_out_changes_or_adds_a_record() -> None:
     before, _ = LogView().after(RECORDS[:6], KEY)
     forged = records((*ENTRIES[:7], *invited(5, "user:eve", 1)), SigningKey(bytes(32)))
