@@ -256,6 +256,7 @@ async def check_scenes(user: User) -> None:
         (replace(scene_in(user.nodes.profile, write_floor=9), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
         (later_header(scene_in(user.nodes.profile, write_floor=8)), RejectReason.UNKNOWN_SCENE_OR_SPACE),
         (first_header(origin=NodeId(9)), RejectReason.NOT_AUTHORISED),
+        (first_header(WRITER, decider, origin=user.scene.origin), RejectReason.NOT_AUTHORISED),
         (later_header(user.scene, decider=decider, position=3), RejectReason.ILL_FORMED),
         (later_header(user.scene, STRANGER, decider), RejectReason.SIGNATURE_INVALID),
     ):

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import trio
 
+from scenefold.crypto import SigningKey
 from scenefold.peer import NodeContext
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
@@ -82,13 +83,20 @@ class HostileFaults:
     def _possession(self, slot: int) -> _Possession:
         if slot not in self._liars:
             watch = self._cluster.watch
-            liar = Liar(self._cluster.nodes[slot], watch.recorder.lies, self._made_up, self._keys, self._cluster.net.seed)
+            node, lies, seed = self._cluster.nodes[slot], watch.recorder.lies, self._cluster.net.seed
+            liar = Liar(node, lies, self._made_up, self._keys, self._owner, seed)
             self._liars[slot] = _Possession(liar, LyingAnswers(liar), LyingHandovers(liar, watch), LyingWords(liar))
         return self._liars[slot]
 
     def _keys(self) -> Mapping[int, bytes]:
         scene = next((client.scene for client in self._clients if client.scene is not None), None)
         return {} if scene is None else scene.access.identity.keys
+
+    def _owner(self) -> SigningKey | None:
+        """What an owner signs headers with."""
+        logs = (client.scene.access.log for client in self._clients if client.scene is not None)
+        seed = next((log.keys.header_seed for log in logs if log is not None), None)
+        return None if seed is None else SigningKey(seed)
 
     def _look_for_believers(self) -> None:
         """Nobody believes what a liar made up in the name of others."""

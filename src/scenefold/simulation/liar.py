@@ -80,7 +80,8 @@ class MadeUp:
 class Liar:
     """One node, over all its lives. It lies in a scope while a fault says so."""
 
-    def __init__(self, node: Node, lies: Lies, made_up: MadeUp, keys: Keys, seed: int) -> None:
+    def __init__(self, node: Node, lies: Lies, made_up: MadeUp, keys: Keys, owner: Callable[[], SigningKey | None], seed: int) -> None:
+        """`keys`, `owner`: of the scene, which a member of it lets the liar have."""
         self.node = node
         self.lies = lies
         self.made_up = made_up
@@ -88,6 +89,7 @@ class Liar:
         self.at_work: list[Scope] = []
         """As often as faults name each."""
         self._keys = keys
+        self.owner = owner
         self._versions: OrderedDict[Place, deque[RecordBytes]] = OrderedDict()
 
     @property

@@ -15,6 +15,7 @@ from scenefold.base.location import LAST, LINE_LENGTH, Location
 from scenefold.crypto import HEADER_DOMAIN, STATUS_DOMAIN
 from scenefold.peer import NodeContext
 from scenefold.peer.datagrams import PACKET_BYTES_MAX
+from scenefold.scene.log import decided
 from scenefold.simulation.liar import Liar, Scope
 from scenefold.simulation.lies import TABLE, Manner, of_header
 from scenefold.simulation.lying_answers import Honest, overlay
@@ -168,6 +169,14 @@ class LyingWords:
             case 2 if answer.private:
                 return replace(answer, private=answer.private[:-1] + bytes((answer.private[-1] ^ 1,)))
             case _:
-                ahead = replace(answer.public, position=answer.public.position + FAR)
-                ahead = replace(ahead, signature=self._liar.key.sign(HEADER_DOMAIN, ahead.signable()))
+                ahead = self._ahead(answer.public)
                 return replace(answer, position=ahead.position, public=self._liar.made_up.add_header(ahead, self._slot))
+
+    def _ahead(self, public: SceneLogPublic) -> SceneLogPublic:
+        """What nobody has decided. An owner is on the liar's side, and has signed it."""
+        ahead = replace(public, position=public.position + FAR)
+        owner = self._liar.owner() or self._liar.key
+        ahead = replace(ahead, signature=owner.sign(HEADER_DOMAIN, ahead.signable()))
+        # The node that decides could decide it, too: that one is trusted.
+        decider = owner if public.origin == self._liar.node.node_id else self._liar.key
+        return self._liar.dice.choice((ahead, ahead.proposed(), decided(ahead, decider)))

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.reasons import RejectReason
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
+from scenefold.peer.proposals import rejection
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import ProposeSceneLog
 from scenefold.world import offline_world
@@ -107,3 +109,11 @@ def test_what_connect_comes_with_does_not_hide_it() -> None:
 
     assert callable(scenefold.connect) and callable(profile_folder)
     assert callable(scenefold.client.connect)
+
+
+async def test_who_has_made_too_many_scenes_is_told_so(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    nodes._propose = lambda packet: rejection(packet, RejectReason.LIMIT_EXCEEDED, ORIGIN.node)  # type: ignore[method-assign]
+    with pytest.raises(Refused, match="no more scenes: 128 of one user, 512 in all"):
+        await _scenes(nodes, tmp_path).create("kitchen")
+    assert Keyring(tmp_path).names() == []

@@ -14,7 +14,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, Card, SigningKey
-from scenefold.peer.card_rules import check_issued, check_renewable, credential_of, not_due, refusal_of
+from scenefold.peer.card_rules import check_issued, check_renewable, credential_of, is_user_key, not_due, refusal_of
 from scenefold.peer.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.peer.log_rules import check_proposer
 from scenefold.peer.registry import Registry
@@ -373,3 +373,14 @@ def test_who_is_in_no_log_is_not_let_in() -> None:
 def test_a_cluster_without_an_authority_has_no_cards_to_go_by() -> None:
     for name in ("user:ada", f"node:{node(0)}"):
         assert refused(name, None, log(), logs_made.facts(2)) is None
+
+
+def test_the_keys_of_users_are_those_of_the_log_and_of_the_first_owner_until_they_are_revoked() -> None:
+    ada, owner = card_for("user:ada", 0), OWNER.keys.signing
+    registry = log(*member("user:ada", 0))
+    assert is_user_key(ada.keys.signing, registry, FACTS) and is_user_key(owner, registry, FACTS)
+    assert not is_user_key(key_of(1).public, registry, FACTS), "a node's"
+    assert not is_user_key(NEWCOMERS[1].signing.public, registry, FACTS), "a stranger's"
+    revoked = log(*member("user:ada", 0), RevokeUser("user:ada", ada.signing_id))
+    assert not is_user_key(ada.keys.signing, revoked, FACTS)
+    assert is_user_key(NEWCOMERS[1].signing.public, registry, replace(FACTS, authority=b"")), "without an authority nobody can tell"
