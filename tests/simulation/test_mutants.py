@@ -48,6 +48,7 @@ BACKUPS = (Kind.RESTORED_BACKUP, Kind.RESET)
 
 PROVOKED = {
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
+    "decided header": Provocation(laws.VERIFIED, LIES),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
     "durable before release": Provocation(laws.CARRIED, MOVES),
     "indirect probe": Provocation(laws.REMOVED_RIGHTLY, CUTS, 45.0),

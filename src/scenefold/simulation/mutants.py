@@ -120,6 +120,10 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "reader's signature check": (Patch("scenefold.client.sealing", "check_signature", _always(None)),),
     "checked handover": (Patch("scenefold.peer.line.receiving", "verify_copies", _trusting_receiver),),
     "reader's memory": (Patch("scenefold.client.setbacks", "_is_behind", _always(False)),),
+    "decided header": (
+        Patch("scenefold.peer.headers", "check_decided", _always(None)),
+        Patch("scenefold.scene.log.following", "check_decided", _always(None)),
+    ),
     "own status only": (
         Patch("scenefold.peer.hearing", "problem_of", _always("")),
         Patch("scenefold.peer.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
