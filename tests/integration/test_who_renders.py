@@ -113,10 +113,7 @@ async def test_trust_that_is_withdrawn_during_a_render_counts_for_the_next(tmp_p
         async with rendering(cluster, scene):
             await cluster.membership.trust(STORING, trusted=False)
             assert await still(cluster, scene) == (picture, list(NODES[:2]))
-        await cluster.membership.trust(STORING)
-        assert await still(cluster, scene) == (picture, everybody)
-        # A grant of one scene is enough, and no more than that; and it ends as well.
-        await cluster.membership.trust(STORING, trusted=False)
+        # A grant of one scene is enough, and ends as well.
         await scene.grant(await cluster.card_of(f"node:{STORING}"), Role.READER)
         assert await still(cluster, scene) == (picture, everybody)
         await scene.revoke(f"node:{STORING}")
