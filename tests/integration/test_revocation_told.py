@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,16 @@ from scenefold.wire import RequestTable, RespondTable
 
 FIRST, _, THIRD = addresses(3)
 AGAIN_S = 0.1
+
+
+@pytest.fixture
+def quiet_nodes() -> Iterator[None]:
+    """What nodes complain of depends on how much a revoked one gets to say before it is told."""
+    nodes = logging.getLogger("scenefold.peer")
+    level = nodes.level
+    nodes.setLevel(logging.CRITICAL)
+    yield
+    nodes.setLevel(level)
 
 
 async def ask(cluster: Cluster, address: str) -> None:
@@ -38,6 +50,7 @@ async def told(cluster: Cluster, name: str) -> None:
             await trio.sleep(AGAIN_S)
 
 
+@pytest.mark.usefixtures("quiet_nodes")
 async def test_a_client_ends_its_connections_to_a_revoked_node_and_none_of_its_profile_opens_one(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 3) as nodes:
         profile, name = nodes.profile.folder, f"node:{node_id_of(THIRD)}"
