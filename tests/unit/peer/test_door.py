@@ -128,6 +128,12 @@ async def test_who_is_in_no_log_is_told_so(known: Registry, later: Registry, rea
     assert isinstance(answer, Fault) and answer.reason == reason
 
 
+def test_only_member_nodes_have_no_bound_of_their_time() -> None:
+    one_door = door(Log(MEMBER, MEMBER))
+    assert one_door._is_member(f"node:{node(0)}"), "the first founder took its seat"
+    assert not any(one_door._is_member(peer) for peer in (ADA, f"node:{node(1)}", "node:x", ""))
+
+
 @pytest.mark.expect_log("connection refused")
 @pytest.mark.expect_log("its oldest connection is closed")
 async def test_who_is_refused_pushes_out_no_connection_of_the_member_whose_name_it_bears() -> None:
