@@ -79,9 +79,9 @@ class Channel:
                 return await self._exchange(packet)
         raise self._unreachable(f"no answer within {timeout_s:g} s")
 
-    def end(self) -> None:
-        """Talk to this peer no more: who waits for an answer hears that at once."""
-        self._lose("the cluster talks to this peer no more")
+    def end(self, why: str) -> None:
+        """Talk to this peer no more: who waits for an answer hears why, at once."""
+        self._lose(why)
 
     async def send(self, packet: Packet) -> None:
         """Send without an answer. Returns once the packet is on its way; Unreachable if the connection is lost."""

@@ -54,8 +54,9 @@ class Links:
     def check_again(self) -> None:
         """End the channels to those that are none of ours any more."""
         for link in list(self._links.values()):
-            if link.channel is not None and self.refusal_of(link.channel.connection) is not None:
-                link.channel.end()
+            refusal = None if link.channel is None else self.refusal_of(link.channel.connection)
+            if link.channel is not None and refusal is not None:
+                link.channel.end(refusal.what)
 
     async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
         """Ask the node at an address, connecting first if need be, within `timeout_s` seconds in all.
