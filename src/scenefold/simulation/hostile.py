@@ -17,7 +17,7 @@ from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster
 from scenefold.simulation.faults import Fault, Kind
-from scenefold.simulation.liar import Liar, MadeUp, flipped, scopes_of
+from scenefold.simulation.liar import Liar, MadeUp, Scope, flipped, scopes_of
 from scenefold.simulation.lying_answers import LyingAnswers
 from scenefold.simulation.lying_handovers import LyingHandovers
 from scenefold.simulation.lying_words import FAR, LyingWords
@@ -25,6 +25,8 @@ from scenefold.simulation.lying_words import FAR, LyingWords
 FLIPPED = 0.3
 """Share of the datagrams that are played again with a bit turned over."""
 LOOK_S = 0.2
+INTRUDE_S = 0.5
+"""Between two records that a liar makes up and brings home; it looks as often whether its node runs anew."""
 
 
 class HostileFaults:
@@ -73,7 +75,9 @@ class HostileFaults:
             while self._cluster.net.now < fault.end_s and not self._is_over():
                 # It lies on after a restart.
                 possession.possess()
-                await trio.sleep(LOOK_S)
+                await trio.sleep(INTRUDE_S if Scope.HANDOVERS in scopes else LOOK_S)
+                if Scope.HANDOVERS in scopes:
+                    await possession.handovers.intrude()
                 self._look_for_believers()
         finally:
             for scope in scopes:
@@ -128,6 +132,7 @@ class _Possession:
 
     def __init__(self, liar: Liar, answers: LyingAnswers, handovers: LyingHandovers, words: LyingWords) -> None:
         self.liar = liar
+        self.handovers = handovers
         self._mouths = answers, handovers, words
         self._possessed: NodeContext | None = None
 

@@ -25,7 +25,7 @@ LIES = 0.3
 """Share of what it says that a liar says wrongly."""
 PACKETS = 0.5
 """Share of the packets of a handover in which one record is altered."""
-WAYS = 10
+WAYS = 12
 """In which a wrong record is made; most often it is made up."""
 PLACES_MAX = 512
 VERSIONS_MAX = 3
@@ -117,6 +117,10 @@ class Liar:
         self._versions.move_to_end(place)
         if len(self._versions) > PLACES_MAX:
             self._versions.popitem(last=False)
+
+    def remembered(self) -> RecordBytes | None:
+        """Any record that has passed by lately."""
+        return self._versions[self.dice.choice(list(self._versions))][-1] if self._versions else None
 
     def older(self, place: Place, than: RecordBytes) -> RecordBytes | None:
         """A version of a record that is older than this one, if one is remembered."""

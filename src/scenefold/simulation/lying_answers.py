@@ -30,7 +30,7 @@ from scenefold.wire import (
     ReturnRange,
 )
 
-OF_READS = (Manner.NONSENSE, Manner.WITHHELD, Manner.OLDER)
+OF_READS = (Manner.NONSENSE, Manner.NONSENSE, Manner.WITHHELD, Manner.OLDER)
 STRAY = b"a stray"
 """Stands for the handover where there is none."""
 

@@ -10,11 +10,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.peer import NodeContext
 from scenefold.simulation import laws
 from scenefold.simulation.history import Place
-from scenefold.simulation.liar import PACKETS, WAYS, Liar, Scope
+from scenefold.simulation.liar import PACKETS, WAYS, Liar, Scope, place_of_record
 from scenefold.simulation.lying_answers import Honest, overlay
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
@@ -30,6 +34,9 @@ from scenefold.wire import (
     RecordEntry,
     RecordsWanted,
 )
+from scenefold.world import Priority
+
+INTRUDE_S_MAX = 2.0
 
 
 class LyingHandovers:
@@ -40,13 +47,16 @@ class LyingHandovers:
         self._lies = liar.lies
         self._watch = watch
         self._slot = liar.node.slot
+        self._context: NodeContext | None = None
+        self._ask: Any = None
 
     def possess(self, context: NodeContext) -> None:
         """Give and take for one life of the node."""
         overlay(context, OfferRecords, self._say_what_lacks)
         overlay(context, CopyRecords, self._take)
         peers: Any = context.peers
-        ask = peers.ask
+        ask = self._ask = peers.ask
+        self._context = context
 
         async def give(member: int, priority: Any, packet: Packet, *rest: Any) -> Packet:
             if isinstance(packet, OfferRecords) and self._liar.lies_in(Scope.HANDOVERS):
@@ -57,6 +67,30 @@ class LyingHandovers:
             return answer
 
         peers.ask = give
+
+    async def intrude(self) -> None:
+        """Bring home to its owner what never was: a record that it has altered or made up."""
+        record, context = self._liar.remembered(), self._context
+        if record is None or context is None or context is not self._liar.node.context:
+            return
+        place = place_of_record(record)
+        wrong = self._liar.wrong(place, record, self._liar.dice.randrange(WAYS))
+        location, name = (place.home, place.location) if place.is_object else (Location(place.location), b"")
+        item = HandItem(SceneId(place.scene), SpaceId(place.space), location, name, wrong.signature, wrong.header, wrong.ciphertext)
+        self._lies.told["altered in a handover"] += 1
+        with trio.move_on_after(INTRUDE_S_MAX):
+            try:
+                owner = context.routing.owner_of(place.home)
+                answer = await self._ask(owner, Priority.LOW, HandRecords((item,)), PutManyReply, INTRUDE_S_MAX)
+            except (Refused, Unreachable, PeerFault, RuntimeError):
+                # The last: its life has ended in the midst of it, and with it what it asks by.
+                return
+            if owner != context.me and _has_kept(answer, 0):
+                self._complain(place)
+
+    def _complain(self, place: Place) -> None:
+        words = f"a node keeps what n{self._slot} altered of {place.location.hex()[:8]}… and handed over"
+        self._watch.violated(laws.VERIFIED, words, location=place.location, slots=(self._slot,))
 
     # ---------------------------------------------------------------------------------------------------- receiver
 
@@ -77,6 +111,7 @@ class LyingHandovers:
             return await honest(packet, peer)
         kept = []
         for item in packet.items:
+            self._saw(item)
             if self._liar.chance(Scope.HANDOVERS):
                 place, version = named(item)
                 self._lies.loses(self._slot, packet.handover, place, version.digest)
@@ -106,13 +141,13 @@ class LyingHandovers:
             wrong = self._liar.dice.randrange(len(items))
             items[wrong] = self._altered(items[wrong])
         for index, item in enumerate(packet.items):
+            self._saw(item)
             if index != wrong and isinstance(packet, CopyRecords) and self._liar.chance(Scope.HANDOVERS):
                 items[index] = self._older(packet.handover, item)
         answer: Packet = await ask(member, priority, replace(packet, items=tuple(items)), *rest)
         if wrong >= 0 and _has_kept(answer, wrong):
             place, _ = named(packet.items[wrong])
-            words = f"a node keeps what n{self._slot} altered of {place.location.hex()[:8]}… and handed over"
-            self._watch.violated(laws.VERIFIED, words, location=place.location, slots=(self._slot,))
+            self._complain(place)
         return answer
 
     def _altered(self, item: HandItem) -> HandItem:
@@ -133,6 +168,10 @@ class LyingHandovers:
             return item
         self._lies.loses(self._slot, handover, place, version.digest)
         return replace(item, signature=older.signature, header=older.header, ciphertext=older.ciphertext)
+
+    def _saw(self, item: HandItem) -> None:
+        place, _ = named(item)
+        self._liar.saw(place, RecordBytes(item.signature, item.header, item.ciphertext))
 
     def _loses(self, handover: bytes, entry: RecordEntry) -> None:
         place = Place(entry.scene, entry.space, entry.object or entry.location)
