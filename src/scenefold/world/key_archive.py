@@ -1,6 +1,7 @@
 """Keys taken out of a profile and put back: backups, and a user's identity on another computer (docs/how-to/keep-your-keys.md).
 
-A **backup** holds all of a profile but the keys of nodes, whose disks are worth nothing without them anyway: who the cluster is, its
+A **backup** holds all of a profile but the keys of nodes, whose disks are worth nothing without them anyway, and the cluster's log, which
+the nodes have: who the cluster is, its
 authority (with its key where the profile has it), its users, its scenes. An **identity** holds who the cluster is and one user. Both are one file
 of text under a passphrase of its own (crypto/passphrases.py, crypto/archives.py).
 
@@ -24,11 +25,14 @@ from scenefold.crypto.archives import ARCHIVE_BYTES_MAX, is_safe_name, pack_arch
 from scenefold.crypto.passphrases import is_locked, lock, unlock
 from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder
 from scenefold.crypto.secrets_on_disk import SECRET_BYTES_MAX
+from scenefold.world.log_file import LOG_FILE
 from scenefold.world.toml_files import read_settings_toml
 
 BACKUP, IDENTITY = "backup", "identity"
 _SETTINGS = "cluster.toml"
-_USERS, _NODES, _AUTHORITY, _SCENES = "users", "nodes", "authority", "scenes"
+_USERS, _AUTHORITY, _SCENES = "users", "authority", "scenes"
+_ROOMS = (_SETTINGS, _USERS, _AUTHORITY, _SCENES)
+"""What a file of keys holds. All else in a profile is of one computer, or asked of the nodes again."""
 _AUTHORITY_KEY = "authority/key.pem"
 _PUBLIC = ("certificate.pem",)
 """Files of a user's folder that are no secrets, and stay as they are when the rest is locked."""
@@ -64,12 +68,16 @@ def export_keys(profile: Path, target: Path, passphrase: str, token: Token, ask:
     if target.exists():
         raise LocalFault("the file exists already", where=str(target), remedy="choose another name, or remove it")
     files = dict(_taken_from(profile, ask, user))
+    stray = next((name for name in files if not _has_place(name)), None)
+    if stray is not None:
+        raise LocalFault(f"a file of the profile cannot be put back: {stray}", where=str(profile), remedy="move it away")
     kind = BACKUP if user is None else IDENTITY
     if user is not None and not any(name.startswith(f"{_USERS}/{user}/") for name in files):
         raise LocalFault(f"the profile has no user {user}", where=str(profile), remedy="see users/ in it")
     archive = pack_archive(kind, files)
     locked = lock(archive, passphrase, token)
-    if unlock(locked, passphrase) != archive:
+    # Whoever finds out on the day when it is needed has lost everything.
+    if _opened(locked, passphrase, str(target)) != (kind, files):
         raise LocalFault("what was locked does not open again", where=str(target), remedy="report this; no file was written")
     write_secret(target, locked)
     return Taken.of(kind, files, _cluster_of(profile))
@@ -80,18 +88,11 @@ def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> T
 
     LocalFault if the file is damaged, the profile is of another cluster, or a key there differs; WrongPassphrase. Then nothing is changed.
     """
-    data = _content(source, ARCHIVE_BYTES_MAX)  # Locked, so it may come on any disk, with any mode.
-    if not is_locked(data):
-        raise LocalFault("the file holds no keys", where=str(source), remedy="give one that `scenectl key backup` or `key export` wrote")
-    kind, files = unpack_archive(unlock(data, passphrase, str(source)), (BACKUP, IDENTITY), str(source))
-    if _SETTINGS not in files or any(_room(name) not in (_SETTINGS, _USERS, _AUTHORITY, _SCENES) for name in files):
-        raise LocalFault("the file of keys is damaged", where=str(source), remedy="restore it from another copy")
-    of_users = [name for name in files if _room(name) == _USERS]
-    if any(len(name.split("/")) != len(("users", "name", "file")) or name.endswith(f"/{LOCKED_FILE}") for name in of_users):
-        raise LocalFault("the file of keys is damaged", where=str(source), remedy="restore it from another copy")
+    # Locked, so it may come on any disk, with any mode.
+    kind, files = _opened(_content(source, ARCHIVE_BYTES_MAX), passphrase, str(source))
     with _draft_for(profile) as draft:
         for name, content in files.items():
-            if name not in of_users or Path(name).name in _PUBLIC:
+            if _room(name) != _USERS or Path(name).name in _PUBLIC:
                 make_private_folder((draft / name).parent)
                 write_secret(draft / name, content)
         taken = Taken.of(kind, files, _cluster_of(draft))
@@ -101,6 +102,24 @@ def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> T
         make_private_folder(draft / _SCENES)
         _merge(draft, profile)
     return taken
+
+
+def _opened(data: bytes, passphrase: str, where: str) -> tuple[str, dict[str, bytes]]:
+    """The kind and the files of a file of keys; LocalFault for one that cannot be put back, WrongPassphrase."""
+    if not is_locked(data):
+        raise LocalFault("the file holds no keys", where=where, remedy="give one that `scenectl key backup` or `key export` wrote")
+    kind, files = unpack_archive(unlock(data, passphrase, where), (BACKUP, IDENTITY), where)
+    files.pop(LOG_FILE, None)  # Earlier versions took it along.
+    if len(data) > ARCHIVE_BYTES_MAX or _SETTINGS not in files or not all(_has_place(name) for name in files):
+        raise LocalFault("the file of keys is damaged", where=where, remedy="restore it from another copy")
+    return kind, files
+
+
+def _has_place(name: str) -> bool:
+    """Whether a file of this name is put back."""
+    if _room(name) == _USERS:
+        return len(name.split("/")) == len(("users", "name", "file")) and not name.endswith(f"/{LOCKED_FILE}")
+    return _room(name) in _ROOMS
 
 
 def _secrets_of(user: str, files: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -173,7 +192,7 @@ def _is_same(one: Path, other: Path) -> bool:
 def _taken_from(profile: Path, ask: Callable[[str], str], user: str | None) -> Iterator[tuple[str, bytes]]:
     for path in sorted(profile.rglob("*")):
         name = path.relative_to(profile).as_posix()
-        if not path.is_file() or not is_safe_name(name) or _room(name) == _NODES:
+        if not path.is_file() or not is_safe_name(name) or _room(name) not in _ROOMS:
             continue
         if user is not None and (name == _AUTHORITY_KEY or _room(name) == _SCENES or not _is_of(user, name)):
             continue

@@ -14,7 +14,9 @@ from scenefold.crypto.passphrases import WrongPassphrase, unlock
 from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder, refuse_to_ask
 from scenefold.world import key_archive
 from scenefold.world.key_archive import BACKUP, IDENTITY, export_keys, import_keys, lock_user
+from scenefold.world.log_file import LOG_FILE, LogFile
 from scenefold.world.profile import ClusterProfile
+from unit.world.test_log_view import RECORDS
 
 PASSPHRASE = "four random words here"
 OTHER = "another four words"
@@ -102,6 +104,40 @@ def test_a_backup_brings_everything_back_on_another_machine(profile: Path, tmp_p
     assert import_keys(backup, back, OTHER, os.urandom) == taken
     SecretFolder(back / "users" / "owner", lambda _where: OTHER).unlock()
     assert _files(back) == {name: data for name, data in before.items() if not name.startswith("nodes/")}
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+@pytest.mark.parametrize("user", [None, "owner"])
+def test_the_keys_of_a_profile_that_was_used_come_back(profile: Path, tmp_path: Path, user: str | None, is_large: bool) -> None:
+    LogFile(profile).save(RECORDS)
+    if is_large:
+        (profile / LOG_FILE).write_bytes(bytes((1 << 20) + 1))
+    (profile / "nodes.log").write_text("what a user keeps here")
+    lock_user(SecretFolder(profile / "users" / "owner"), PASSPHRASE, os.urandom)
+    file, back = tmp_path / "keys", tmp_path / "back"
+    export_keys(profile, file, OTHER, os.urandom, _known, user=user)
+    import_keys(file, back, OTHER, os.urandom)
+    assert SecretFolder(back / "users" / "owner", lambda _where: OTHER).names()
+    assert ClusterProfile.load(back).authority_certificate() and not (back / LOG_FILE).exists()
+
+
+def test_files_that_hold_the_clusters_log_are_read_all_the_same(profile: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import json
+
+    file, back = tmp_path / "keys", tmp_path / "back"
+    export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    document = json.loads(unlock(file.read_bytes(), PASSPHRASE))
+    document["files"][LOG_FILE] = ""
+    monkeypatch.setattr(key_archive, "unlock", lambda *_: json.dumps(document).encode())
+    import_keys(file, back, PASSPHRASE, os.urandom)
+    assert _secrets_of(back) == [LOCKED_FILE] and not (back / LOG_FILE).exists()
+
+
+def test_no_file_of_keys_is_written_that_could_not_be_put_back(profile: Path, tmp_path: Path) -> None:
+    (profile / "users" / "stray").write_text("no folder of a user")
+    with pytest.raises(LocalFault, match="cannot be put back: users/stray"):
+        export_keys(profile, tmp_path / "keys", PASSPHRASE, os.urandom, refuse_to_ask, user=None)
+    assert not (tmp_path / "keys").exists()
 
 
 def test_an_identity_holds_neither_scenes_nor_the_authoritys_key(profile: Path, tmp_path: Path) -> None:
