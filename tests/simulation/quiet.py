@@ -13,9 +13,10 @@ from scenefold.client.scene import Scene
 from scenefold.scene.layout import META, RENDERS
 from scenefold.simulation.calm import unrest
 from scenefold.simulation.clients import Client, MemoryKeyring, open_client
-from scenefold.simulation.cluster import Cluster, key_of, quiet_logs
+from scenefold.simulation.cluster import Cluster, key_of
 from scenefold.simulation.disks import arc_of, place_of
 from scenefold.simulation.history import Place
+from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.speed import remembered_signatures
 from scenefold.store.layout import RECORDS
 from scenefold.store.sealing import SEALED, sealed

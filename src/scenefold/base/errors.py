@@ -1,6 +1,6 @@
 """What can go wrong, by whose fault it is.
 
-Our own bugs are AssertionErrors and stop us. Everything else is a ScenefoldError with three parts: what
+Our own bugs are AssertionErrors and the like, and stop us; a node that answers a packet goes on (world/serving.py). Everything else is a ScenefoldError with three parts: what
 happened, where, and what to do about it; the command line prints them as one line.
 """
 

@@ -1,7 +1,7 @@
 """A job: everything that decides the bits of an image, as one document that all its nodes get (rendering.md).
 
 `RenderOptions` is what a user asks for. The node that organises the job turns it into a `Job`: the scene
-and the key to read it with, the camera as numbers, the nodes in line order and the partition. The document is
+and its keys, sealed to those that render, the camera as numbers, the nodes in line order and the partition. The document is
 plain values only, packed by the wire's strict codec, so its bytes are equal wherever it is packed.
 """
 
@@ -17,6 +17,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition
 from scenefold.render.passes import PassPlan
+from scenefold.render.plain_values import exactly, text, whole
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value, unpack_value
@@ -133,23 +134,23 @@ class Job:
 
     @classmethod
     def _from_map(cls, document: Any) -> Job:
-        width, height = (_whole(side, 1, SIDE_MAX) for side in document["size"])
+        width, height = (whole(side, 1, SIDE_MAX) for side in document["size"])
         job = cls(
-            id=_whole(document["id"], 0, 2**64 - 1),
-            scene=SceneId(_whole(document["scene"], 0, 2**32 - 1)),
-            genesis=_exactly(document["genesis"], HASH_BYTES),
+            id=whole(document["id"], 0, 2**64 - 1),
+            scene=SceneId(whole(document["scene"], 0, 2**32 - 1)),
+            genesis=exactly(document["genesis"], HASH_BYTES),
             keys=SealedKeys.of_row(document["keys"]),
-            content=_exactly(document["content"], HASH_BYTES),
-            numeric_class=_text(document["numeric_class"]),
+            content=exactly(document["content"], HASH_BYTES),
+            numeric_class=text(document["numeric_class"]),
             width=width,
             height=height,
-            samples=_whole(document["samples"], 1, SAMPLES_MAX),
-            seed=_whole(document["seed"], 0, SEED_MAX),
-            frame=_whole(document["frame"], 0, 2**32 - 1),
-            depth=_whole(document["depth"], 1, DEPTH_MAX),
+            samples=whole(document["samples"], 1, SAMPLES_MAX),
+            seed=whole(document["seed"], 0, SEED_MAX),
+            frame=whole(document["frame"], 0, 2**32 - 1),
+            depth=whole(document["depth"], 1, DEPTH_MAX),
             sky=struct.unpack("<3d", document["sky"]),
             camera=struct.unpack(f"<{_CAMERA_NUMBERS}d", document["camera"]),
-            nodes=tuple(NodeId(_whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
+            nodes=tuple(NodeId(whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
             partition=Partition.from_document(document["partition"]),
             head=SceneHead.of_row(document["head"]),
         )
@@ -158,21 +159,3 @@ class Job:
         if not all(0.0 <= channel <= SKY_MAX for channel in job.sky) or not all(map(math.isfinite, job.camera)):
             raise ValueError("the sky is no colour, or the camera no camera")
         return job
-
-
-def _whole(value: object, least: int, most: int) -> int:
-    if type(value) is not int or not least <= value <= most:
-        raise ValueError(f"a whole number from {least} to {most} is expected")
-    return value
-
-
-def _exactly(value: object, length: int) -> bytes:
-    if not isinstance(value, bytes) or len(value) != length:
-        raise ValueError(f"{length} bytes are expected")
-    return value
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError("a text is expected")
-    return value

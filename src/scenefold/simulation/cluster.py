@@ -7,9 +7,6 @@ again after a second, as a supervisor would, and is a violation unless the node 
 from __future__ import annotations
 
 import hashlib
-import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -28,6 +25,7 @@ from scenefold.simulation import laws
 from scenefold.simulation.acknowledged import see_acknowledged
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.judged import see_judged
+from scenefold.simulation.logs import hear_bugs
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
 from scenefold.store import StoreDamaged
@@ -128,6 +126,7 @@ class Cluster:
         self._slots = {node.node_id: slot for slot, node in self.nodes.items()}
         disks = {slot: node.disk for slot, node in self.nodes.items()}
         self.watch = Watch(lambda: net.now, disks, self._running, self.slot_of)
+        hear_bugs(partial(self.watch.violated, laws.SOUND))
         self._log_key = key_of(net.seed, "the cluster's log")
         ids = [node.node_id for node in self.nodes.values()]
         self.facts = ClusterFacts(
@@ -285,15 +284,3 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
     for error in group.exceptions:
         found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
     return found
-
-
-@contextmanager
-def quiet_logs() -> Iterator[None]:
-    """Nodes of a simulation complain of faults all the time, as they should; nobody reads it."""
-    logger = logging.getLogger("scenefold")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

@@ -24,10 +24,11 @@ from scenefold.simulation import laws
 from scenefold.simulation.asking import Asker
 from scenefold.simulation.calm import Unrest, unrest
 from scenefold.simulation.clients import Client, MemoryKeyring, open_client, secrets_of
-from scenefold.simulation.cluster import Cluster, key_of, quiet_logs
+from scenefold.simulation.cluster import Cluster, key_of
 from scenefold.simulation.faults import Schedule
 from scenefold.simulation.final import judge_histories, read_everything
 from scenefold.simulation.leaving import drain
+from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.mutants import mutated
 from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.removals import watch_removals

@@ -25,8 +25,9 @@ from scenefold.peer.balance.policy import TOLERANCE
 from scenefold.scene.layout import META
 from scenefold.simulation.calm import unrest
 from scenefold.simulation.clients import Client, MemoryKeyring, open_client
-from scenefold.simulation.cluster import Cluster, Habits, key_of, quiet_logs
+from scenefold.simulation.cluster import Cluster, Habits, key_of
 from scenefold.simulation.disks import arc_of, records_of
+from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.scale_boot import fill_tables, nothing_balanced, nothing_told_at_start, prepare, quick_packets
 from scenefold.simulation.scale_traffic import counted

@@ -15,6 +15,9 @@ LINES_MAX = 30
 SOURCES_MAX = 1_024
 """Sources remembered; the longest silent one is forgotten first."""
 
+BUGS = logging.getLogger("scenefold.bugs")
+"""What went wrong by our own fault while others were served, with tracebacks. Whoever hunts bugs listens here."""
+
 
 class QuietLog:
     """Counts what it does not say, and says the count the next time."""
@@ -27,8 +30,8 @@ class QuietLog:
         self._lines = 0
         self._left_out = 0
 
-    def say(self, now: float, source: str, kind: str, text: str) -> bool:
-        """Log "source: text" unless that is too much by the two bounds. True if it was logged."""
+    def say(self, now: float, source: str, kind: str, text: str, bug: Exception | None = None) -> bool:
+        """Log "source: text" unless that is too much by the two bounds. True if it was logged. `bug`: of ours, told with its traceback."""
         self._begin_minute(now)
         said_at, skipped = self._said.pop((source, kind), (None, 0))
         if said_at is not None and now - said_at < SILENCE_S:
@@ -41,7 +44,10 @@ class QuietLog:
         self._lines += 1
         self._remember(source, kind, now, 0)
         more = f" (and {skipped} times more since the last line)" if skipped else ""
-        self._log.log(self._level, "%s: %s%s", source, text, more)
+        if bug is None:
+            self._log.log(self._level, "%s: %s%s", source, text, more)
+        else:
+            BUGS.error("%s: %s%s", source, text, more, exc_info=bug)
         return True
 
     def _begin_minute(self, now: float) -> None:

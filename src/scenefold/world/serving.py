@@ -1,8 +1,9 @@
 """Many requests on one connection, the answering side.
 
 Each packet that arrives is handled in a task of its own, a bounded number and a bounded volume at a time, of a connection and of
-all of a peer's (guests.py); beyond that nothing more is read, so the peer's sending stops by itself. They take turns with those of other peers (turns.py). Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault;
-what breaks the framing ends the connection, after a Fault that says so.
+all of a peer's (guests.py); beyond that nothing more is read, so the peer's sending stops by itself. They take turns with those of other
+peers (turns.py). Few of them at a time may have an answer of a frame's size. What goes wrong with one request is answered with a Fault,
+also when it goes wrong by a bug of ours: no packet shall end a node. What breaks the framing ends the connection, after a Fault that says so.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, UnsupportedPacket, decode_packet, encode_frame
 from scenefold.world.guests import Budget, Guests, Share
 from scenefold.world.outbox import Outbox
-from scenefold.world.ports import Connection, ConnectionLost
+from scenefold.world.ports import Connection, ConnectionLost, DiskFailed
 from scenefold.world.quiet import QuietLog
 
 Handler = Callable[[Packet, str], Awaitable[Packet | None]]
-"""`handler(packet, peer name)` returns the answer, or None for none. What it raises becomes a Fault."""
+"""`handler(packet, peer name)` returns the answer, or None for none. What it raises becomes a Fault, but for DiskFailed."""
 
 RECEIVE_BYTES = 256 * 1024
 LINGER_S_MAX = 10.0
@@ -35,6 +36,8 @@ MALFORMED_MAX = 8
 """Malformed packets on one connection before it is closed."""
 DRAIN_S_MAX = 1.0
 FAULT_TEXT_CHARACTERS_MAX = 400
+BUG = LocalFault("the node failed over this request", remedy="its log says more")
+"""What a peer hears of a bug: what an exception says may be nobody else's business."""
 
 _log = logging.getLogger("scenefold.world.serving")
 
@@ -170,6 +173,11 @@ class _Serving:
             if not isinstance(error, Refused):
                 self._complain(type(error).__name__, str(error))
             return _fault(number, _reason(error), error) if number else None
+        except Exception as error:  # whatever it is: the one who sent this is no reason to be away for all others
+            if _ends_the_node(error):
+                raise
+            self._say_bug(error)
+            return _fault(number, RejectReason.NOT_READY, BUG) if number else None
         return replace(answer, request_id=number) if answer is not None and number else None
 
     def _frame_of(self, answer: Packet) -> bytes:
@@ -186,8 +194,19 @@ class _Serving:
         except ConnectionLost:
             return  # The sender has said so already, and is ending this connection.
 
+    def _say_bug(self, bug: Exception) -> None:
+        kind = type(bug).__name__
+        self._quiet.say(trio.current_time(), self._connection.peer, kind, f"an internal error, {kind}, in answering it", bug)
+
     def _complain(self, kind: str, text: str) -> None:
         self._quiet.say(trio.current_time(), self._connection.peer, kind, text)
+
+
+def _ends_the_node(error: Exception) -> bool:
+    """Whether no node may go on after this, whoever met it: what its disk still takes is not known."""
+    if isinstance(error, ExceptionGroup):
+        return any(map(_ends_the_node, error.exceptions))
+    return isinstance(error, DiskFailed)
 
 
 def _reason(error: ScenefoldError) -> RejectReason:

@@ -8,12 +8,16 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, SceneId
-from scenefold.render.job import RenderOptions
+from scenefold.render.job import HASH_BYTES, RenderOptions
 from scenefold.render.passes import place_of
+from scenefold.render.plain_values import exactly, number, text, whole
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value
+
+WORD = -(2**63), 2**64 - 1
+"""Whole numbers of the wire. What is out of an option's own range is told with the option's name (`RenderOptions.check`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,22 +56,22 @@ class RenderRequest:
     def from_map(cls, job: int, document: dict[str, Any]) -> RenderRequest:
         """The request of a document; PeerFault if it is none."""
         try:
-            red, green, blue = (float(channel) for channel in document["sky"])
+            red, green, blue = (number(channel) for channel in document["sky"])
             camera = document["camera"]
             options = RenderOptions(
-                width=int(document["width"]),
-                height=int(document["height"]),
-                samples=int(document["samples"]),
-                seed=int(document["seed"]),
-                depth=int(document["depth"]),
+                width=whole(document["width"], *WORD),
+                height=whole(document["height"], *WORD),
+                samples=whole(document["samples"], *WORD),
+                seed=whole(document["seed"], *WORD),
+                depth=whole(document["depth"], *WORD),
                 sky=(red, green, blue),
-                camera=None if camera is None else str(camera),
-                algorithm=str(document["algorithm"]),
+                camera=None if camera is None else text(camera),
+                algorithm=text(document["algorithm"]),
             )
             request = cls(
                 job,
-                SceneId(int(document["scene"])),
-                bytes(document["genesis"]),
+                SceneId(whole(document["scene"], 0, 2**32 - 1)),
+                exactly(document["genesis"], HASH_BYTES),
                 SealedKeys.of_row(document["keys"]),
                 options,
                 SceneHead.of_row(document["head"]),

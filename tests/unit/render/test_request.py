@@ -1,0 +1,97 @@
+"""If this fails, one packet of any user of a cluster ends a node, or makes it reserve what memory there is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from scenefold.base.errors import PeerFault, UsageFault
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.render.job import RenderOptions
+from scenefold.render.pool.request import RenderRequest
+from scenefold.render.sealed_keys import SealedKeys
+from scenefold.scene.head import SceneHead
+from scenefold.wire import pack_value, unpack_value
+
+KEYS = SealedKeys(((NodeId(3), b"a box"),), b"what it opens")
+REQUEST = RenderRequest(
+    7, SceneId(3), bytes(range(32)), KEYS, RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left"), SceneHead(5, bytes(32))
+)
+DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
+ENDLESS = float("inf")
+ODD = [
+    None,
+    True,
+    -1,
+    2**62,
+    2**64 - 1,
+    ENDLESS,
+    -ENDLESS,
+    0.5,
+    1e308,
+    "",
+    "x",
+    b"",
+    bytes(32),
+    [],
+    [[]],
+    [1, b"x"],
+    [[1, b"x"]],
+    {},
+    {"a": 1},
+]
+
+
+def test_a_request_round_trips() -> None:
+    assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
+
+
+@pytest.mark.parametrize("key", sorted(set(DOCUMENT) - {"request"}))
+def test_every_entry_is_needed(key: str) -> None:
+    with pytest.raises(PeerFault):
+        RenderRequest.from_map(7, {name: value for name, value in DOCUMENT.items() if name != key})
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("width", ENDLESS),
+        ("height", -ENDLESS),
+        ("samples", float("nan")),
+        ("width", "640"),
+        ("depth", 2.0),
+        ("genesis", 2**62),
+        ("genesis", 3 << 30),
+        ("genesis", [0] * 32),
+        ("genesis", bytes(31)),
+        ("scene", 2**32),
+        ("scene", ENDLESS),
+        ("sky", [ENDLESS, 0.0, 0.0]),
+        ("sky", [2**62, 0.0, 0.0]),
+        ("sky", ["1", "1", "1"]),
+        ("sky", [0.0, 0.0]),
+        ("camera", 5),
+        ("algorithm", b"voronoi"),
+    ],
+)
+def test_nothing_is_made_of_what_makes_no_sense(key: str, value: object) -> None:
+    with pytest.raises(PeerFault):
+        RenderRequest.from_map(7, {**DOCUMENT, key: value})
+
+
+def test_an_option_out_of_range_is_told_by_its_name() -> None:
+    with pytest.raises(UsageFault, match="width is 99999"):
+        RenderRequest.from_map(7, {**DOCUMENT, "width": 99_999})
+
+
+@given(some.dictionaries(some.sampled_from(sorted(DOCUMENT)), some.sampled_from(ODD), min_size=1, max_size=3))
+def test_whatever_stands_in_it_no_other_error_comes_of_it(changes: dict[str, object]) -> None:
+    # As it arrives: some of these are nothing that the wire carries.
+    document = unpack_value(pack_value({**DOCUMENT, **changes}), what="a request")
+    try:
+        RenderRequest.from_map(7, document)
+    except (PeerFault, UsageFault):
+        return
