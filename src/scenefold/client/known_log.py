@@ -1,8 +1,8 @@
 """The cluster's log as a client knows it: asked of several nodes, verified, and kept (specs/15-cluster-log.md, Who is who).
 
 A node can show the log of yesterday, but no other one, and none older than what this profile has seen. So the longest of several answers
-counts; every answer of a node tells how far it knows the log, and whoever claims to know more is asked for it. Keys that the log has revoked
-are talked to no more: neither a node's, nor by us under our own.
+counts; every answer of a node tells how far it knows the log, and whoever claims to know more is asked for it. That is a hint alone: whatever is
+claimed, several are asked once a minute. Keys that the log has revoked are talked to no more: neither a node's, nor by us under our own.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ class KnownLog:
         self.view, self._records = known[0], list(known[1])
         self._changed = changed
         self._taking = trio.Lock()
+        self._following = trio.Lock()
         self._claims: dict[str, int] = {}
         self._claimed = trio.Event()
         self._asked_at = -math.inf
@@ -87,14 +88,20 @@ class KnownLog:
 
     async def run(self) -> None:
         """Follow the log until cancelled."""
+        clock = self._calls.world.clock
+        looked_at = clock.now()
         while True:
-            with trio.move_on_after(LOOK_S) as look:
+            # Nobody who claims something, or is slow to show it, may put this off.
+            with trio.move_on_after(max(0.0, max(looked_at, self._asked_at) + LOOK_S - clock.now())) as look:
                 await self._claimed.wait()
-            try:
-                await (self.newest() if look.cancelled_caught else self._follow())
-            except ScenefoldError as problem:
-                _log.debug("the cluster's log is not told: %s", problem)
-            await self._calls.world.clock.sleep(PAUSE_S)
+                await self._follow()
+            if look.cancelled_caught:
+                looked_at = clock.now()
+                try:
+                    await self.newest()
+                except ScenefoldError as problem:
+                    _log.debug("the cluster's log is not told: %s", problem)
+            await clock.sleep(PAUSE_S)
 
     def has_grown(self) -> None:
         """What was asked for before this moment is old, however short a time ago that was."""
@@ -114,17 +121,30 @@ class KnownLog:
     async def settled(self) -> None:
         """What nodes claimed while a short command asked for something else, so that it is kept; or SETTLE_S over it."""
         with trio.move_on_after(SETTLE_S):
-            try:
-                await self._follow()
-            except ScenefoldError as problem:
-                _log.debug("the cluster's log is not told: %s", problem)
+            await self._follow()
 
     async def _follow(self) -> None:
-        """Ask those who claim to know more; one that cannot show it must not be asked for ever."""
-        claims, self._claims, self._claimed = self._claims, {}, trio.Event()
-        for address in sorted(claims, key=lambda address: (-claims[address], address))[:CLAIMANTS_MAX]:
-            if claims[address] > self.view.position:
-                await self._pull(address)
+        """Ask some who claim to know more. Whatever one of them shows instead, the others are heard."""
+        async with self._following:
+            for address in self._claimants():
+                claim = self._claims.pop(address, 0)
+                if claim > self.view.position:
+                    try:
+                        await self._pull(address)
+                    except ScenefoldError as problem:
+                        _log.debug("the cluster's log is not told: %s", problem)
+            self._claims = {address: claim for address, claim in self._claims.items() if claim > self.view.position}
+            if not self._claims:
+                self._claimed = trio.Event()
+
+    def _claimants(self) -> list[str]:
+        """Who is asked next: the voter, which knows, and others by chance, since whoever claims most may lie."""
+        voter = self._calls.address_of(self._voter)
+        chosen = [voter] if voter in self._claims else []
+        others = [address for address in self._claims if address != voter]
+        while others and len(chosen) < CLAIMANTS_MAX:
+            chosen.append(others.pop(int(self._calls.world.entropy.uniform() * len(others))))
+        return chosen
 
     async def _pull(self, address: str) -> None:
         """Take all that a node has. PeerFault if that does not verify."""
@@ -148,9 +168,9 @@ class KnownLog:
                 return
             self.view = view
             self._records += fresh
+            self._changed()
             if self._file is not None:
                 await self._keep(self._file)
-        self._changed()
 
     def _verified(self, answer: SceneLogAnswer) -> tuple[LogView, list[SignedRecord]]:
         if answer.public.genesis != self._genesis.genesis:

@@ -1,9 +1,8 @@
 """Keys taken out of a profile and put back: backups, and a user's identity on another computer (docs/how-to/keep-your-keys.md).
 
 A **backup** holds all of a profile but the keys of nodes, whose disks are worth nothing without them anyway, and the cluster's log, which
-the nodes have: who the cluster is, its
-authority (with its key where the profile has it), its users, its scenes. An **identity** holds who the cluster is and one user. Both are one file
-of text under a passphrase of its own (crypto/passphrases.py, crypto/archives.py).
+the nodes have: who the cluster is, its authority (with its key where the profile has it), its users, its scenes. An **identity** holds who
+the cluster is and one user. Both are one file of text under a passphrase of its own (crypto/passphrases.py, crypto/archives.py).
 
 What comes in is never written over what is there, and a user's keys come in locked, under the passphrase of the file.
 """

@@ -159,3 +159,64 @@ async def test_a_client_that_talks_to_one_node_for_long_asks_others_too(autojump
         assert log.view.position == len(RECORDS)
         assert log.view.keys_of(node(0)) is not None
         nursery.cancel_scope.cancel()
+
+
+def lying(nodes: Nodes, liar: str, shows: str) -> None:
+    """From now on the liar claims to know more than anybody, and shows this instead."""
+    honest = nodes.request
+
+    async def request(address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if address != liar or not isinstance(packet, RequestSceneLog):
+            return await honest(address, priority, packet, timeout)
+        await trio.sleep(0.01)
+        mini = MiniStatus(1, node_id_of(address), None, 0, 0, 0, 0, 0, 2**40)
+        if shows == "a refusal":
+            raise Refused(RejectReason.NOT_READY, "not now")
+        if shows == "silence":
+            await trio.sleep(timeout)
+            raise Unreachable("no answer", where=address)
+        if shows == "no log":
+            return RespondSceneLog(None, mini_status=mini)
+        return RespondSceneLog(answer_of(header(3), 0, pack_log([replace(RECORDS[0], signature=bytes(64))])), mini_status=mini)
+
+    nodes.request = request  # type: ignore[method-assign]
+    nodes.claims[liar] = 2**40
+
+
+@pytest.mark.parametrize("others_claim", [True, False])
+@pytest.mark.parametrize("shows", ["a refusal", "silence", "no log", "a forged log"])
+@pytest.mark.parametrize("liar", ADDRESSES)
+async def test_one_that_claims_what_it_cannot_show_keeps_no_revocation_from_an_open_client(
+    liar: str, shows: str, others_claim: bool, autojump_clock: trio.testing.MockClock
+) -> None:
+    nodes = Nodes(claims=dict.fromkeys(ADDRESSES, len(RECORDS)) if others_claim else {})
+    lying(nodes, liar, shows)
+    calls, log = nodes.client()
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(log.run)
+        for _ in range(int(LOOK_S) + 20):
+            for address in ADDRESSES:
+                await calls.ask(address, RequestTable(), RespondTable)
+            await trio.sleep(1)
+        assert log.view.position == len(RECORDS)
+        nursery.cancel_scope.cancel()
+
+
+async def test_a_short_command_waits_for_what_is_being_asked_already(tmp_path: Path, autojump_clock: trio.testing.MockClock) -> None:
+    nodes = Nodes(claims={VOTER: len(RECORDS)}, part=100)
+    at_once = nodes.request
+
+    async def request(address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if isinstance(packet, RequestSceneLog):
+            await trio.sleep(0.05)
+        return await at_once(address, priority, packet, timeout)
+
+    nodes.request = request  # type: ignore[method-assign]
+    calls, log = nodes.client(tmp_path)
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(log.run)
+        await calls.ask(VOTER, RequestTable(), RespondTable)
+        await trio.sleep(0.02)
+        await log.settled()
+        nursery.cancel_scope.cancel()
+    assert LogFile(tmp_path).load()[0].position == len(RECORDS)
