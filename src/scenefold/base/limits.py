@@ -123,7 +123,7 @@ assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 
 # Connections (world/).
 PENDING_HANDSHAKES_MAX = 64
-"""Connections that have not shown a certificate yet; the oldest of the pushiest source makes room."""
+"""Connections that have not shown a certificate yet; the oldest of the source that would have most makes room."""
 KNOCKS_BURST = 1_024
 """Connections that one address may open at a port at once, good or not: a thousand clients behind it that come back together."""
 KNOCKS_PER_S = 512.0
@@ -138,8 +138,15 @@ PEER_HANDSHAKES_PER_S = 8.0
 """And this many more each second: a program that is started again and again has one connection each time."""
 HANDSHAKE_S_MAX = 10.0
 """Seconds that a peer may take to show a certificate: two cores under full load need about one."""
+HELLO_S_MAX = 3.0
+"""Of these, until the first byte is here: it is on its way as soon as the connection stands."""
 NEWCOMERS_MAX = 8
-"""Connections of newcomers, which show no certificate, that a node talks to at a time. One more pushes out the oldest of the address that has most."""
+"""Connections of newcomers, which show no certificate, that a node talks to at a time. One more pushes out the
+oldest of the address that has most with it, but none that has shown an open invitation."""
+NEWCOMERS_BURST = 32
+"""Newcomers of one address that show no open invitation, at once: a token that is no good is tried a few times."""
+NEWCOMERS_PER_S = 1.0
+"""And this many more each second: many addresses that push each other out leave who comes the time to ask."""
 NEWCOMER_S_MAX = 30.0
 """Seconds that one of them may take in all: three to ask, and the cluster's log has to take it in."""
 CONNECTIONS_MAX = 1_024

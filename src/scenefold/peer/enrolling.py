@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime
 import logging
+from collections.abc import Callable
 
 import trio
 
@@ -84,13 +85,13 @@ class Enrolling:
 
     # ------------------------------------------------------------------------------------------------------- newcomers
 
-    async def serve_newcomer(self, connection: Connection) -> None:
-        """Greet who has no certificate, take one request, answer it."""
+    async def serve_newcomer(self, connection: Connection, expected: Callable[[bytes], None]) -> None:
+        """Greet who has no certificate, take one request, answer it. Who has shown an open invitation is expected."""
         if not self._facts.authority:
             return
         await connection.send(encode_frame(Greeting(authority=authority_der(self._facts.authority))))
         try:
-            answer: Packet = await self._enrolled(await self._request_of(connection))
+            answer: Packet = await self._enrolled(await self._request_of(connection), expected)
         except (ScenefoldError, MalformedPacket) as problem:
             reason = problem.reason if isinstance(problem, Refused) else RejectReason.ILL_FORMED
             reason = RejectReason.NOT_READY if isinstance(problem, Unreachable) else reason
@@ -112,13 +113,15 @@ class Enrolling:
     async def _on_enrolment(self, packet: RequestEnrolment, _peer: str) -> Packet:
         if self._authority() is None:
             raise Refused(RejectReason.NOT_READY, f"{address_of(self._me)} does not have the authority's key")
-        return await self._enrolled(packet)
+        return await self._enrolled(packet, lambda _invitation: None)
 
-    async def _enrolled(self, packet: RequestEnrolment) -> Enrolled:
-        await self._hear_of(EnrolForm.decode(packet.form).invitation)
+    async def _enrolled(self, packet: RequestEnrolment, expected: Callable[[bytes], None]) -> Enrolled:
+        invitation = EnrolForm.decode(packet.form).invitation
+        await self._hear_of(invitation)
         judged = self._judged(packet)
         if isinstance(judged, IssuedBefore):
             return self._answer(judged.card.der)
+        expected(invitation)
         if (authority := self._authority()) is None:
             return await self._of_a_trusted_node(packet)
         try:

@@ -139,6 +139,8 @@ class Connection(Protocol):
 
 
 Serve = Callable[[Connection], Awaitable[None]]
+ServeNewcomer = Callable[[Connection, Callable[[bytes], None]], Awaitable[None]]
+"""Calls back once it knows why the newcomer is expected: then others do not push it out, unless one is here for the same reason."""
 
 
 class Datagrams(Protocol):
@@ -165,7 +167,7 @@ class Network(Protocol):
         priority: Priority,
         serve: Serve,
         *,
-        newcomers: Serve | None = None,
+        newcomers: ServeNewcomer | None = None,
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
         """Serve connections to a node's address until cancelled; start it with `nursery.start`.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 import trio
 
@@ -33,7 +35,7 @@ async def answer_of(connection: Connection) -> bytes:
 async def test_a_newcomer_is_served_apart_from_members(worlds: Worlds, nursery: trio.Nursery) -> None:
     peers: list[str] = []
 
-    async def newcomers(connection: Connection) -> None:
+    async def newcomers(connection: Connection, _expected: Callable[[bytes], None]) -> None:
         peers.append(connection.peer)
         await echo(connection)
 

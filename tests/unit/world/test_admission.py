@@ -6,7 +6,15 @@ import ssl
 
 import pytest
 
-from scenefold.base.limits import HANDSHAKES_BURST, HANDSHAKES_PER_S, KNOCKS_BURST, PEER_HANDSHAKES_BURST, PEER_HANDSHAKES_PER_S
+from scenefold.base.limits import (
+    HANDSHAKES_BURST,
+    HANDSHAKES_PER_S,
+    KNOCKS_BURST,
+    NEWCOMERS_BURST,
+    NEWCOMERS_PER_S,
+    PEER_HANDSHAKES_BURST,
+    PEER_HANDSHAKES_PER_S,
+)
 from scenefold.world.real.admission import HELLO_BYTES, Admission, begins_tls
 
 OFFICE, ELSEWHERE = "10.0.0.1", "10.0.0.2"
@@ -72,3 +80,13 @@ def test_what_tls_says_first_may_go_on(version: ssl.TLSVersion) -> None:
 @pytest.mark.parametrize("noise", [b"", b"GET / HTTP/1.0", b"\x00" * 6, b"SSH-2.0", b"\x16\x03\x01\x02\x00\x02"])
 def test_other_first_words_are_no_tls(noise: bytes) -> None:
     assert not begins_tls(noise)
+
+
+def test_newcomers_that_show_no_open_invitation_are_counted_by_address_and_others_are_not() -> None:
+    admission = Admission()
+    assert sum(admission.may_ask(OFFICE, 0.0) for _ in range(10 * NEWCOMERS_BURST)) == NEWCOMERS_BURST
+    assert admission.may_ask(ELSEWHERE, 0.0)
+    assert sum(admission.may_ask(OFFICE, 10.0) for _ in range(1_000)) == 10 * NEWCOMERS_PER_S
+    for _ in range(10 * NEWCOMERS_BURST):
+        assert admission.may_ask(ELSEWHERE, 20.0), "a whole farm may be enrolled from behind one address"
+        admission.was_expected(ELSEWHERE, 20.0)

@@ -12,6 +12,8 @@ from scenefold.base.limits import (
     HANDSHAKES_PER_S,
     KNOCKS_BURST,
     KNOCKS_PER_S,
+    NEWCOMERS_BURST,
+    NEWCOMERS_PER_S,
     PEER_HANDSHAKES_BURST,
     PEER_HANDSHAKES_PER_S,
 )
@@ -27,6 +29,7 @@ class Admission:
     def __init__(self) -> None:
         self._knocks = Buckets(KNOCKS_BURST, KNOCKS_PER_S)
         self._handshakes = Buckets(HANDSHAKES_BURST, HANDSHAKES_PER_S)
+        self._newcomers = Buckets(NEWCOMERS_BURST, NEWCOMERS_PER_S)
         self._peers = Buckets(PEER_HANDSHAKES_BURST, PEER_HANDSHAKES_PER_S)
 
     def may_knock(self, source: str, now: float) -> bool:
@@ -41,6 +44,14 @@ class Admission:
         """The handshake has shown who it is."""
         if self._peers.take(peer, now):
             self._handshakes.give_back(source, now)
+
+    def may_ask(self, source: str, now: float) -> bool:
+        """Whether a newcomer may stay, after its handshake."""
+        return self._newcomers.take(source, now)
+
+    def was_expected(self, source: str, now: float) -> None:
+        """A newcomer has shown an open invitation."""
+        self._newcomers.give_back(source, now)
 
 
 def begins_tls(first: bytes) -> bool:

@@ -10,12 +10,13 @@ import logging
 import socket
 import ssl
 import time
+from functools import partial
 
 import trio
 
 from scenefold.base.errors import PeerFault
-from scenefold.base.limits import CONNECTIONS_MAX, NEWCOMER_S_MAX, NEWCOMERS_MAX, PENDING_HANDSHAKES_MAX
-from scenefold.world.ports import ConnectionLost, Serve
+from scenefold.base.limits import CONNECTIONS_MAX, HELLO_S_MAX, NEWCOMER_S_MAX, NEWCOMERS_MAX, PENDING_HANDSHAKES_MAX
+from scenefold.world.ports import ConnectionLost, Serve, ServeNewcomer
 from scenefold.world.quiet import QuietLog
 from scenefold.world.real.admission import HELLO_BYTES, Admission, begins_tls
 from scenefold.world.real.handshakes import PendingHandshakes
@@ -28,7 +29,9 @@ _log = logging.getLogger("scenefold.world.network")
 class Door:
     """Of one port."""
 
-    def __init__(self, context: ssl.SSLContext, serve: Serve, newcomers: Serve | None, versions: Versions, handshake_s_max: float) -> None:
+    def __init__(
+        self, context: ssl.SSLContext, serve: Serve, newcomers: ServeNewcomer | None, versions: Versions, handshake_s_max: float
+    ) -> None:
         self._context = context
         self._versions = versions
         self._serve = serve
@@ -77,10 +80,13 @@ class Door:
         try:
             if self._newcomers is None:
                 return
+            if not self._admission.may_ask(source, began):
+                self._say(source, "newcomers", "a newcomer is sent away: too many of this address showed no open invitation")
+                return
             with trio.move_on_after(NEWCOMER_S_MAX) as scope:
                 self._newcomers_here.admit(scope, source)
                 try:
-                    await self._newcomers(connection)
+                    await self._newcomers(connection, partial(self._expect, scope, source))
                 except ConnectionLost as error:
                     self._say(source, "newcomer", f"a newcomer: {error}")
                 finally:
@@ -91,14 +97,22 @@ class Door:
         finally:
             await connection.aclose()
 
+    def _expect(self, scope: trio.CancelScope, source: str, invitation: bytes) -> None:
+        self._newcomers_here.expect(scope, invitation)
+        self._admission.was_expected(source, time.monotonic())
+
     async def _authenticate(self, stream: trio.SocketStream, source: str) -> TlsConnection | None:
         kind, why = "stranger", f"made no TLS handshake within {self._handshake_s_max:g} s"
         with trio.move_on_after(self._handshake_s_max) as scope:
             self._pending.admit(scope, source)
             try:
                 # Looked at before TLS sets anything up: most of what strangers send fails here.
-                first = await stream.socket.recv(HELLO_BYTES, socket.MSG_PEEK)
-                if not begins_tls(first):
+                first: bytes | None = None
+                with trio.move_on_after(HELLO_S_MAX):
+                    first = await stream.socket.recv(HELLO_BYTES, socket.MSG_PEEK)
+                if first is None:
+                    why = f"it said nothing within {HELLO_S_MAX:g} s"
+                elif not begins_tls(first):
                     why = "what it says is not TLS" if first else "the connection was cut"
                 elif self._admission.may_shake_hands(source, time.monotonic()):
                     return await shake_hands(stream, self._context, self._versions)

@@ -14,7 +14,7 @@ from scenefold.base.errors import PeerFault, TurnedAway, Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.limits import HANDSHAKE_S_MAX
 from scenefold.crypto import Identity, client_context, renew, server_context
-from scenefold.world.ports import ConnectionLost, Endpoint, HandshakeRefused, Ports, Priority, Serve
+from scenefold.world.ports import ConnectionLost, Endpoint, HandshakeRefused, Ports, Priority, Serve, ServeNewcomer
 from scenefold.world.real.binding import bind_fault
 from scenefold.world.real.broadcasts import hear_broadcasts, open_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
@@ -53,7 +53,7 @@ class RealNetwork:
         priority: Priority,
         serve: Serve,
         *,
-        newcomers: Serve | None = None,
+        newcomers: ServeNewcomer | None = None,
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
         port = self._ports.number(priority)

@@ -17,7 +17,7 @@ import trio
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_S_MAX, NEWCOMER_S_MAX
-from scenefold.world.ports import ConnectionLost, Endpoint, Serve
+from scenefold.world.ports import ConnectionLost, Endpoint, Serve, ServeNewcomer
 from scenefold.world.quiet import QuietLog
 from scenefold.world.sim.machines import Machine, Process
 from scenefold.world.sim.streams import SimConnection
@@ -35,7 +35,7 @@ class Listener:
     """A listening port of a process."""
 
     def __init__(
-        self, net: SimNet, process: Process, machine: Machine, where: Endpoint, serve: Serve, newcomers: Serve | None = None
+        self, net: SimNet, process: Process, machine: Machine, where: Endpoint, serve: Serve, newcomers: ServeNewcomer | None = None
     ) -> None:
         """`newcomers` serves who has no certificate."""
         self.process = process
@@ -91,7 +91,8 @@ class Listener:
             await self._serve(connection)
         elif self.newcomers is not None:
             with trio.move_on_after(NEWCOMER_S_MAX):
-                await self.newcomers(connection)
+                # Everybody has a place here.
+                await self.newcomers(connection, lambda _reason: None)
 
     def admit(self, connection: SimConnection, why_not: str) -> None:
         """The client's certificate arrives."""

@@ -10,7 +10,7 @@ import trio
 
 from scenefold.base.errors import LocalFault
 from scenefold.crypto import Card
-from scenefold.world.ports import Endpoint, Priority, Serve
+from scenefold.world.ports import Endpoint, Priority, Serve, ServeNewcomer
 from scenefold.world.sim.datagrams import EVERYWHERE, SimDatagrams
 from scenefold.world.sim.disk import SimEnvironment
 from scenefold.world.sim.listening import Listener, connect, dial
@@ -34,7 +34,7 @@ class SimNetwork:
         priority: Priority,
         serve: Serve,
         *,
-        newcomers: Serve | None = None,
+        newcomers: ServeNewcomer | None = None,
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
         await trio.lowlevel.checkpoint()
