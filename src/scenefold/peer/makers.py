@@ -1,7 +1,8 @@
 """Who made a scene, and may that one make another? (specs/16-scene-log.md, Deciding.) Pure.
 
 The maker is the first writer of every header, and has signed the lockbox of the first one, so nobody makes a scene at the cost of
-another. A node takes so many scenes of each user, and no more: else one alone could fill its list for all.
+another. The first voter takes so many scenes of each user, and no more: else one alone could fill the list of all nodes. Other nodes
+let no scene begin; what members decide all the same counts for nobody, since they may name whom they like.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ def maker_of(scene: KnownScene) -> PublicKey | None:
     return scene.keys.get(writers[0].key) if writers else None
 
 
-def check_maker(scene: KnownScene, others: Iterable[KnownScene], may_make: Callable[[PublicKey], bool]) -> None:
+def check_maker(scene: KnownScene, decided_here: Iterable[KnownScene], may_make: Callable[[PublicKey], bool]) -> None:
     """Refused unless the scene with this first header was made by one who may: a user (`may_make`) who has not made too many."""
     maker, public = maker_of(scene), scene.public
     if maker is None or len(public.lockboxes) != 1:
@@ -33,5 +34,5 @@ def check_maker(scene: KnownScene, others: Iterable[KnownScene], may_make: Calla
         raise Refused(RejectReason.SIGNATURE_INVALID, f"the maker of the scene has not signed: {problem}") from problem
     if not may_make(maker):
         raise Refused(RejectReason.NOT_AUTHORISED, f"the scene's maker, key {maker.key_id:08x}, is no user of this cluster")
-    if sum(maker_of(other) == maker for other in others) >= SCENES_PER_USER_MAX:
+    if sum(maker_of(other) == maker for other in decided_here) >= SCENES_PER_USER_MAX:
         raise Refused(RejectReason.LIMIT_EXCEEDED, f"key {maker.key_id:08x} has made {SCENES_PER_USER_MAX} scenes already")

@@ -53,8 +53,11 @@ _log = logging.getLogger("scenefold.peer.scenes")
 class Scenes:
     """The scenes that this node knows. Used from the Trio thread only."""
 
-    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus, may_make: Callable[[PublicKey], bool]) -> None:
-        """`may_make`: whether the holder of a signing key may make scenes."""
+    def __init__(
+        self, world: World, store: Store, peers: Peers, own: OwnStatus, voter: NodeId, may_make: Callable[[PublicKey], bool]
+    ) -> None:
+        """`voter`: the one node where scenes begin. `may_make`: whether the holder of a signing key may make them."""
+        self._voter = voter
         self._may_make = may_make
         self._world = world
         self._store = store
@@ -159,10 +162,18 @@ class Scenes:
                 return known
             if known is None:
                 self._check_room(known)
-                check_maker(scene, self._known.values(), self._may_make)
+                if self._own.me != self._voter:
+                    # At several nodes at once a user would have the quota of each.
+                    raise Refused(RejectReason.NOT_AUTHORISED, "new scenes are decided by the cluster's first voter")
+                check_maker(scene, self._decided_here(), self._may_make)
             await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
             self._take(scene)
             return scene
+
+    def _decided_here(self) -> list[KnownScene]:
+        """Whose maker this node has looked at. Who decides elsewhere can name any user in its headers."""
+        mine = self._own.key.public.raw
+        return [known for known in self._known.values() if known.public.origin == self._own.me and known.public.origin_key == mine]
 
     def _check_room(self, before: KnownScene | None) -> None:
         if before is None and len(self._known) >= SCENES_LISTED_MAX:

@@ -93,7 +93,7 @@ class PeerServices:
         peers = Peers(world, links, own, roster, routing)
         cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
         lease = OwnerLease(world, store, cluster_log, own)
-        scenes = Scenes(world, store, peers, own, lambda key: is_user_key(key, registry(), facts))
+        scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts))
         line = Line(world, store, peers, cluster_log, own, lease, scenes, routing, transfer_bytes_per_s=settings.transfer_bytes_per_s)
         data = DataService(world, store, peers, scenes, line, lease, routing, me)
         enrolment = Enrolment(world, store, cluster_log, lease, own)

@@ -118,12 +118,12 @@ class PlainPeers:
 
 
 class Rig:
-    def __init__(self) -> None:
+    def __init__(self, voter: NodeId = ME) -> None:
         self.peers, self.store = PlainPeers(), PlainStore()
         world: Any = PlainWorld()
         own: Any = type("Own", (), {"me": ME, "member": Member(ME, bytes(16)), "key": DECIDER})()
         self.users = [WRITER.public]
-        self.scenes = Scenes(world, self.store, self.peers, own, lambda key: key in self.users)  # type: ignore[arg-type]
+        self.scenes = Scenes(world, self.store, self.peers, own, voter, lambda key: key in self.users)  # type: ignore[arg-type]
 
 
 def second_of(first: SceneLogPublic) -> SceneLogPublic:
@@ -360,6 +360,26 @@ async def test_one_user_does_not_fill_the_list_for_all(autojump_clock: MockClock
     assert await reason_of(rig, made[0]) is None, "what there is may be announced again"
     assert await reason_of(rig, later_header(made[0])) is None, "and goes on"
     assert await reason_of(rig, made_by(STRANGER, 0)) is None, "and others make theirs"
+
+
+async def test_at_several_nodes_at_once_a_user_makes_no_more_scenes(autojump_clock: MockClock) -> None:
+    rig = Rig(voter=OTHER)
+    assert await reason_of(rig, FIRST) is RejectReason.NOT_AUTHORISED
+    assert rig.scenes.all() == []
+    rig.store.headers_kept[FIRST.scene] = FIRST.encode()
+    rig.store.private[FIRST.scene] = LOG
+    await rig.scenes.load()
+    assert await reason_of(rig, later_header(FIRST)) is None, "what began elsewhere goes on there"
+
+
+@pytest.mark.parametrize("origin", [ME, OTHER])
+async def test_what_a_member_decides_in_a_users_name_costs_the_user_nothing(origin: NodeId, autojump_clock: MockClock) -> None:
+    rig, liar = Rig(), SigningKey.generate()
+    for number in range(SCENES_PER_USER_MAX):
+        in_adas_name = first_header(STRANGER, liar, origin=origin, write_floor=number)
+        await rig.scenes.on_push(pushed(in_adas_name), NODE)
+    assert len(rig.scenes.all()) == SCENES_PER_USER_MAX
+    assert await reason_of(rig, FIRST) is None
 
 
 async def test_nobody_makes_scenes_at_the_cost_of_another(autojump_clock: MockClock) -> None:
