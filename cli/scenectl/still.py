@@ -11,6 +11,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from scenectl.values import PortPair
     from scenefold.client import Cluster, ImportReport, PreparedImport
     from scenefold.client.progress import ProgressCallback
-    from scenefold.render.choice import LeftOut
+    from scenefold.render.choice import LeftOut, Renderers
     from scenefold.render.client import StillOptions, StillResult
 
 ADDRESSES_SHOWN = 8
@@ -99,14 +100,10 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
             with phases.time("import"):
                 scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
-        from scenefold.render.choosing import renderers_of
         from scenefold.render.client import render_still
 
         with phases.time("render"):
-            renderers = await renderers_of(cluster, scene)
-            if renderers.nodes and renderers.left_out:
-                print(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out), file=sys.stderr, flush=True)
-            result = await render_still(cluster, scene, job.options, _render_progress(progress), renderers=renderers)
+            result = await render_still(cluster, scene, job.options, _render_progress(progress), tell=partial(_tell_left_out, job))
         with phases.time("write"):
             sha256 = await _write(cluster, job, result)
         nodes = [node.address for node in await cluster.nodes()]
@@ -158,6 +155,11 @@ def left_out_text(scene: str, count: int, left_out: Sequence[LeftOut]) -> str:
         by_reason.setdefault(one.why, []).append(address_of(one.node))
     reasons = "; ".join(f"{_few(addresses)}: {why}" for why, addresses in by_reason.items())
     return f"note: {count} of {count + len(left_out)} nodes render ({reasons}): {how_to_admit(scene)}"
+
+
+def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
+    if renderers.nodes and renderers.left_out:
+        print(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out), file=sys.stderr, flush=True)
 
 
 def _few(addresses: Sequence[str]) -> str:

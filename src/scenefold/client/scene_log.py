@@ -110,7 +110,8 @@ class LogAccess:
         keeper = address_of(header.origin)
         if self._read is not None:
             answer = await self._ask_keeper(keeper, Want.HEADER)
-            if answer is not None and answer.public == self._read.header:
+            # What was read before may be old by now, by other headers that were met: then a keeper that still shows its own lies, or lags.
+            if answer is not None and answer.public == self._read.header and not self._memory.is_newer_than(answer.public):
                 return self._read
         for _ in range(_OLD_LOGS_MAX):
             answer = await self._ask_keeper(keeper, Want.LOG)

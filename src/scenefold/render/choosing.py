@@ -11,19 +11,30 @@ from functools import partial
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.client.together import together
 from scenefold.crypto import Card
 from scenefold.render.choice import REVOKED, Renderers, choose
 from scenefold.world.log_view import LogView, NodeKeys
 
+_TRIES_MAX = 3
+
 
 async def renderers_of(cluster: Cluster, scene: Scene) -> Renderers:
-    """Who may render the scene now, and who is left out. Unreachable if the node that keeps the scene's log does not answer."""
-    grants = (await scene.access.read_log()).state.grants.members
-    view = await cluster.log.newest()
-    certified, problems = await _certified(cluster, view)
-    return choose(view, grants, certified, problems)
+    """Who may render the scene now, and who is left out. Unreachable if the node that keeps the scene's log does not answer.
+
+    For the keys that the scene's identity has as this returns, and no later ones: a choice that waits is made again before anything is sealed.
+    """
+    for _ in range(_TRIES_MAX):
+        log = await scene.access.read_log()
+        view = await cluster.log.newest()
+        certified, problems = await _certified(cluster, view)
+        # A newer header that was met meanwhile may have brought keys that those of the older log's grants must not have.
+        if log.header.position >= scene.access.identity.position:
+            return choose(view, log.state.grants.members, certified, problems)
+    what = "the scene's log is older here than what is known of the scene, so who may render it is not known"
+    raise Refused(RejectReason.NOT_READY, what, where=f"scene {scene.name}", remedy="render again in a moment")
 
 
 async def _certified(cluster: Cluster, view: LogView) -> tuple[dict[NodeId, NodeKeys], dict[NodeId, str]]:

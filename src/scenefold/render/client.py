@@ -76,21 +76,23 @@ class StillResult:
 
 
 async def render_still(
-    cluster: Cluster, scene: Scene, options: StillOptions, progress: Progress, *, renderers: Renderers | None = None
+    cluster: Cluster, scene: Scene, options: StillOptions, progress: Progress, *, tell: Callable[[Renderers], None] | None = None
 ) -> StillResult:
     """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none.
 
-    The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. `renderers`: they, as
-    `renderers_of` has just told them, for whoever wants to know before; None: asked for here. LocalFault if there is none.
+    The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
+    chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
+    of them before anything else happens. LocalFault if there is none.
     """
     wanted = options.checked()
-    chosen = renderers or await renderers_of(cluster, scene)
+    chosen = await renderers_of(cluster, scene)
+    identity = scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
+    if tell is not None:
+        tell(chosen)
     chosen.check_any(scene.name)
     token = cluster.calls.world.entropy.token
     job = int.from_bytes(token(8), "big") or 1
     watch = _Watch(cluster, address_of(organiser_of(job, chosen.nodes)), job)
-    # Of all epochs: the newest log was read when they were chosen.
-    identity = scene.access.identity
     about = About(cluster.profile.cluster_id, identity.genesis, job)
     keys = await cluster.in_worker("crypto", seal_keys, identity.keys, chosen.sealing, about, token)
     await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, _head(scene)))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
 from scenefold.base.ids import address_of
 from scenefold.client.sealing import SceneIdentity
 from scenefold.crypto import RecordHeader
@@ -106,3 +106,19 @@ async def test_a_scene_that_was_met_is_not_made_anew_if_nobody_knows_it(autojump
     for again in (scenes.create, scenes.open_or_create, scenes.open):
         with pytest.raises(LocalFault, match="does not know this scene"):
             await again("kitchen")
+
+
+async def test_the_log_as_it_was_read_before_is_not_taken_once_a_newer_header_was_met(autojump_clock: MockClock, tmp_path: Path) -> None:
+    """Else its keeper could have the keys of now sealed to whom only the log of before grants the scene."""
+    studio = Studio(tmp_path)
+    owner = await studio.scenes(1).create("kitchen")
+    await owner.grant(card_of(2), Role.OWNER)
+    await owner.grant(card_of(3), Role.WRITER)
+    await owner.access.read_log()
+    (before,) = studio.nodes.headers.values()
+    await (await studio.kitchen(2)).revoke("user:ben")
+    await owner.access.refresh()
+    assert owner.access.identity.position > before.position
+    Liars(studio, {address_of(before.origin): before})
+    with pytest.raises(Unreachable, match="has an older one than was read before"):
+        await owner.access.read_log()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import trio
 
-from scenefold.base.errors import LocalFault, Unreachable
+from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.crypto import Authority, Card
 from scenefold.render.choice import REVOKED, STRANGE, Renderers
@@ -53,14 +54,17 @@ class Cluster:
         return self._cards[name]
 
 
-async def renderers(cluster: Cluster, *grants: Any, away: bool = False) -> Renderers:
+async def renderers(cluster: Cluster, *grants: Any, away: bool = False, met: int = 5, positions: Iterable[int] = (5, 5, 5)) -> Renderers:
+    """`met`: the scene's position, by all headers; `positions`: those of its log, whenever it is read."""
+    logs = iter(positions)
+
     async def read_log() -> Any:
         await trio.lowlevel.checkpoint()
         if away:
             raise Unreachable("the node that keeps the scene's log does not answer")
-        return SimpleNamespace(state=SimpleNamespace(grants=SimpleNamespace(members=grants)))
+        return SimpleNamespace(header=SimpleNamespace(position=next(logs)), state=SimpleNamespace(grants=SimpleNamespace(members=grants)))
 
-    scene: Any = SimpleNamespace(access=SimpleNamespace(read_log=read_log))
+    scene: Any = SimpleNamespace(name="room", access=SimpleNamespace(read_log=read_log, identity=SimpleNamespace(position=met)))
     return await renderers_of(cluster, scene)  # type: ignore[arg-type]
 
 
@@ -87,6 +91,15 @@ async def test_the_log_is_asked_for_anew_each_time() -> None:
 async def test_without_the_scenes_log_nobody_is_chosen() -> None:
     with pytest.raises(Unreachable):
         await renderers(Cluster(*FOUNDED), away=True)
+
+
+async def test_nobody_is_chosen_by_a_log_that_is_older_than_the_keys() -> None:
+    with pytest.raises(Refused, match="older here than what is known"):
+        await renderers(Cluster(*FOUNDED), granted(1), met=6)
+
+
+async def test_a_newer_header_that_was_met_meanwhile_has_the_log_read_again() -> None:
+    assert (await renderers(Cluster(*FOUNDED), granted(1), met=6, positions=(5, 6))).nodes == (node(0), node(1))
 
 
 async def test_a_revoked_founder_is_left_out() -> None:
