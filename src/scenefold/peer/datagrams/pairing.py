@@ -17,7 +17,7 @@ but not if the answer is the first that the peer has given under its salt, since
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -33,9 +33,20 @@ HOLD_S = 5.0
 CHALLENGE_S_MIN = 0.1
 """Between two challenges to one peer: half of what one answers."""
 ANSWER_S_MIN = 0.05
-"""Between two answers to one peer: apart for challenges under the salt that counts, which nobody can repeat, and under others."""
+"""Between two answers to one peer: apart for challenges under the salt that counts, which nobody can repeat, and under each other one."""
+UNPROVEN_SALTS_MAX = 16
+"""Other salts whose challenges are remembered: old ones, played again, are answered once, and never instead of those of a new boot."""
 DEAD_SALTS_MAX = 4
 """Salts of earlier boots that are dropped without another look; older ones cost opening, and a challenge now and then."""
+
+
+@dataclass(slots=True)
+class Unproven:
+    """What was answered under a salt that does not count."""
+
+    counter: int = -1
+    """Of the last challenge: none up to it is answered again."""
+    at: float = -math.inf
 
 
 class Drop(StrEnum):
@@ -90,6 +101,7 @@ class Pairing:
         "_key",
         "_outgoing",
         "_token",
+        "_unproven",
         "_window",
         "counter",
     )
@@ -112,7 +124,8 @@ class Pairing:
         self._held: deque[Held] = deque()
         self._challenge = b""
         self._challenged_at = -math.inf
-        self._answered_at = {True: -math.inf, False: -math.inf}
+        self._answered_at = -math.inf
+        self._unproven: OrderedDict[bytes, Unproven] = OrderedDict()
         self._answered = (b"", -math.inf)
         self._first_answered: bytes | None = None if first_counter else b""
         """The one challenge that was answered under our salt; None: several, or an earlier pairing may have answered others."""
@@ -143,11 +156,14 @@ class Pairing:
                 self._hold(Held(head.salt, head.counter, content.packet, now), taken)
                 self._ask(taken, now)
             case Kind.CHALLENGE:
-                self._answer(content.challenge, taken, now, counts=counts, asks_back=not counts)
+                if counts:
+                    self._answer_proven(content.challenge, taken, now)
+                else:
+                    self._answer_unproven(head, content.challenge, taken, now)
             case Kind.ANSWER | Kind.FIRST_ANSWER:
                 self._hear_answer(content, key, head.counter, taken, now, counts=counts)
                 if content.challenge and self._key is key and not self._has_just_answered(content.challenge, now):
-                    self._answer(content.challenge, taken, now, counts=True, asks_back=False)
+                    self._answer_proven(content.challenge, taken, now)
         return taken
 
     def _hear_answer(self, answer: Content, key: DatagramKey, counter: int, taken: Taken, now: float, *, counts: bool) -> None:
@@ -182,25 +198,44 @@ class Pairing:
 
     def _ask(self, taken: Taken, now: float) -> None:
         if now - self._challenged_at >= CHALLENGE_S_MIN:
-            taken.replies.append(self._sealed(packed_challenge(self._own_challenge(now))))
+            self._challenged_at = now
+            taken.replies.append(self._sealed(packed_challenge(self._own_challenge())))
 
-    def _answer(self, challenge: bytes, taken: Taken, now: float, *, counts: bool, asks_back: bool) -> None:
-        if now - self._answered_at[counts] < ANSWER_S_MIN:
+    def _answer_proven(self, challenge: bytes, taken: Taken, now: float) -> None:
+        if now - self._answered_at < ANSWER_S_MIN:
             taken.drop(Drop.CROWDED, "challenges come too often")
             return
-        self._answered_at[counts], self._answered = now, (challenge, now)
+        self._answered_at = now
+        self._answer(challenge, taken, now, asks_back=False)
+
+    def _answer_unproven(self, head: DatagramHead, challenge: bytes, taken: Taken, now: float) -> None:
+        """Anybody may have recorded it: so it is answered once, and takes no answer from a challenge under another salt."""
+        before = self._unproven.setdefault(head.salt, Unproven())
+        self._unproven.move_to_end(head.salt)
+        if len(self._unproven) > UNPROVEN_SALTS_MAX:
+            self._unproven.popitem(last=False)
+        if head.counter <= before.counter:
+            taken.drop(Drop.REPEATED, "it was answered before, or a later one was")
+            return
+        if now - before.at < ANSWER_S_MIN:
+            taken.drop(Drop.CROWDED, "challenges come too often")
+            return
+        before.counter, before.at = head.counter, now
+        self._answer(challenge, taken, now, asks_back=True)
+
+    def _answer(self, challenge: bytes, taken: Taken, now: float, *, asks_back: bool) -> None:
+        self._answered = (challenge, now)
         is_first = self._first_answered in (b"", challenge)
         self._first_answered = challenge if is_first else None
-        taken.replies.append(self._sealed(packed_answer(challenge, self._own_challenge(now) if asks_back else b"", first=is_first)))
+        taken.replies.append(self._sealed(packed_answer(challenge, self._own_challenge() if asks_back else b"", first=is_first)))
 
     def _has_just_answered(self, challenge: bytes, now: float) -> bool:
         """Two that speak at the same moment challenge each other, and again in their answers: one answer is enough."""
         return self._answered[0] == challenge and now - self._answered[1] < ANSWER_S_MIN
 
-    def _own_challenge(self, now: float) -> bytes:
+    def _own_challenge(self) -> bytes:
         """The same until it is answered: an answer that was on its way for long counts, too."""
         self._challenge = self._challenge or self._token(CHALLENGE_BYTES)
-        self._challenged_at = now
         return self._challenge
 
     def _sealed(self, content: bytes) -> bytes:

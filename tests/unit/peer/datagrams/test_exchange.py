@@ -172,6 +172,44 @@ def test_an_answer_that_was_recorded_is_no_answer_to_the_next_challenge() -> Non
     assert not taken.packets and kinds(taken) == [Drop.UNASKED]
 
 
+def recorded_challenges(of: Exchange, to: Exchange, name: NodeId, count: int) -> list[bytes]:
+    """What one asks another, whose salt does not count there yet."""
+    return [data for number in range(count) for data in take(of, said(to, name, b"hello"), number * CHALLENGE_S_MIN * 2).replies]
+
+
+def test_a_challenge_that_was_recorded_is_answered_once() -> None:
+    ada, bob = boot(ADA), boot(BOB)
+    tape = recorded_challenges(bob, ada, BOB, 5)
+    reply(take(ada, tape[3], 10.0))
+    for number, data in enumerate(tape[:4]):
+        again = take(ada, data, 20.0 + number)
+        assert not again.replies and kinds(again) == [Drop.REPEATED]
+    reply(take(ada, tape[4], 30.0))
+
+
+@pytest.mark.parametrize("lives", [1, 7, 40])
+def test_recorded_challenges_keep_no_pair_from_meeting_that_has_started_anew(lives: int) -> None:
+    ada = boot(ADA)
+    tape = [data for life in range(lives) for data in recorded_challenges(boot(BOB, life), ada, BOB, 9)]
+    to_bob = [data for life in range(lives) for data in recorded_challenges(boot(ADA, life), boot(BOB), ADA, 9)]
+    ada, bob, now = boot(ADA, lives), boot(BOB, lives), 1000.0
+    heard = list[bytes]()
+    for moment in range(20):
+        now += 0.05
+        # As soon as an answer may be given, the tape is there.
+        for recorded in tape:
+            take(ada, recorded, now)
+        for recorded in to_bob:
+            take(bob, recorded, now)
+        todo = [(bob, said(ada, BOB, b"%d" % moment))]
+        while todo:
+            whom, data = todo.pop(0)
+            taken = take(whom, data, now)
+            heard += taken.packets
+            todo += [(ada if whom is bob else bob, answer) for answer in taken.replies]
+    assert heard[-1] == b"19" and len(heard) >= 18
+
+
 def test_an_answer_that_took_long_counts_but_finds_nothing_held() -> None:
     ada, bob = boot(ADA), boot(BOB)
     answer = reply(take(ada, reply(take(bob, said(ada, BOB, b"hello")))))
