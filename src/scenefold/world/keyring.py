@@ -22,6 +22,7 @@ from scenefold.base.ids import KeyId, SceneId
 from scenefold.base.limits import LOCKBOX_BYTES_MAX
 from scenefold.crypto import make_private_folder
 from scenefold.wire import Lockbox
+from scenefold.world.folder_lock import alone_in
 from scenefold.world.toml_files import damaged, read_secret_toml, write_toml
 
 GENESIS_BYTES = 32
@@ -88,10 +89,14 @@ class Keyring:
 
     def save(self, kept: KeptScene) -> None:
         """Write the entry; saving the same scene again replaces it, another scene of that name is refused."""
+        make_private_folder(self._folder)
+        with alone_in(self._folder):
+            self._save(kept)
+
+    def _save(self, kept: KeptScene) -> None:
         path = self._path(kept.name)
         if path.exists() and self.load(kept.name).genesis != kept.genesis:
             raise LocalFault(f"a scene {kept.name!r} exists already", where=str(path), remedy="choose another name")
-        make_private_folder(self._folder)
         write_toml(
             path,
             {
@@ -109,14 +114,23 @@ class Keyring:
 
     def advance(self, kept: KeptScene) -> None:
         """Write what was met of a scene that has an entry, unless that knows of as much already. One that is gone, or of another scene, is left so."""
-        if kept.name in self.names():
-            known = self.load(kept.name)
-            if known.genesis == kept.genesis and known.position < kept.position:
-                self.save(kept)
+        if self._lacks(kept):
+            with alone_in(self._folder):
+                if self._lacks(kept):
+                    self._save(kept)
+
+    def _lacks(self, kept: KeptScene) -> bool:
+        if kept.name not in self.names():
+            return False
+        known = self.load(kept.name)
+        return known.genesis == kept.genesis and known.position < kept.position
 
     def remove(self, name: str) -> None:
         """Forget the entry, for a creation that the cluster refused; nothing happens if there is none."""
-        self._path(name).unlink(missing_ok=True)
+        path = self._path(name)
+        if path.exists():
+            with alone_in(self._folder):
+                path.unlink(missing_ok=True)
 
     def _path(self, name: str) -> Path:
         return self._folder / f"{checked_name(name, 'scene')}.toml"

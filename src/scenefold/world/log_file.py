@@ -15,6 +15,7 @@ from pathlib import Path
 from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.crypto import write_secret
 from scenefold.wire import MalformedPacket, SignedRecord, pack_log, unpack_log
+from scenefold.world.folder_lock import alone_in
 from scenefold.world.log_view import LogView
 
 LOG_FILE = "members.log"
@@ -51,7 +52,9 @@ class LogFile:
     def save(self, records: Sequence[SignedRecord]) -> None:
         """Keep these, durably, unless as many lie there already: other clients of the profile write it, too."""
         if self._count() < len(records):
-            write_secret(self._path, _packed(records), replace=True)
+            with alone_in(self._path.parent):
+                if self._count() < len(records):
+                    write_secret(self._path, _packed(records), replace=True)
 
     def _count(self) -> int:
         try:
