@@ -156,6 +156,8 @@ class Job:
         )
         if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")
+        if not job.keys.nodes.issuperset(job.nodes):
+            raise ValueError("the keys are not sealed to all of the nodes, so the client did not choose them all")
         if not all(0.0 <= channel <= SKY_MAX for channel in job.sky) or not all(map(math.isfinite, job.camera)):
             raise ValueError("the sky is no colour, or the camera no camera")
         return job

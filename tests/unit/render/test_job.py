@@ -21,7 +21,9 @@ JOB = Job(
     id=2**63 + 5,
     scene=SceneId(3),
     genesis=bytes(range(32)),
-    keys=SealedKeys(((NodeId(3), b"a box"), (NodeId(0x7F000002), b"another one")), b"what they open"),
+    keys=SealedKeys(
+        ((NodeId(0x7F000002), b"a box"), (NodeId(0x7F000003), b"another one"), (NodeId(0x7F000004), b"of one that left")), b"what they open"
+    ),
     content=bytes(32),
     numeric_class="embree-4.3.3-avx2-embreex-4.3.3",
     width=640,
@@ -76,6 +78,7 @@ def test_every_entry_is_needed(key: str) -> None:
         ("nodes", [5, 5]),
         ("nodes", [2**32, 1]),
         ("nodes", None),
+        ("keys", [[[0x7F000002, b"a box"]], b"what it opens"]),
         ("keys", []),
         ("keys", None),
         ("keys", [[]]),

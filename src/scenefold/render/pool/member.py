@@ -103,8 +103,10 @@ class Member:
         self._report(node, packet.pass_index, Counts(packet.created, packet.retired, packet.sent, packet.received))
 
     async def on_collect(self, packet: CollectPass) -> PassSums:
-        """The owner of a pass takes its second reading."""
+        """The owner of a pass takes its second reading. PeerFault for a pass that the job does not have."""
         number = packet.pass_index
+        if number >= self._plan.count:
+            raise PeerFault("the job has no such pass", where=f"pass {number}")
         counts = self._counts.get(number, Counts())
         payload = await self._world.workers.run(FILM_LANE, self._packed_sums, number)
         return PassSums(

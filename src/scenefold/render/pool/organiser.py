@@ -24,10 +24,11 @@ from scenefold.render.pool.host import Host
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
-from scenefold.render.pool.telling import error_of, failure_fields
+from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
+from scenefold.world import DiskFailed
 
 PREPARE_S_MAX = 900.0
 ASK_S_MAX = 30.0
@@ -42,11 +43,12 @@ class Organiser:
     """One job, from the request to the image."""
 
     def __init__(self, host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, own_part: Callable[[int], Part]) -> None:
-        """`keys`: those of the request, opened. `own_part(job)`: this node's own part in a job."""
-        self._host, self._renderer, self._request, self._keys, self._own_part = host, renderer, request, keys, own_part
+        """`keys`: those of the request, opened; dropped as soon as the job is made. `own_part(job)`: this node's own part in a job."""
+        self._host, self._renderer, self._request, self._own_part = host, renderer, request, own_part
+        self._keys: EpochKeys | None = keys
         self._job: Job | None = None
         self._phase = "preparing"
-        self._failure: ScenefoldError | None = None
+        self._failure: Refused | None = None
         self._states: dict[int, dict[str, Value]] = {}
         self._seconds: dict[str, float] = {}
         self._scope = trio.CancelScope()
@@ -58,12 +60,23 @@ class Organiser:
             try:
                 await self._render()
                 self._phase = "done"
-            except* ScenefoldError as group:
-                self._phase, self._failure = "failed", _leaf(group)
+            except* DiskFailed:
+                raise
+            except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
+                self._phase, self._failure = "failed", failure_of(group, self._request.job)
+            finally:
+                self._keys = None
             await self._free()
+            if self.has_failed:
+                # The place is free, and only the words are kept.
+                self._job, self._states = None, {}
             await self._host.world.clock.sleep(KEEP_S)
         with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
             await self._free()
+
+    @property
+    def has_failed(self) -> bool:
+        return self._failure is not None
 
     def cancel(self) -> None:
         """Nobody wants the image any more."""
@@ -88,9 +101,10 @@ class Organiser:
         }
 
     async def _render(self) -> None:
+        assert self._keys is not None
         with _Timed(self, "plan"):
-            job, tables = await self._plan()
-        self._job = job
+            job, tables = await self._plan(self._keys)
+        self._job, self._keys = job, None
         with _Timed(self, "prepare"):
             await self._of_all(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
         self._phase = "rendering"
@@ -102,9 +116,9 @@ class Organiser:
         with _Timed(self, "merge"):
             await self._gather(job, tables)
 
-    async def _plan(self) -> tuple[Job, SceneTables]:
+    async def _plan(self, keys: EpochKeys) -> tuple[Job, SceneTables]:
         host, request = self._host, self._request
-        reader = host.reader(request.scene, request.genesis, self._keys, request.head)
+        reader = host.reader(request.scene, request.genesis, keys, request.head)
         tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, tables)
         return job, tables
@@ -208,7 +222,7 @@ class Organiser:
             try:
                 await self._host.ask(node, CancelJob(job=job.id), ASK_S_MAX)
             except ScenefoldError as error:
-                self._failure = self._failure or (None if self._phase == "done" else error)
+                self._failure = self._failure or (None if self._phase == "done" else told(error))
 
         async with trio.open_nursery() as nursery:
             for node in job.nodes:
@@ -242,8 +256,3 @@ def _bytes_of(layer: F32) -> bytes:
 
 def _whole(value: Value | None) -> int:
     return value if isinstance(value, int) else 0
-
-
-def _leaf(group: BaseExceptionGroup[ScenefoldError]) -> ScenefoldError:
-    inner = group.exceptions[0]
-    return _leaf(inner) if isinstance(inner, BaseExceptionGroup) else inner

@@ -6,7 +6,7 @@ from enum import Enum
 
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import OpenScene, Renderer
@@ -15,8 +15,9 @@ from scenefold.render.job import Job
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
-from scenefold.render.pool.telling import error_of, failure_fields, told
+from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
+from scenefold.world import DiskFailed
 
 MERGE_S_MAX = 600.0
 PART_S_MAX = 120.0
@@ -34,7 +35,7 @@ class Phase(Enum):
 
 
 class Part:
-    """One node's part in one job."""
+    """One node's part in one job. It needs the scene's keys while it prepares, and keeps none."""
 
     def __init__(self, host: Host, renderer: Renderer, job: Job) -> None:
         if host.node_id not in job.nodes:
@@ -42,7 +43,7 @@ class Part:
         self.job = job
         self.me = job.nodes.index(host.node_id)
         self.phase = Phase.PREPARING
-        self.failure: ScenefoldError | None = None
+        self.failure: Refused | None = None
         self._host, self._renderer = host, renderer
         self._loaded: LoadedShare | None = None
         self._scene: OpenScene | None = None
@@ -52,6 +53,7 @@ class Part:
         self._prepared = trio.Event()
         self._ended = trio.Event()
         self._prepare_seconds = 0.0
+        self._was_ready = False
         self.last_heard = host.world.clock.now()
         """When the organiser last asked; preparing may take long, so the count begins anew at `go`."""
 
@@ -64,10 +66,12 @@ class Part:
                 self.phase = Phase.RUNNING
                 assert self._member is not None
                 await self._member.run()
-            except* ScenefoldError as group:
-                self._fail(_first(group))
+            except* DiskFailed:
+                raise
+            except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
+                self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id)
         self._prepared.set()
-        self._member = None
+        self._member = self._loaded = None
         if self._scene is not None:
             with trio.CancelScope(shield=True):
                 await self._host.world.workers.run(LANE, self._scene.close)
@@ -79,6 +83,15 @@ class Part:
         await self._prepared.wait()
         if self.failure is not None:
             raise told(self.failure)
+
+    @property
+    def has_failed(self) -> bool:
+        return self.failure is not None
+
+    @property
+    def was_ready(self) -> bool:
+        """Whether it held its share at some time."""
+        return self._was_ready
 
     def go(self) -> None:
         """All nodes are ready: trace."""
@@ -172,7 +185,7 @@ class Part:
             self._send,
         )
         self._prepare_seconds = host.world.clock.now() - begun
-        self.phase = Phase.READY
+        self.phase, self._was_ready = Phase.READY, True
         self._prepared.set()
 
     def _check_memory(self) -> None:
@@ -193,12 +206,3 @@ class Part:
 
     async def _send(self, index: int, packet: Packet) -> None:
         await self._host.send(self.job.nodes[index], packet)
-
-    def _fail(self, error: ScenefoldError) -> None:
-        self.phase, self.failure = Phase.FAILED, error
-
-
-def _first(group: BaseExceptionGroup[ScenefoldError]) -> ScenefoldError:
-    """The first error in a tree of groups."""
-    inner = group.exceptions[0]
-    return _first(inner) if isinstance(inner, BaseExceptionGroup) else inner

@@ -8,14 +8,15 @@ from typing import TypeVarTuple
 
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import node_named
 from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.job import Job
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.organiser import Organiser
-from scenefold.render.pool.part import Part, Phase
+from scenefold.render.pool.part import Part
+from scenefold.render.pool.places import Places
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.telling import reason_of, words_of
 from scenefold.wire import (
@@ -38,7 +39,10 @@ from scenefold.wire import (
 )
 
 JOBS_MAX = 8
-"""Jobs that a node takes part in at a time."""
+"""Jobs that a node takes part in at a time, and as many that it organises."""
+JOBS_OF_A_USER_MAX = 4
+JOBS_OF_A_NODE_MAX = 6
+"""Of one that organises them; of its own a node takes part in as many as there are places."""
 SILENCE_S_MAX = 1200.0
 """A part of which nobody asks for so long has lost its organiser; preparing may take PREPARE_S_MAX of it."""
 IMAGE_PART_BYTES = 4 * 1024 * 1024
@@ -55,8 +59,9 @@ class RenderService:
         self._host = host
         self._renderer_name = renderer
         self._renderer: Renderer | None = None
-        self._parts: dict[int, Part] = {}
-        self._organisers: dict[int, Organiser] = {}
+        own = f"node:{host.node_id}"
+        self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX, boundless=own)
+        self._organisers: Places[Organiser] = Places("organises", JOBS_MAX, JOBS_OF_A_USER_MAX)
         self._nursery: trio.Nursery | None = None
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
@@ -82,10 +87,11 @@ class RenderService:
         clock = self._host.world.clock
         while True:
             await clock.sleep(SILENCE_S_MAX / 4)
-            for job, part in list(self._parts.items()):
+            for job, part in self._parts.jobs():
                 if clock.now() - part.last_heard > SILENCE_S_MAX:
-                    _log.warning("job %016x: its organiser is silent; this node's part ends", job)
-                    del self._parts[job]
+                    if not part.has_failed:
+                        _log.warning("job %016x: its organiser is silent; this node's part ends", job)
+                    self._parts.drop(job, part)
                     await part.end()
 
     # Users ---------------------------------------------------------------------------------------------------
@@ -93,36 +99,36 @@ class RenderService:
     async def _on_start(self, packet: StartJob, peer: str) -> JobAnswer:
         try:
             if peer.startswith("user:"):
-                self._organise(packet)
+                self._organise(packet, peer)
             else:
                 await self._take_part(packet, peer)
         except ScenefoldError as error:
             return JobAnswer(job=packet.job, reason=int(reason_of(error)), text=words_of(error))
         return JobAnswer(job=packet.job, reason=OK, text="")
 
-    def _organise(self, packet: StartJob) -> None:
+    def _organise(self, packet: StartJob, peer: str) -> None:
         document = unpack_value(packet.document, what="a request to render")
         if not isinstance(document, dict) or document.get("request") is not True:
             raise PeerFault("a request to render is ill-formed")
-        if packet.job in self._organisers:
+        if self._organisers.get(packet.job) is not None:
+            self._organiser(packet.job, peer)
             return
-        if len(self._organisers) >= JOBS_MAX:
-            raise Refused(RejectReason.BUSY, "this node organises as many jobs as it may", remedy="try again later")
+        self._organisers.check(peer)
         request = RenderRequest.from_map(packet.job, document)
         keys = self._host.opened(request.keys, request.genesis, request.job)
-        organiser = Organiser(self._host, self._load(), request, keys, self._part)
-        self._organisers[packet.job] = organiser
+        renderer = self._load()
+        organiser = self._organisers.take(packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part))
         self._start(self._keep_organiser, packet.job, organiser)
 
     async def _keep_organiser(self, job: int, organiser: Organiser) -> None:
         try:
             await organiser.run()
         finally:
-            del self._organisers[job]
+            self._organisers.drop(job, organiser)
 
     async def _on_state(self, packet: JobState, peer: str) -> JobStateReply:
         if peer.startswith("user:"):
-            state = self._organiser(packet.job).state()
+            state = self._organiser(packet.job, peer).state()
         else:
             part = self._part_with(packet.job, peer)
             part.last_heard = self._host.world.clock.now()
@@ -130,7 +136,7 @@ class RenderService:
         return JobStateReply(job=packet.job, document=pack_value(state))
 
     async def _on_fetch(self, packet: FetchImage, peer: str) -> ImagePart:
-        image = self._organiser(packet.job).image
+        image = self._organiser(packet.job, peer).image
         if not image:
             raise Refused(RejectReason.NOT_READY, "the image is not finished")
         payload = image[packet.offset : packet.offset + IMAGE_PART_BYTES]
@@ -138,12 +144,12 @@ class RenderService:
 
     async def _on_cancel(self, packet: CancelJob, peer: str) -> JobAnswer:
         if peer.startswith("user:"):
-            self._organiser(packet.job).cancel()
+            self._organiser(packet.job, peer).cancel()
         else:
             part = self._parts.get(packet.job)
             if part is not None:
                 self._index(part, peer)
-                del self._parts[packet.job]
+                self._parts.drop(packet.job, part)
                 await part.end()
         return JobAnswer(job=packet.job, reason=OK, text="")
 
@@ -156,11 +162,19 @@ class RenderService:
         index_of(job, peer)
         part = self._parts.get(job.id)
         if part is None:
-            if len(self._parts) >= JOBS_MAX:
-                raise Refused(RejectReason.BUSY, "this node takes part in as many jobs as it may", remedy="try again later")
-            part = self._parts[job.id] = Part(self._host, self._load(), job)
-            self._start(part.run)
+            self._parts.check(peer)
+            renderer = self._load()
+            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job))
+            self._start(self._keep_part, part)
+        elif part.job != job:
+            raise PeerFault("there is another job of that id")
         await part.prepared()
+
+    async def _keep_part(self, part: Part) -> None:
+        await part.run()
+        if not part.was_ready:
+            # Who has asked for it hears why, and there is nothing else to keep.
+            self._parts.drop(part.job.id, part)
 
     async def _on_event(self, packet: JobEvent, peer: str) -> JobAnswer:
         part = self._part_with(packet.job, peer)
@@ -201,8 +215,6 @@ class RenderService:
         part = self._parts.get(job)
         if part is None:
             raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
-        if part.phase is Phase.FAILED and part.failure is None:
-            raise LocalFault("this node's part of the job failed")
         return part
 
     def _part_with(self, job: int, peer: str) -> Part:
@@ -211,9 +223,10 @@ class RenderService:
         self._index(part, peer)
         return part
 
-    def _organiser(self, job: int) -> Organiser:
+    def _organiser(self, job: int, peer: str) -> Organiser:
+        """What organises the job of this user: nobody else is told anything of it."""
         organiser = self._organisers.get(job)
-        if organiser is None:
+        if organiser is None or self._organisers.asker(job) != peer:
             raise Refused(RejectReason.NOT_READY, "this node organises no such job", remedy="start the render again")
         return organiser
 

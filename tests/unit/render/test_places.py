@@ -1,0 +1,79 @@
+"""If this fails, one member keeps all others from rendering, or what failed long ago does."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from scenefold.base.errors import Refused
+from scenefold.base.reasons import RejectReason
+from scenefold.render.pool.places import Places
+
+MOST, OF_ONE = 8, 3
+PEERS = ["user:ada", "user:ben", "user:eve", "node:own"]
+
+
+class Job:
+    has_failed = False
+
+
+def places() -> Places[Job]:
+    return Places("organises", MOST, OF_ONE, boundless="node:own")
+
+
+def test_one_asker_leaves_places_for_others() -> None:
+    kept = places()
+    for number in range(OF_ONE):
+        kept.take(number, "user:eve", Job)
+    with pytest.raises(Refused, match="as many jobs of user:eve as it may") as caught:
+        kept.take(99, "user:eve", Job)
+    assert caught.value.reason is RejectReason.BUSY
+    kept.take(100, "user:ada", Job)
+
+
+def test_what_failed_takes_no_place_and_its_words_are_kept() -> None:
+    kept = places()
+    first = kept.take(0, "user:eve", Job)
+    first.has_failed = True
+    for number in range(1, OF_ONE + 1):
+        kept.take(number, "user:eve", Job)
+    assert kept.get(0) is first
+
+
+def test_a_node_takes_part_in_as_many_of_its_own_as_there_are_places() -> None:
+    kept = places()
+    for number in range(MOST):
+        kept.take(number, "node:own", Job)
+    with pytest.raises(Refused, match="organises as many jobs as it may"):
+        kept.take(99, "node:own", Job)
+
+
+def test_a_place_is_given_back_by_its_own_job_only() -> None:
+    kept = places()
+    first = kept.take(0, "user:ada", Job)
+    kept.drop(0, first)
+    second = kept.take(0, "user:ben", Job)
+    kept.drop(0, first)
+    assert kept.get(0) is second and kept.asker(0) == "user:ben"
+
+
+@given(some.lists(some.tuples(some.sampled_from(PEERS), some.sampled_from(["take", "fail", "drop"])), max_size=200))
+def test_it_stays_within_bounds_whatever_comes(acts: list[tuple[str, str]]) -> None:
+    kept = places()
+    for number, (peer, act) in enumerate(acts):
+        jobs = kept.jobs()
+        if act == "take":
+            try:
+                kept.take(number, peer, Job)
+            except Refused:
+                live = [known for known, job in jobs if not job.has_failed]
+                assert len(live) == MOST or sum(kept.asker(known) == peer for known in live) == OF_ONE
+        elif jobs:
+            known, job = jobs[number % len(jobs)]
+            if act == "fail":
+                job.has_failed = True
+            else:
+                kept.drop(known, job)
+        assert sum(not job.has_failed for _, job in kept.jobs()) <= MOST
+        assert len(kept) <= MOST + len(PEERS) * (MOST + OF_ONE)
