@@ -34,7 +34,7 @@ def trust(
     address
         IPv4 address of the node.
     everybody
-        All nodes that are on the line now: of a cluster whose machines are all your own.
+        All nodes that are on the line now, by the cluster's log: of a cluster whose machines are all your own.
     withdraw
         Trust it no longer: it gets no keys of scenes any more. What it was given it may have kept: if its owner turned against you,
         make the cluster anew.
@@ -53,11 +53,7 @@ def trust(
                 node = node_id_of(address.text)
                 await cluster.membership.trust(node, trusted=not withdraw)
                 return [node], node in cluster.profile.voters
-            known = (await cluster.membership.roll()).trusted
-            wanting = [owner.node_id for owner in await cluster.nodes() if owner.node_id not in known]
-            for node in wanting:
-                await cluster.membership.trust(node)
-            return wanting, False
+            return await cluster.membership.trust_all(), False
 
     nodes, is_voter = run(work)
     if address is None:

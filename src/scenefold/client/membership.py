@@ -169,6 +169,25 @@ class Membership:
             sealed = to.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
         await self._order(Trust(node, True, to.raw, sealed))
 
+    async def trust_all(self) -> list[NodeId]:
+        """Trust all nodes on the line; those that were not trusted before. If one cannot be, the error names those that are by now.
+
+        Who stands there says the cluster's log: a table is what one node says, and may name one that was given away with its disk.
+        """
+        view = await self._cluster_log.newest()
+        added: list[NodeId] = []
+        for node in view.members:
+            if node in view.roll.trusted or view.keys_of(node) is None:
+                continue
+            try:
+                await self.trust(node)
+            except ScenefoldError as problem:
+                so_far = ", ".join(map(address_of, added)) or "nobody"
+                problem.where = f"{address_of(node)}; trusted before it: {so_far}"
+                raise
+            added.append(node)
+        return added
+
     async def renew(self) -> Card | None:
         """Have this user's certificate renewed, if two thirds of its time are over, and keep it; the newer one's card, None if none is due."""
         authority = self._profile.authority_certificate()

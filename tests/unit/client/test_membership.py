@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 import trio
 
-from scenefold.base.errors import DamagedData, LocalFault
+from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.reasons import RejectReason
 from scenefold.client.membership import Membership
 from scenefold.crypto import AUTHORITY_PURPOSE, Card
 from scenefold.wire import Packet
@@ -126,6 +127,43 @@ async def test_the_authoritys_key_is_sealed_to_the_keys_that_the_log_names(node:
     entry = await trust_in(node, view, tmp_path)
     assert entry.sealing_key == NEWCOMERS[who].sealing.public.raw
     assert NEWCOMERS[who].sealing.open(entry.sealed, AUTHORITY_PURPOSE, bytes(16)) == AUTHORITY.key_der()
+
+
+def on_line(*order: NodeId, trusted: tuple[NodeId, ...] = (), revoked: tuple[NodeId, ...] = ()) -> LogView:
+    """All of these have keys, and stand on the line but for a revoked one's."""
+    roll = Roll(trusted=frozenset(trusted), revoked=frozenset((f"node:{node}", keys_of(1).signing_id) for node in revoked))
+    return LogView(nodes=dict.fromkeys((VOTER, OTHER, THIRD), keys_of(1)), order=order, registered=frozenset(order), roll=roll)
+
+
+def trusted_by(nodes: Nodes) -> list[NodeId]:
+    entries = [Order.decode(packet.order).entry for packet in nodes.asked if isinstance(packet, Administer)]
+    return [entry.node for entry in entries if isinstance(entry, Trust)]
+
+
+@pytest.mark.parametrize(
+    "view, expected",
+    [
+        (on_line(VOTER, THIRD, OTHER, trusted=(VOTER,)), [THIRD, OTHER]),
+        (on_line(VOTER, THIRD, trusted=(VOTER,)), [THIRD]),
+        (on_line(VOTER, OTHER, THIRD, revoked=(OTHER, THIRD, VOTER)), []),
+    ],
+    ids=["in the order of the line", "not one that was drained and has keys still", "no revoked one"],
+)
+async def test_all_are_those_that_the_log_has_on_the_line(view: LogView, expected: list[NodeId], tmp_path: Path) -> None:
+    nodes = Nodes(NOW, {})
+    assert await membership(nodes, tmp_path, [], view).trust_all() == expected == trusted_by(nodes)
+
+
+async def test_if_one_cannot_be_trusted_it_is_told_who_is_by_now(tmp_path: Path) -> None:
+    class Failing(Nodes):
+        async def ask(self, address: str, packet: Packet, answer: object, **options: object) -> Packet:
+            if trusted_by(self) == [THIRD]:
+                raise Refused(RejectReason.BUSY, "too many orders")
+            return await super().ask(address, packet, answer, **options)
+
+    with pytest.raises(Refused) as caught:
+        await membership(Failing(NOW, {}), tmp_path, [], on_line(VOTER, THIRD, OTHER, trusted=(VOTER,))).trust_all()
+    assert address_of(OTHER) in str(caught.value) and f"trusted before it: {address_of(THIRD)}" in str(caught.value)
 
 
 @pytest.mark.parametrize(
