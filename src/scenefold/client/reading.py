@@ -44,8 +44,4 @@ def open_scene_with_keys(
     calls = Calls(world, links, [address for _, address in members], [node_id for node_id, _ in members])
     name = name or f"{header.scene:08x}"
     keys = SceneKeys(name, header.genesis, epochs, header_key, Role.READER)
-    return Scene(
-        SceneAccess(
-            calls, name, identity, writer=None, log=LogAccess(calls, keys, memory=SceneMemory(Met(header.position, header.key_epoch)))
-        )
-    )
+    return Scene(SceneAccess(calls, name, identity, writer=None, log=LogAccess(calls, keys, memory=SceneMemory(Met.by(header)))))

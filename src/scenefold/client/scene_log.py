@@ -111,17 +111,17 @@ class LogAccess:
         if self._read is not None:
             answer = await self._ask_keeper(keeper, Want.HEADER)
             # What was read before may be old by now, by other headers that were met: then a keeper that still shows its own lies, or lags.
-            if answer is not None and answer.public == self._read.header and not self._memory.is_newer_than(answer.public):
+            if answer is not None and answer.public == self._read.header and not self._memory.forbids(answer.public):
                 return self._read
         for _ in range(_OLD_LOGS_MAX):
             answer = await self._ask_keeper(keeper, Want.LOG)
             if answer is None or answer.private is None:
                 raise self._no_log(keeper, "has lost it")
             # What was decided while the answer was on its way makes it old; and the next one is not.
-            if not self._memory.is_newer_than(answer.public):
+            if not self._memory.forbids(answer.public):
                 break
         else:
-            raise self._no_log(keeper, "has an older one than was read before")
+            raise self._no_log(keeper, "has an older one, or another one of the same position, than was met before")
         public = self._verified(answer.public)
         await self._memory.keep()
         key = self.keys.epochs.get(public.key_epoch)
@@ -244,17 +244,22 @@ class LogAccess:
             raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal
 
     def _verified(self, header: SceneLogPublic) -> SceneLogPublic:
-        """The header, if it is the scene's; what it holds for us is taken. For one that is older than what we met, that one; Refused (16) if only its position is known."""
-        if self._memory.is_newer_than(header):
-            if self._followed is None:
-                raise self._memory.refusal(self._name)
-            return self._followed
-        if header != self._followed:
-            self._take(header, keys_after(header, self.keys, None if self._secrets is None else self._secrets.sealing))
-        return header
+        """The header, if it is the scene's; what it holds for us is taken. For one that is older than what we met, or another one of its position, that one; Refused (16) if only its position is known."""
+        if header == self._followed:
+            return header
+        forbidden, contradicts = self._memory.forbids(header), self._memory.contradicts(header)
+        if not forbidden or contradicts:
+            keys = keys_after(header, self.keys, None if self._secrets is None else self._secrets.sealing)
+            if not forbidden:
+                self._take(header, keys)
+                return header
+            self._memory.report(header, self._name)
+        if self._followed is None:
+            raise self._memory.refusal(self._name)
+        return self._followed
 
     def _take(self, header: SceneLogPublic, keys: SceneKeys) -> None:
-        if not self._memory.is_newer_than(header):
+        if not self._memory.forbids(header):
             self._followed, self.keys = header, keys
             self._memory.meets(header, None if self._secrets is None else self._secrets.sealing)
 

@@ -1,11 +1,12 @@
 """How far a scene was when it was met last, beyond the end of a process: no node may lead back from there (specs/16-scene-log.md, Following).
 
 Old headers are as well signed as new ones. Whoever believed one would seal under a key that a former member has, and take what that one
-writes.
+writes. And a node that decides a position twice shows two headers, each as well signed as the other: whoever took one takes no other.
 """
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
@@ -25,10 +26,16 @@ _log = logging.getLogger("scenefold.client")
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """The newest position and key epoch that were met."""
+    """The newest position and key epoch that were met. `header_hash`: of what was signed of the header there; b"" if that is not known."""
 
     position: int
     key_epoch: int
+    header_hash: bytes = b""
+
+    @classmethod
+    def by(cls, header: SceneLogPublic) -> Self:
+        """Once this header was met."""
+        return cls(header.position, header.key_epoch, hashlib.sha256(header.signable()).digest())
 
 
 class SceneMemory:
@@ -38,26 +45,36 @@ class SceneMemory:
         self.met = met
         self._kept: KeptScene | None = None
         self._write: Callable[[KeptScene], Awaitable[None]] | None = None
-        self._is_new = False
+        self._is_new = self._has_reported = False
         self._writing = trio.Lock()
 
     @classmethod
     def of(cls, kept: KeptScene, write: Callable[[KeptScene], Awaitable[None]]) -> Self:
         """With the keyring's entry, and what writes a newer one."""
-        memory = cls(Met(kept.position, kept.key_epoch))
+        memory = cls(Met(kept.position, kept.key_epoch, kept.header_hash))
         memory._kept, memory._write = kept, write
         return memory
 
-    def is_newer_than(self, header: SceneLogPublic) -> bool:
-        """Whether this header must not count any more."""
-        return header.position < self.met.position or header.key_epoch < self.met.key_epoch
+    def forbids(self, header: SceneLogPublic) -> bool:
+        """Whether this header must not count: it is older, or another one of the same position."""
+        return header.position < self.met.position or header.key_epoch < self.met.key_epoch or self.contradicts(header)
+
+    def contradicts(self, header: SceneLogPublic) -> bool:
+        """Whether this is another header of the position of that which was met."""
+        return header.position == self.met.position and self.met.header_hash not in (b"", Met.by(header).header_hash)
+
+    def report(self, header: SceneLogPublic, name: str) -> None:
+        """Tell, once, that a header that was verified contradicts the one that was met."""
+        if not self._has_reported:
+            self._has_reported = True
+            _log.warning("scene %s: its node decided position %d twice; the header that was met first counts here", name, header.position)
 
     def meets(self, header: SceneLogPublic, sealing: SealingKey | None) -> None:
-        """A header that was verified, and is not older."""
-        self.met = Met(header.position, header.key_epoch)
-        if self._kept is None or header.position <= self._kept.position:
+        """A header that was verified, and is not forbidden."""
+        self.met = Met.by(header)
+        if self._kept is None or (header.position, True) <= (self._kept.position, bool(self._kept.header_hash)):
             return
-        kept = replace(self._kept, position=header.position)
+        kept = replace(self._kept, position=header.position, header_hash=self.met.header_hash)
         own = None if sealing is None else own_lockbox(header, sealing)
         if own is not None:
             # Who has none any more keeps the last one: what lies under its key can still be read.
@@ -80,8 +97,10 @@ class SceneMemory:
             self._is_new = self._kept is not kept
 
     def refusal(self, name: str) -> Refused:
-        """For a header that is older than what was met."""
+        """If nodes show only headers that are forbidden."""
         what = f"only older headers of the scene are shown than that of position {self.met.position}, which was met before"
+        if self._has_reported:
+            what = f"another header of position {self.met.position} is shown than the one that was met before"
         remedy = (
             "start the other nodes; if they lost it for ever, remove the scene's file from `scenes/` of the profile, and be granted it anew"
         )

@@ -21,7 +21,7 @@ from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
-from scenefold.client.scene_memory import SceneMemory
+from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import SceneIdentity, writers_of
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import Decider, check_granter
@@ -184,7 +184,9 @@ class Scenes:
         if not fitting:
             return None
         header, lockbox, contents = fitting[0]
-        kept = KeptScene(name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox, header.position)
+        kept = KeptScene(
+            name, header.genesis, contents.header_key.key_id, header.key_epoch, lockbox, header.position, Met.by(header).header_hash
+        )
         await self._on_disk(self._keyring.save, kept)
         return kept
 

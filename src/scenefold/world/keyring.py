@@ -4,7 +4,8 @@
     header_key, key_epoch    the id of the key that signed its header when this was written, the epoch of its symmetric key
     recipient, lockbox       its keys, sealed to the user's own key (specs/04-records.md, Lockboxes)
     signature                of who granted it
-    position                 of the newest header that was met; nodes that show older ones are not believed
+    position, header_hash    of the newest header that was met (SHA-256 of what is signed of it); nodes that show older ones, or another of
+                             that position, are not believed
 
 No key stands here in the clear: whoever has the file and not the user's sealing key has nothing. The file says which scene is
 meant by a name, so an existing entry is never overwritten by another scene of the same name.
@@ -51,6 +52,7 @@ class KeptScene:
     key_epoch: int
     lockbox: Lockbox
     position: int = 0
+    header_hash: bytes = b""
 
     def __post_init__(self) -> None:
         if len(self.genesis) != GENESIS_BYTES:
@@ -59,6 +61,8 @@ class KeptScene:
             raise ValueError("key_epoch, header_key and recipient are 32-bit numbers")
         if not 0 <= self.position < 1 << 64:
             raise ValueError("position is a 64-bit number")
+        if len(self.header_hash) not in (0, GENESIS_BYTES):
+            raise ValueError("header_hash has 32 bytes")
         if not 0 < len(self.lockbox.sealed) <= LOCKBOX_BYTES_MAX:
             raise ValueError(f"a lockbox has at most {LOCKBOX_BYTES_MAX} bytes")
 
@@ -109,6 +113,7 @@ class Keyring:
                 "lockbox": kept.lockbox.sealed.hex(),
                 "signature": kept.lockbox.signature.hex(),
                 "position": str(kept.position),  # a TOML integer has 63 bits
+                "header_hash": kept.header_hash.hex(),
             },
         )
 
@@ -123,7 +128,7 @@ class Keyring:
         if kept.name not in self.names():
             return False
         known = self.load(kept.name)
-        return known.genesis == kept.genesis and known.position < kept.position
+        return known.genesis == kept.genesis and (known.position, bool(known.header_hash)) < (kept.position, bool(kept.header_hash))
 
     def remove(self, name: str) -> None:
         """Forget the entry, for a creation that the cluster refused; nothing happens if there is none."""
@@ -145,6 +150,7 @@ def _decoded(path: Path, document: dict[str, Any]) -> KeptScene:
             key_epoch=int(document["key_epoch"]),
             lockbox=Lockbox(KeyId(int(document["recipient"])), bytes.fromhex(document["lockbox"]), bytes.fromhex(document["signature"])),
             position=int(document.get("position", 0)),
+            header_hash=bytes.fromhex(document.get("header_hash", "")),
         )
     except (KeyError, TypeError, ValueError) as problem:
         raise damaged(path, f"{problem}") from problem

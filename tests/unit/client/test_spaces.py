@@ -137,10 +137,10 @@ async def test_the_log_is_read_whole_only_when_it_changed(autojump_clock: MockCl
 
 async def test_two_authors_at_once_both_get_in(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
-    scene = await scene_of(nodes, tmp_path)
+    scene, other = await scene_of(nodes, tmp_path), await scene_of(nodes, tmp_path)
     hall = await scene.create_space("hall", BOX)
     before = dict(nodes.headers), dict(nodes.logs)
-    await hall.translate((1.0, 0.0, 0.0))
+    await (await other.space_named("hall")).translate((1.0, 0.0, 0.0))
     fast = dict(nodes.headers), dict(nodes.logs)
     nodes.headers, nodes.logs = dict(before[0]), dict(before[1])
 

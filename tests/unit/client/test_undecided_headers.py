@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
 from scenefold.client.scene import Scene
 from scenefold.crypto import SigningKey
 from scenefold.scene.log import Followed, Undecided, decided, follow, open_private, seal_private
@@ -25,6 +25,7 @@ from scenefold.wire import (
     SceneLogPublic,
 )
 from scenefold.world import Priority
+from unit.client.fake_nodes import KEEPER_KEY
 from unit.client.test_grants import Studio, card_of
 from unit.client.test_old_headers import Liars
 from unit.scene.log.members import secrets_of
@@ -179,3 +180,23 @@ def _resealed(studio: Studio, scene: Scene) -> bytes:
         header_key=log.keys.header_key,
     )
     return seal_private(opened.records, genesis=header.genesis, symmetric_key=log.keys.epochs.newest, key_epoch=0, nonce=bytes(12))
+
+
+@pytest.mark.expect_log("decided position 4 twice")
+async def test_of_two_headers_of_one_position_the_one_that_was_met_counts(autojump_clock: MockClock, tmp_path: Path) -> None:
+    studio = Studio(tmp_path)
+    scene, proposed = await a_proposal(studio)
+    await scene.rotate_key()
+    taken, other = studio.nodes.headers[proposed.header.scene], decided(proposed.header, KEEPER_KEY)
+    assert (taken.position, taken.key_epoch) == (other.position, other.key_epoch) and taken != other
+    ben = await studio.kitchen(3)
+    Liars(studio, {LIAR: other})
+    for opened in (await studio.kitchen(3), await studio.kitchen(1)):
+        assert opened.access.identity.keys == ben.access.identity.keys
+    Liars(studio, dict.fromkeys(studio.nodes.addresses, other))
+    await ben.access.refresh()
+    assert ben.access.identity.position == taken.position
+    with pytest.raises(Refused, match="another header of position 4 is shown"):
+        await studio.kitchen(3)
+    # What never was met has nothing to compare with.
+    assert (await studio.kitchen(2)).access.identity.position == other.position
