@@ -89,8 +89,14 @@ class HostileFaults:
             watch = self._cluster.watch
             node, lies, seed = self._cluster.nodes[slot], watch.recorder.lies, self._cluster.net.seed
             liar = Liar(node, lies, self._made_up, self._keys, self._owner, seed)
-            self._liars[slot] = _Possession(liar, LyingAnswers(liar), LyingHandovers(liar, watch), LyingWords(liar))
+            self._liars[slot] = _Possession(
+                liar, LyingAnswers(liar), LyingHandovers(liar, watch, self._lies_in_handovers), LyingWords(liar)
+            )
         return self._liars[slot]
+
+    def _lies_in_handovers(self, node_id: int) -> bool:
+        liars = (possession.liar for possession in self._liars.values())
+        return any(liar.node.node_id == node_id and liar.lies_in(Scope.HANDOVERS) for liar in liars)
 
     def _keys(self) -> Mapping[int, bytes]:
         scene = next((client.scene for client in self._clients if client.scene is not None), None)

@@ -6,7 +6,7 @@ that it has what it has not, and keeps nothing. Whoever keeps what was altered b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -40,10 +40,11 @@ INTRUDE_S_MAX = 2.0
 
 
 class LyingHandovers:
-    """Of one liar."""
+    """Of one liar. `lie`: whether a node lies in handovers itself, so that its word for what it keeps is worth nothing."""
 
-    def __init__(self, liar: Liar, watch: Watch) -> None:
+    def __init__(self, liar: Liar, watch: Watch, lie: Callable[[int], bool]) -> None:
         self._liar = liar
+        self._lie = lie
         self._lies = liar.lies
         self._watch = watch
         self._slot = liar.node.slot
@@ -81,14 +82,17 @@ class LyingHandovers:
         with trio.move_on_after(INTRUDE_S_MAX):
             try:
                 owner = context.routing.owner_of(place.home)
+                is_liar = self._lie(owner)
                 answer = await self._ask(owner, Priority.LOW, HandRecords((item,)), PutManyReply, INTRUDE_S_MAX)
             except (Refused, Unreachable, PeerFault, RuntimeError):
                 # The last: its life has ended in the midst of it, and with it what it asks by.
                 return
             if owner != context.me and _has_kept(answer, 0):
-                self._complain(place)
+                self._complain(place, is_liar or self._lie(owner))
 
-    def _complain(self, place: Place) -> None:
+    def _complain(self, place: Place, is_a_liars_word: bool) -> None:
+        if is_a_liars_word:
+            return
         words = f"a node keeps what n{self._slot} altered of {place.location.hex()[:8]}… and handed over"
         self._watch.violated(laws.VERIFIED, words, location=place.location, slots=(self._slot,))
 
@@ -144,10 +148,11 @@ class LyingHandovers:
             self._saw(item)
             if index != wrong and isinstance(packet, CopyRecords) and self._liar.chance(Scope.HANDOVERS):
                 items[index] = self._older(packet.handover, item)
+        is_liar = self._lie(member)
         answer: Packet = await ask(member, priority, replace(packet, items=tuple(items)), *rest)
         if wrong >= 0 and _has_kept(answer, wrong):
             place, _ = named(packet.items[wrong])
-            self._complain(place)
+            self._complain(place, is_liar or self._lie(member))
         return answer
 
     def _altered(self, item: HandItem) -> HandItem:
