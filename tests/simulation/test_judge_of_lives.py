@@ -14,7 +14,7 @@ from scenefold.peer.enrolment import IdentityRenewed
 from scenefold.peer.registered import NO_INCARNATION, Removal
 from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
-from scenefold.simulation.removals import _removed
+from scenefold.simulation.removals import JUDGED_S, _removed
 from scenefold.wire import Member
 from scenefold.world.ports import DiskFull
 from simulation.quiet import Rest, at_rest
@@ -49,8 +49,25 @@ def judged_dead_and_back(rest: Rest) -> None:
     incarnation = incarnation_of(node.disk)
     assert incarnation is not None
     watch.reach.goes_down(1, now - 15.0)
-    watch.judged(Member(node.node_id, incarnation))
+    watch.judged(Member(node.node_id, incarnation), True)
     watch.reach.comes_up(1, now)
+
+
+def judged_long_ago(rest: Rest) -> None:
+    """And nobody has judged it since."""
+    judged_dead_and_back(rest)
+    watch = rest.cluster.watch
+    watch.judged_at = {incarnation: at - 2 * JUDGED_S for incarnation, at in watch.judged_at.items()}
+
+
+def held_back_again(rest: Rest) -> None:
+    """The voter has heard it, and says so."""
+    judged_dead_and_back(rest)
+    node = rest.cluster.nodes[1]
+    incarnation = incarnation_of(node.disk)
+    assert incarnation is not None
+    rest.cluster.watch.judged(Member(node.node_id, incarnation), False)
+    rest.cluster.watch.reach.comes_up(1, rest.cluster.net.now - 100.0)
 
 
 def removed(case: Case) -> list[str]:
@@ -80,8 +97,17 @@ def removed(case: Case) -> list[str]:
         Case(cut_from_the_voter),
         Case(told_to_leave),
         Case(reason=DRAINED),
+        Case(judged_long_ago),
+        Case(held_back_again),
     ],
-    ids=["it could be heard", "another could hear it", "leaving, it fell silent for others", "it drained unasked"],
+    ids=[
+        "it could be heard",
+        "another could hear it",
+        "leaving, it fell silent for others",
+        "it drained unasked",
+        "it has been back for long",
+        "the voter has heard it since",
+    ],
 )
 def test_who_could_be_reached_must_not_be_removed(case: Case) -> None:
     assert removed(case) == [laws.REMOVED_RIGHTLY]

@@ -17,8 +17,8 @@ from scenefold.crypto import PLACED_BY_NODE, RecordHeader, SigningKey, object_of
 from scenefold.crypto.record_header import TAG_BYTES
 from scenefold.crypto.records import seal_records
 from scenefold.simulation.cluster import Node
-from scenefold.simulation.history import Place
-from scenefold.simulation.lies import Lies
+from scenefold.simulation.history import Digest, Place
+from scenefold.simulation.lies import Lies, Manner, Way
 from scenefold.wire import RecordBytes, SceneLogPublic, Status
 
 LIES = 0.3
@@ -98,6 +98,10 @@ class Liar:
 
     def lies_in(self, scope: Scope) -> bool:
         return scope in self.at_work
+
+    def tells(self, peer: str, place: Place, manner: Manner, digest: Digest | None) -> None:
+        """It lies to who has asked it."""
+        self.lies.tells(self.node.slot, Way(f"node:{self.node.node_id}", peer), place, manner, digest)
 
     def chance(self, scope: Scope) -> bool:
         """Whether this word of this kind is to be a lie."""

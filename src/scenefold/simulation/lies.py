@@ -1,18 +1,21 @@
 """Every lie that a simulated node tells: about what, when, and in which words (specs/17-simulation.md, Lies). Pure.
 
 While a record has one copy, nobody can tell that its owner withholds it, or gives an older version. So that breaks no law, and
-is reported. The excuse is as narrow as the lie: this answer, about this place, in these very words, between question and
-answer; or this version, in this handover. Nothing excuses that altered or made-up bytes are believed.
+is reported. The excuse is as narrow as the lie: one answer of this node to this asker, about this place, in these very words,
+between question and answer; or this version, in this handover. Nothing excuses that altered or made-up bytes are believed.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from scenefold.simulation.history import Digest, Place
+from scenefold.wire import RecordBytes
 
 LIES_KEPT = 256
 """Of each place, the last ones: an answer is under way for seconds."""
@@ -43,15 +46,33 @@ class Manner(Enum):
     """A version is not given, not taken, or given as an older one, while a piece of the line changes hands."""
 
 
+class Way(NamedTuple):
+    """Who answers, and whom: names as in certificates."""
+
+    by: str
+    to: str
+
+    def brings(self, lie: Way) -> bool:
+        """Whether what was said by one may come this way: from the liar itself, or from who has asked it for somebody."""
+        return self == lie or self.by == lie.to
+
+
+def whole(record: RecordBytes) -> Digest:
+    """The digest of all bytes of an answer: nonsense may show the header of a true record."""
+    return hashlib.sha256(b"".join((record.signature, record.header, record.ciphertext))).digest()
+
+
 @dataclass(frozen=True, slots=True)
 class Lie:
-    """Told by a slot about a place. `digest`: of the version that an answer shows, None for nothing; of the write that is judged."""
+    """Told by a slot about a place. `digest`: of the version that an answer shows, None for nothing; of the write that is judged; of
+    nonsense, of all its bytes."""
 
     moment: int
     slot: int
     place: Place
     manner: Manner
     digest: Digest | None
+    way: Way
 
 
 class Lies:
@@ -67,10 +88,10 @@ class Lies:
         self._by_place: dict[Place, deque[Lie]] = {}
         self._lost: dict[tuple[bytes, Place, Digest], int] = {}
 
-    def tells(self, slot: int, place: Place, manner: Manner, digest: Digest | None) -> None:
+    def tells(self, slot: int, way: Way, place: Place, manner: Manner, digest: Digest | None) -> None:
         """A node lies in an answer, just now. Nonsense that shows no record has b"" for a digest."""
         self.told[manner.value] += 1
-        self._by_place.setdefault(place, deque(maxlen=LIES_KEPT)).append(Lie(self._moment(), slot, place, manner, digest))
+        self._by_place.setdefault(place, deque(maxlen=LIES_KEPT)).append(Lie(self._moment(), slot, place, manner, digest, way))
         self._tell(f"n{slot}", place, f"lies: {manner.value} {_name(digest)}")
 
     def loses(self, slot: int, handover: bytes, place: Place, digest: Digest) -> None:
@@ -79,17 +100,22 @@ class Lies:
         self._lost[handover, place, digest] = slot
         self._tell(f"n{slot}", place, f"lies in a handover about {_name(digest)}")
 
-    def of_read(self, place: Place, digest: Digest | None, since: int) -> Manner | None:
-        """What was said of a place since some moment in just these words; None if that was no lie."""
-        return self._found(place, digest, since, (Manner.WITHHELD, Manner.OLDER, Manner.NONSENSE))
+    def of_read(self, place: Place, digest: Digest | None, way: Way, since: int) -> Manner | None:
+        """What was said of a place since some moment in just these words; None if that was no lie. It excuses one answer."""
+        return self._used(place, digest, way, since, (Manner.WITHHELD, Manner.OLDER))
 
-    def of_write(self, place: Place, digest: Digest, since: int) -> Manner | None:
+    def of_write(self, place: Place, digest: Digest, way: Way, since: int) -> Manner | None:
         """Likewise of a write."""
-        return self._found(place, digest, since, (Manner.DROPPED, Manner.MISJUDGED))
+        return self._used(place, digest, way, since, (Manner.DROPPED, Manner.MISJUDGED))
 
-    def is_nonsense(self, place: Place, since: int) -> bool:
-        """Whether anything about a place was nonsense since then."""
-        return any(lie.moment > since and lie.manner is Manner.NONSENSE for lie in self._by_place.get(place, ()))
+    def is_this_nonsense(self, place: Place, record: RecordBytes, way: Way, since: int) -> bool:
+        """Likewise, whether just these bytes were shown."""
+        return self._used(place, whole(record), way, since, (Manner.NONSENSE,)) is not None
+
+    def is_nonsense(self, place: Place, way: Way, since: int) -> bool:
+        """Whether anything about a place was nonsense that has come this way since then."""
+        told = (lie for lie in self._by_place.get(place, ()) if lie.moment > since and lie.manner is Manner.NONSENSE)
+        return any(way.brings(lie.way) for lie in told)
 
     def is_lost(self, handover: bytes, place: Place, digest: Digest) -> bool:
         """Whether this version was lied about in this handover."""
@@ -100,9 +126,13 @@ class Lies:
         self.reported[manner.value] += 1
         self._tell("", place, f"REPORTED {manner.value}: {what}")
 
-    def _found(self, place: Place, digest: Digest | None, since: int, manners: tuple[Manner, ...]) -> Manner | None:
-        told = (lie for lie in self._by_place.get(place, ()) if lie.moment > since and lie.digest == digest)
-        return next((lie.manner for lie in told if lie.manner in manners), None)
+    def _used(self, place: Place, digest: Digest | None, way: Way, since: int, manners: tuple[Manner, ...]) -> Manner | None:
+        told = self._by_place.get(place, deque[Lie]())
+        for lie in told:
+            if lie.moment > since and lie.digest == digest and lie.manner in manners and way.brings(lie.way):
+                told.remove(lie)
+                return lie.manner
+        return None
 
 
 def _name(digest: Digest | None) -> str:

@@ -12,7 +12,7 @@ from scenefold.crypto import RecordHeader
 from scenefold.peer import NodeContext
 from scenefold.simulation.history import Place
 from scenefold.simulation.liar import WAYS, Liar, Scope
-from scenefold.simulation.lies import Manner
+from scenefold.simulation.lies import Manner, whole
 from scenefold.simulation.recording import named
 from scenefold.wire import (
     DAMAGED_RECORD,
@@ -74,13 +74,13 @@ class LyingAnswers:
         places = [Place(packet.scene, key.space, key.object or key.location) for key in packet.keys]
         # One answer lies in one manner: what is noticed at once must not hide what is hard to notice.
         manner, how = self._liar.dice.choice(OF_READS), self._liar.dice.randrange(WAYS)
-        records = tuple(self._read(place, record, manner, how) for place, record in zip(places, answer.records, strict=False))
+        records = tuple(self._read(place, record, manner, how, peer) for place, record in zip(places, answer.records, strict=False))
         if self._liar.chance(Scope.READS) and self._liar.dice.random() < 0.1:
-            self._lies.tells(self._slot, places[0], Manner.NONSENSE, b"")
+            self._liar.tells(peer, places[0], Manner.NONSENSE, b"")
             return replace(answer, records=(*records, *records) if self._liar.dice.random() < 0.5 else ())
         return replace(answer, records=records)
 
-    def _read(self, place: Place, record: RecordBytes | None, manner: Manner, how: int) -> RecordBytes | None:
+    def _read(self, place: Place, record: RecordBytes | None, manner: Manner, how: int, peer: str) -> RecordBytes | None:
         liar = self._liar
         if record is None or record == DAMAGED_RECORD:
             return record
@@ -91,13 +91,13 @@ class LyingAnswers:
         # What another node decides about that one has; only an owner can withhold it.
         decides = liar.decides(place.home)
         if manner is Manner.WITHHELD and decides:
-            self._lies.tells(self._slot, place, manner, None)
+            self._liar.tells(peer, place, manner, None)
             return DAMAGED_RECORD if liar.dice.random() < 0.3 else None
         if manner is Manner.OLDER and decides and older is not None:
-            self._lies.tells(self._slot, place, manner, RecordHeader.decode(older.header).digest)
+            self._liar.tells(peer, place, manner, RecordHeader.decode(older.header).digest)
             return older
         wrong = liar.wrong(place, record, how)
-        self._lies.tells(self._slot, place, Manner.NONSENSE, wrong.header[-32:])
+        self._liar.tells(peer, place, Manner.NONSENSE, whole(wrong))
         return wrong
 
     async def _list(self, honest: Honest, packet: Packet, peer: str) -> Packet | None:
@@ -108,13 +108,13 @@ class LyingAnswers:
         places = [Place(answer.scene, answer.space, name) for name in names]
         left_out = {index for index, place in enumerate(places) if self._liar.decides(place.home) and self._liar.chance(Scope.READS)}
         for index in sorted(left_out):
-            self._lies.tells(self._slot, places[index], Manner.WITHHELD, None)
+            self._liar.tells(peer, places[index], Manner.WITHHELD, None)
         kept = [index for index in range(len(names)) if index not in left_out]
         locations = tuple(answer.locations[index] for index in kept)
         objects = tuple(answer.objects[index] for index in kept) if answer.objects else ()
         if self._liar.chance(Scope.READS) and not objects and isinstance(packet, QueryRange):
             # A place that nobody asked for, or one twice.
-            self._lies.tells(self._slot, Place(packet.scene, packet.space, packet.first), Manner.NONSENSE, b"")
+            self._liar.tells(peer, Place(packet.scene, packet.space, packet.first), Manner.NONSENSE, b"")
             elsewhere = Location.from_number(self._liar.dice.randrange(LINE_LENGTH))
             locations = (*locations, *locations[-1:], elsewhere)
         return replace(answer, locations=locations, objects=objects)
@@ -135,12 +135,12 @@ class LyingAnswers:
                 continue
             match self._liar.dice.randrange(4):
                 case 0:
-                    self._lies.tells(self._slot, place, Manner.DROPPED, version.digest)
+                    self._liar.tells(peer, place, Manner.DROPPED, version.digest)
                     lies[index] = PutOutcome(0, item.location, NodeId(0))
                 case 1:
                     lies[index] = PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, self._somebody())
                 case 2 if item.expect is not None:
-                    self._lies.tells(self._slot, place, Manner.MISJUDGED, version.digest)
+                    self._liar.tells(peer, place, Manner.MISJUDGED, version.digest)
                     items[index] = replace(item, expect=None)
                 case _:
                     refused.add(index)
@@ -148,7 +148,7 @@ class LyingAnswers:
         for index in sorted(refused):
             if outcomes[index].reason == 0:
                 place, version = named(items[index])
-                self._lies.tells(self._slot, place, Manner.MISJUDGED, version.digest)
+                self._liar.tells(peer, place, Manner.MISJUDGED, version.digest)
                 outcomes[index] = replace(outcomes[index], reason=RejectReason.STALE_VERSION)
         return PutManyReply(tuple(outcomes))
 

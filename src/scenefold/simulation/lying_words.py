@@ -118,7 +118,7 @@ class LyingWords:
         answer = await honest(packet, peer)
         if not isinstance(answer, RespondTable) or not answer.statuses or not self._liar.chance(Scope.TABLES):
             return answer
-        self._liar.lies.tells(self._slot, TABLE, Manner.NONSENSE, b"")
+        self._liar.tells(peer, TABLE, Manner.NONSENSE, b"")
         return replace(answer, statuses=tuple(self._wrong_table(answer.statuses)))
 
     def _wrong_table(self, statuses: tuple[Status, ...]) -> Iterable[Status]:
@@ -156,7 +156,7 @@ class LyingWords:
             del known[:-HEADERS_KEPT]
         if not self._liar.chance(Scope.HEADERS):
             return answer
-        self._liar.lies.tells(self._slot, of_header(public.scene), Manner.NONSENSE, b"")
+        self._liar.tells(peer, of_header(public.scene), Manner.NONSENSE, b"")
         return replace(answer, answer=self._wrong_answer(answer.answer, known))
 
     def _wrong_answer(self, answer: SceneLogAnswer, known: list[SceneLogPublic]) -> SceneLogAnswer | None:

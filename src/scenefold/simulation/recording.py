@@ -12,12 +12,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from scenefold.base.errors import DamagedData
+from scenefold.base.ids import node_id_of
 from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
 from scenefold.simulation.history import NEVER_ENDED, Histories, Listing, Outcome, Place, Read, Version, Write
-from scenefold.simulation.lies import TABLE, Lies, Manner, of_header
+from scenefold.simulation.lies import TABLE, Lies, Manner, Way, of_header
 from scenefold.wire import (
     DAMAGED_RECORD,
     GetMany,
@@ -85,8 +86,9 @@ class Recorder:
         self.places.setdefault((item.scene, item.space), set()).add(place.location)
         return place, version
 
-    def written(self, who: str, begin: int, items: Sequence[PutItem], outcomes: Sequence[int] | None) -> None:
+    def written(self, way: Way, begin: int, items: Sequence[PutItem], outcomes: Sequence[int] | None) -> None:
         """The outcomes of a packet's records, None if there are none."""
+        who = name_of(way.to)
         end = self.histories.moment()
         for index, item in enumerate(items):
             place, version = self.offered(item)
@@ -94,7 +96,7 @@ class Recorder:
             outcome = {0: Outcome.DONE, RejectReason.STALE_VERSION: Outcome.REFUSED}.get(reason, Outcome.MAYBE)  # type: ignore[arg-type]
             name = version.digest.hex()[:6]
             expect = item.expect
-            lie = self.lies.of_write(place, version.digest, begin)
+            lie = self.lies.of_write(place, version.digest, way, begin)
             if lie is not None:
                 # Whatever was said of it, it may have happened, and against what it expects.
                 if outcome is not Outcome.MAYBE:
@@ -107,31 +109,53 @@ class Recorder:
             wanted = "" if item.expect is None else f" (expects {item.expect.hex()[:6] or 'nothing'})"
             self._tell(who, place, f"put {name}{wanted}: {word}")
 
-    def read(self, who: str, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool) -> None:
+    def read(self, way: Way, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool) -> None:
         """What was answered for the first keys."""
+        who = name_of(way.to)
         end = self.histories.moment()
-        for key, record in zip(packet.keys, records, strict=False):
-            place = Place(packet.scene, key.space, key.object or key.location)
+        asked = [Place(packet.scene, key.space, key.object or key.location) for key in packet.keys]
+        # Who is asked twice for a place in one packet, and gives the same twice, has said it once.
+        answered = list(zip(asked, records, strict=False))
+        lies = {said for said in dict.fromkeys(answered) if self._is_lie(way, *said, begin)}
+        for place, record in answered:
+            if (place, record) in lies:
+                continue
             if record == DAMAGED_RECORD:
                 self._tell(who, place, "get: damaged")
+                if not self._is_rotten(place, begin):
+                    self.strange.append((place, f"{who} is told that a sound record is damaged"))
                 continue
             if record is not None and not _is_of(place, record):
-                self._tell(who, place, "get: no record of this place")
+                self.strange.append((place, f"{who} is given what is no record of this place, and nobody lied"))
                 continue
             digest = None if record is None else RecordHeader.decode(record.header).digest
-            lie = self.lies.of_read(place, digest, begin)
-            if lie is not None:
-                if lie is not Manner.NONSENSE:
-                    self.lies.report(place, lie, f"{who} is given {'nothing' if digest is None else digest.hex()[:6]}")
-                continue
             if digest is not None and digest not in self._offered.get(place, ()):
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
             if not stale:
                 self.histories.add(place, Read(begin, end, digest, who, self._now()))
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
 
-    def listed(self, who: str, begin: int, reply: ReturnRange) -> None:
+    def _is_rotten(self, place: Place, since: int) -> bool:
+        """Whether a place was, at any moment since then."""
+        return place in self.damaged or self._damaged_until.get(place, 0) > since
+
+    def _is_lie(self, way: Way, place: Place, record: RecordBytes | None, since: int) -> bool:
+        """Whether an answer is just what a liar has said. What only an owner can say wrongly is reported."""
+        if record is not None and self.lies.is_this_nonsense(place, record, way, since):
+            self._tell(name_of(way.to), place, "get: nonsense")
+            return True
+        is_nothing = record is None or record == DAMAGED_RECORD
+        if record is not None and not is_nothing and not _is_of(place, record):
+            return False
+        digest = None if record is None or is_nothing else RecordHeader.decode(record.header).digest
+        lie = self.lies.of_read(place, digest, way, since)
+        if lie is not None:
+            self.lies.report(place, lie, f"{name_of(way.to)} is given {'nothing' if digest is None else digest.hex()[:6]}")
+        return lie is not None
+
+    def listed(self, way: Way, begin: int, reply: ReturnRange) -> None:
         """A range answer: every place that it covers is there, or is not."""
+        who = name_of(way.to)
         end = self.histories.moment()
         if reply.stale:
             return
@@ -143,9 +167,9 @@ class Recorder:
         for location in sorted(self.places.get((reply.scene, reply.space), ())):
             if reply.first <= location <= reply.last:
                 place = Place(reply.scene, reply.space, location)
-                if place in self.damaged or self._damaged_until.get(place, 0) > begin or len(location) != LOCATION_BYTES:
+                if self._is_rotten(place, begin) or len(location) != LOCATION_BYTES:
                     continue
-                if location not in there and self.lies.of_read(place, None, begin) is Manner.WITHHELD:
+                if location not in there and self.lies.of_read(place, None, way, begin) is Manner.WITHHELD:
                     self.lies.report(place, Manner.WITHHELD, f"{who} does not see it in a list")
                     continue
                 self.histories.add(place, Listing(begin, end, location in there, who, self._now()))
@@ -156,8 +180,13 @@ class Recorder:
             place = Place(reply.scene, reply.space, name)
             if count > 1:
                 self.strange.append((place, f"{who} is told of {count} records of {name.hex()[:8]}…"))
-            if place not in self.damaged and self._damaged_until.get(place, 0) <= begin and place in self._offered:
+            if not self._is_rotten(place, begin) and place in self._offered:
                 self.histories.add(place, Listing(begin, end, True, who, self._now()))
+
+
+def name_of(user: str) -> str:
+    """A client's, in stories."""
+    return user.partition(":")[2]
 
 
 def _is_of(place: Place, record: RecordBytes) -> bool:
@@ -202,22 +231,22 @@ class WatchedLinks:
         try:
             answer = await self._links.request(address, priority, packet, timeout_s)
         finally:
-            self._note(begin, packet, answer)
+            self._note(Way(f"node:{node_id_of(address)}", f"user:{self._who}"), begin, packet, answer)
         return answer
 
-    def _note(self, begin: int, packet: Packet, answer: Packet | None) -> None:
-        recorder, who = self._recorder, self._who
-        if any(recorder.lies.is_nonsense(place, begin) for place in _asked_about(packet)):
-            recorder.nonsense_heard[who] += 1
+    def _note(self, way: Way, begin: int, packet: Packet, answer: Packet | None) -> None:
+        recorder = self._recorder
+        if any(recorder.lies.is_nonsense(place, way, begin) for place in _asked_about(packet)):
+            recorder.nonsense_heard[self._who] += 1
         if isinstance(packet, PutMany):
             outcomes = None
             if isinstance(answer, PutManyReply) and len(answer.outcomes) == len(packet.items):
                 outcomes = [outcome.reason for outcome in answer.outcomes]
-            recorder.written(who, begin, packet.items, outcomes)
+            recorder.written(way, begin, packet.items, outcomes)
         elif isinstance(packet, GetMany) and isinstance(answer, GetManyReply):
-            recorder.read(who, begin, packet, answer.records, answer.stale)
+            recorder.read(way, begin, packet, answer.records, answer.stale)
         elif isinstance(packet, QueryRange) and isinstance(answer, ReturnRange):
-            recorder.listed(who, begin, answer)
+            recorder.listed(way, begin, answer)
 
     async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
         await self._links.send(address, priority, packet, timeout_s)

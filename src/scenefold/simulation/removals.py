@@ -13,6 +13,8 @@ from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.lineage import Holder
 
 LOOK_S = 0.25
+JUDGED_S = 20.0
+"""A removal is written, and seen here, so long after the voter had nothing against it: its disk may be slow."""
 
 
 async def watch_removals(cluster: Cluster) -> None:
@@ -40,6 +42,8 @@ def _removed(cluster: Cluster, removal: Removal) -> None:
     if removal.member.incarnation == NO_INCARNATION or incarnation_of(node.disk) != removal.member.incarnation:
         return
     judged_at = watch.judged_at.get(removal.member.incarnation, now)
+    if now - judged_at > JUDGED_S:
+        judged_at = now
     window = (judged_at - (cluster.habits.remove_after_s or DEFAULT_REMOVE_AFTER_S) / 2, judged_at)
     if node.is_wanted and watch.reach.was_reachable(slot, 0, list(cluster.running), window):
         watch.violated(laws.REMOVED_RIGHTLY, f"n{slot} is removed though it could be reached: {removal.reason}", slots=(slot, 0))

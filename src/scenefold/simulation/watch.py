@@ -88,9 +88,12 @@ class Watch:
     def _client_said(self, who: str, place: Place, what: str) -> None:
         self.story.tell(self._now(), None, "{} {}", who, what, location=place.location)
 
-    def judged(self, member: Member) -> None:
-        """The voter has nothing against a removal; it may take long to write it down."""
-        self.judged_at[member.incarnation] = self._now()
+    def judged(self, member: Member, may_go: bool) -> None:
+        """The voter has looked whether it has anything against a removal; it may take long to write it down."""
+        if may_go:
+            self.judged_at[member.incarnation] = self._now()
+        else:
+            self.judged_at.pop(member.incarnation, None)
 
     # ------------------------------------------------------------------------------------------------------- disks
 

@@ -14,10 +14,10 @@ from scenefold.peer.line.holding import Holding, handover_id
 from scenefold.simulation import laws
 from scenefold.simulation.history import Listing, Loss, Outcome, Read, Write
 from scenefold.simulation.liar import SCOPES, scopes_of
-from scenefold.simulation.lies import Manner
+from scenefold.simulation.lies import Manner, Way, whole
 from scenefold.simulation.recording import Recorder
-from scenefold.wire import GetMany, RecordBytes, RecordKey, ReturnRange
-from unit.simulation.test_recording import HERE, PLACE, SCENE, SPACE, item, recorder
+from scenefold.wire import DAMAGED_RECORD, GetMany, RecordBytes, RecordKey, ReturnRange
+from unit.simulation.test_recording import C0, C1, HERE, PLACE, SCENE, SPACE, item, recorder
 from unit.simulation.test_watch import PLACE as WATCHED
 from unit.simulation.test_watch import RIGHT, Stage, member, record, version
 
@@ -35,11 +35,11 @@ def digest_of(seq: int) -> bytes:
 
 def written(book: Recorder, *seqs: int) -> None:
     for seq in seqs:
-        book.written("c0", book.histories.moment(), [item(seq)], [0])
+        book.written(C0, book.histories.moment(), [item(seq)], [0])
 
 
 def read(book: Recorder, begin: int, answer: RecordBytes | None) -> None:
-    book.read("c0", begin, GetMany(SCENE, 1, (RecordKey(SPACE, HERE),)), [answer], False)
+    book.read(C0, begin, GetMany(SCENE, 1, (RecordKey(SPACE, HERE),)), [answer], False)
 
 
 def reads_of(book: Recorder) -> list[bytes | None]:
@@ -50,7 +50,7 @@ def test_an_older_version_is_excused_for_who_was_told_it_and_counted() -> None:
     book = recorder()
     written(book, 1, 2)
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE, Manner.OLDER, digest_of(1))
+    book.lies.tells(LIAR, C0, PLACE, Manner.OLDER, digest_of(1))
     read(book, begin, bytes_of(1))
     assert reads_of(book) == []
     assert book.lies.reported == {Manner.OLDER.value: 1}
@@ -60,7 +60,7 @@ def test_what_is_withheld_is_excused_and_counted() -> None:
     book = recorder()
     written(book, 1)
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE, Manner.WITHHELD, None)
+    book.lies.tells(LIAR, C0, PLACE, Manner.WITHHELD, None)
     read(book, begin, None)
     assert reads_of(book) == [] and book.lies.reported.total() == 1
 
@@ -71,7 +71,7 @@ def test_a_lie_in_other_words_excuses_nothing(lie: tuple[Manner, int | None]) ->
     book = recorder()
     written(book, 1, 2)
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE, manner, b"" if seq is None else digest_of(seq))
+    book.lies.tells(LIAR, C0, PLACE, manner, b"" if seq is None else digest_of(seq))
     read(book, begin, None)
     assert reads_of(book) == [None] and not book.lies.reported
 
@@ -79,9 +79,9 @@ def test_a_lie_in_other_words_excuses_nothing(lie: tuple[Manner, int | None]) ->
 def test_a_lie_told_before_the_question_or_about_another_place_excuses_nothing() -> None:
     book = recorder()
     written(book, 1)
-    book.lies.tells(LIAR, PLACE, Manner.WITHHELD, None)
+    book.lies.tells(LIAR, C0, PLACE, Manner.WITHHELD, None)
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE._replace(location=LAST), Manner.WITHHELD, None)
+    book.lies.tells(LIAR, C0, PLACE._replace(location=LAST), Manner.WITHHELD, None)
     read(book, begin, None)
     assert reads_of(book) == [None] and not book.lies.reported
 
@@ -92,9 +92,9 @@ def test_what_is_left_out_of_a_list_is_excused_for_that_place_only() -> None:
     book.offered(item(1))
     begin = book.histories.moment()
     answer = ReturnRange(SCENE, SPACE, FIRST, LAST, ())
-    book.listed("c0", begin, answer)
-    book.lies.tells(LIAR, PLACE, Manner.WITHHELD, None)
-    book.listed("c0", begin, answer)
+    book.listed(C0, begin, answer)
+    book.lies.tells(LIAR, C0, PLACE, Manner.WITHHELD, None)
+    book.listed(C0, begin, answer)
     listings = [event for event in book.histories.of(PLACE) if isinstance(event, Listing)]
     assert [event.present for event in listings] == [False] and book.lies.reported.total() == 1
 
@@ -103,8 +103,8 @@ def test_what_is_left_out_of_a_list_is_excused_for_that_place_only() -> None:
 def test_a_write_that_was_lied_about_may_have_happened_whatever_it_expects(manner: Manner, reason: int) -> None:
     book = recorder()
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE, manner, digest_of(2))
-    book.written("c0", begin, [replace(item(2), expect=digest_of(1))], [reason])
+    book.lies.tells(LIAR, C0, PLACE, manner, digest_of(2))
+    book.written(C0, begin, [replace(item(2), expect=digest_of(1))], [reason])
     (event,) = book.histories.of(PLACE)
     assert isinstance(event, Write) and event.outcome is Outcome.MAYBE and event.expect is None
     assert book.lies.reported == {manner.value: 1}
@@ -113,8 +113,8 @@ def test_a_write_that_was_lied_about_may_have_happened_whatever_it_expects(manne
 def test_another_write_to_the_same_place_is_not_excused() -> None:
     book = recorder()
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE, Manner.DROPPED, digest_of(2))
-    book.written("c0", begin, [item(1)], [0])
+    book.lies.tells(LIAR, C0, PLACE, Manner.DROPPED, digest_of(2))
+    book.written(C0, begin, [item(1)], [0])
     (event,) = book.histories.of(PLACE)
     assert isinstance(event, Write) and event.outcome is Outcome.DONE and not book.lies.reported
 
@@ -123,12 +123,13 @@ def test_made_up_bytes_that_come_back_to_a_client_are_no_read_but_only_while_a_l
     book = recorder()
     written(book, 1)
     begin = book.histories.moment()
-    book.lies.tells(LIAR, PLACE, Manner.NONSENSE, digest_of(7))
+    book.lies.tells(LIAR, C0, PLACE, Manner.NONSENSE, whole(bytes_of(7)))
+    assert book.lies.is_nonsense(PLACE, C0, begin) and not book.lies.is_nonsense(PLACE, C1, begin)
     read(book, begin, bytes_of(7))
-    assert not book.strange and book.lies.is_nonsense(PLACE, begin)
+    assert not book.strange
     begin = book.histories.moment()
     read(book, begin, bytes_of(7))
-    assert book.strange and not book.lies.is_nonsense(PLACE, begin)
+    assert book.strange and not book.lies.is_nonsense(PLACE, C0, begin)
 
 
 HANDOVER = handover_id(2, bytes(8))
@@ -166,3 +167,71 @@ def test_another_handover_or_another_version_is_a_violation(lie: tuple[bytes, in
 def test_every_scope_is_drawn_alone_and_with_all_others() -> None:
     assert [scopes_of(amount) for amount in range(1, 7)] == [(scope,) for scope in SCOPES]
     assert all(scopes_of(amount) == SCOPES for amount in range(7, 13))
+
+
+def test_a_lie_excuses_one_answer() -> None:
+    book = recorder()
+    written(book, 1)
+    begin = book.histories.moment()
+    book.lies.tells(LIAR, C0, PLACE, Manner.WITHHELD, None)
+    for _ in range(5):
+        read(book, begin, None)
+    assert reads_of(book) == [None] * 4 and book.lies.reported.total() == 1
+
+
+@pytest.mark.parametrize("way", [C1, Way("node:8", C0.to)], ids=["another client", "another node"])
+def test_a_lie_told_to_another_client_or_by_another_node_excuses_nothing(way: Way) -> None:
+    book = recorder()
+    written(book, 1)
+    begin = book.histories.moment()
+    book.lies.tells(LIAR, way, PLACE, Manner.WITHHELD, None)
+    read(book, begin, None)
+    assert reads_of(book) == [None] and not book.lies.reported
+
+
+def test_a_lie_told_to_the_node_that_has_asked_for_a_client_is_excused() -> None:
+    book = recorder()
+    written(book, 1)
+    begin = book.histories.moment()
+    book.lies.tells(LIAR, Way("node:8", C0.by), PLACE, Manner.WITHHELD, None)
+    read(book, begin, None)
+    assert reads_of(book) == [] and book.lies.reported.total() == 1
+
+
+ALTERED = replace(bytes_of(2), ciphertext=bytes(len(bytes_of(2).ciphertext)))
+
+
+@pytest.mark.parametrize("answer", [ALTERED, DAMAGED_RECORD], ids=["altered", "damaged"])
+def test_bytes_that_cannot_be_read_are_strange_where_nobody_lied_and_nothing_rotted(answer: RecordBytes) -> None:
+    book = recorder()
+    written(book, 1, 2)
+    read(book, book.histories.moment(), answer)
+    assert [place for place, _ in book.strange] == [PLACE] and reads_of(book) == []
+
+
+def test_damage_is_excused_by_rot_and_by_a_lie_and_altered_bytes_by_these_very_bytes_only() -> None:
+    book = recorder()
+    written(book, 1, 2)
+    book.now_damaged({PLACE})
+    read(book, book.histories.moment(), DAMAGED_RECORD)
+    book.now_damaged(set())
+    begin = book.histories.moment()
+    book.lies.tells(LIAR, C0, PLACE, Manner.WITHHELD, None)
+    read(book, begin, DAMAGED_RECORD)
+    assert book.lies.reported.total() == 1
+    book.lies.tells(LIAR, C0, PLACE, Manner.NONSENSE, whole(ALTERED))
+    read(book, begin, ALTERED)
+    assert not book.strange and reads_of(book) == []
+    book.lies.tells(LIAR, C0, PLACE, Manner.NONSENSE, whole(replace(bytes_of(1), signature=bytes(64))))
+    read(book, begin, bytes_of(1))
+    assert reads_of(book) == [digest_of(1)], "an older version is none of the nonsense that was told"
+
+
+def test_one_place_twice_in_a_question_is_one_answer() -> None:
+    """A node that asks a liar for a client, once, gives what it was told for both."""
+    book = recorder()
+    written(book, 1)
+    begin = book.histories.moment()
+    book.lies.tells(LIAR, C0, PLACE, Manner.WITHHELD, None)
+    book.read(C0, begin, GetMany(SCENE, 1, (RecordKey(SPACE, HERE),) * 2), [None, None], False)
+    assert reads_of(book) == []

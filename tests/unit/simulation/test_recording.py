@@ -9,6 +9,7 @@ from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey, seal_record
 from scenefold.simulation.history import NEVER_ENDED, Listing, Outcome, Place, Read, Write
+from scenefold.simulation.lies import Way
 from scenefold.simulation.linearizable import judge
 from scenefold.simulation.recording import Recorder
 from scenefold.wire import GetMany, PutItem, RecordBytes, RecordKey, ReturnRange
@@ -17,6 +18,7 @@ SCENE, SPACE = SceneId(7), SpaceId(1)
 HERE = Location.from_number(5 << 100)
 PLACE = Place(SCENE, SPACE, HERE)
 KEY = SigningKey(bytes(32))
+C0, C1 = (Way("node:9", f"user:c{number}") for number in range(2))
 
 
 def item(seq: int, expect: bytes | None = None) -> PutItem:
@@ -53,7 +55,7 @@ def recorder() -> Recorder:
 def test_what_an_answer_proves(reason: int | None, outcome: Outcome) -> None:
     book = recorder()
     begin = book.histories.moment()
-    book.written("c0", begin, [item(1)], None if reason is None else [reason])
+    book.written(C0, begin, [item(1)], None if reason is None else [reason])
     (event,) = book.histories.of(PLACE)
     assert isinstance(event, Write)
     assert event.outcome is outcome
@@ -64,7 +66,7 @@ def test_what_an_answer_proves(reason: int | None, outcome: Outcome) -> None:
 @pytest.mark.parametrize("reason", [RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL])
 def test_what_was_not_even_looked_at_is_no_event(reason: int) -> None:
     book = recorder()
-    book.written("c0", 1, [item(1)], [reason])
+    book.written(C0, 1, [item(1)], [reason])
     assert book.histories.of(PLACE) == []
 
 
@@ -73,8 +75,8 @@ def test_a_refusal_takes_nothing_back_that_an_earlier_try_may_have_done(reason: 
     """The first answer was lost: whatever a later one refuses, the record may be there, and may be read."""
     book = recorder()
     put = item(1)
-    book.written("c0", book.histories.moment(), [put], None)
-    book.written("c0", book.histories.moment(), [put], [reason])
+    book.written(C0, book.histories.moment(), [put], None)
+    book.written(C0, book.histories.moment(), [put], [reason])
     assert {event.outcome for event in book.histories.of(PLACE) if isinstance(event, Write)} == {Outcome.MAYBE}
     for there in (None, RecordBytes(put.signature, put.header, put.ciphertext)):
         read(book, [there])
@@ -84,9 +86,9 @@ def test_a_refusal_takes_nothing_back_that_an_earlier_try_may_have_done(reason: 
 def test_a_lost_try_that_is_refused_for_its_version_was_overtaken_or_never_happened() -> None:
     book = recorder()
     old, new = item(1), item(2)
-    book.written("c0", book.histories.moment(), [old], None)
-    book.written("c1", book.histories.moment(), [new], [0])
-    book.written("c0", book.histories.moment(), [old], [RejectReason.STALE_VERSION])
+    book.written(C0, book.histories.moment(), [old], None)
+    book.written(C1, book.histories.moment(), [new], [0])
+    book.written(C0, book.histories.moment(), [old], [RejectReason.STALE_VERSION])
     read(book, [RecordBytes(new.signature, new.header, new.ciphertext)])
     assert judge(book.histories.of(PLACE)).holds
     read(book, [RecordBytes(old.signature, old.header, old.ciphertext)])
@@ -95,11 +97,11 @@ def test_a_lost_try_that_is_refused_for_its_version_was_overtaken_or_never_happe
 
 def read(book: Recorder, records: list[RecordBytes | None], *, stale: bool = False) -> None:
     keys = tuple(RecordKey(SPACE, HERE) for _ in range(2))
-    book.read("c1", book.histories.moment(), GetMany(SCENE, 0, keys), records, stale)
+    book.read(C1, book.histories.moment(), GetMany(SCENE, 0, keys), records, stale)
 
 
-def test_bytes_that_no_client_takes_for_the_record_are_no_answer() -> None:
-    """Who gives them lies; a client that believed it would be found out by what it does with them."""
+def test_bytes_that_no_client_takes_for_the_record_are_no_read_and_strange() -> None:
+    """Who gives them lies, and here nobody did; a client that believed it would be found out by what it does with them."""
     book = recorder()
     put = item(1)
     book.offered(put)
@@ -111,7 +113,7 @@ def test_bytes_that_no_client_takes_for_the_record_are_no_answer() -> None:
         RecordBytes(put.signature, elsewhere, put.ciphertext),
     ):
         read(book, [record])
-    assert book.histories.of(PLACE) == [] and not book.strange
+    assert book.histories.of(PLACE) == [] and [place for place, _ in book.strange] == [PLACE] * 4
 
 
 def test_reads_are_of_the_keys_that_were_answered() -> None:
@@ -140,10 +142,10 @@ def listing(*locations: Location, stale: bool = False, last: Location = LAST) ->
 def test_a_list_is_of_every_place_that_it_covers() -> None:
     book = recorder()
     book.offered(item(1))
-    book.listed("c0", 1, listing(HERE))
-    book.listed("c0", 3, listing())
-    book.listed("c0", 5, listing(last=FIRST))
-    book.listed("c0", 7, listing(stale=True))
+    book.listed(C0, 1, listing(HERE))
+    book.listed(C0, 3, listing())
+    book.listed(C0, 5, listing(last=FIRST))
+    book.listed(C0, 7, listing(stale=True))
     assert [event.present for event in book.histories.of(PLACE) if isinstance(event, Listing)] == [True, False]
 
 
@@ -151,20 +153,20 @@ def test_a_rotten_record_says_nothing_in_lists() -> None:
     book = recorder()
     book.offered(item(1))
     book.now_damaged({PLACE})
-    book.listed("c0", 1, listing(HERE))
+    book.listed(C0, 1, listing(HERE))
     begin = book.histories.moment()
     book.now_damaged(set())
-    book.listed("c0", begin, listing(HERE))
+    book.listed(C0, begin, listing(HERE))
     assert book.histories.of(PLACE) == [], "it may have been asked while it was rotten"
-    book.listed("c0", book.histories.moment(), listing(HERE))
+    book.listed(C0, book.histories.moment(), listing(HERE))
     assert len(book.histories.of(PLACE)) == 1
 
 
 def test_operations_are_what_was_answered() -> None:
     book = recorder()
-    book.written("c0", 1, [item(1)], [0])
-    book.written("c0", 2, [item(2)], [RejectReason.STALE_VERSION])
-    book.written("c0", 3, [item(3)], None)
+    book.written(C0, 1, [item(1)], [0])
+    book.written(C0, 2, [item(2)], [RejectReason.STALE_VERSION])
+    book.written(C0, 3, [item(3)], None)
     read(book, [None, None])
-    book.listed("c0", 5, listing())
+    book.listed(C0, 5, listing())
     assert book.acknowledged == 4
