@@ -6,6 +6,8 @@ that has this mark, and has itself the certificate of a node that this authority
 
 from __future__ import annotations
 
+from itertools import zip_longest
+
 import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, TurnedAway, Unreachable
@@ -23,6 +25,8 @@ RECEIVE_BYTES = 64 * 1024
 ROUNDS = 3
 ROUND_S = 1.0
 FOUND_MAX = 8
+SOURCES_MAX = 64
+"""Addresses whose answers are heard in one look around."""
 
 
 async def request_enrolment(network: Network, node: NodeId, mark: bytes, request: RequestEnrolment) -> Enrolled:
@@ -81,8 +85,12 @@ async def _next(connection: Connection, frames: FrameReader) -> Packet:
 
 
 async def look_around(network: Network, key: SigningKey, nonce: bytes) -> list[NodeId]:
-    """Nodes nearby that know the invitation with this key; the first that answers first. Empty if none does within some seconds."""
-    found: dict[NodeId, None] = {}
+    """Nodes nearby that know the invitation with this key, so they say. Empty if none answers within some seconds.
+
+    The first to answer comes first, but one address names a second node only after every other one has named its first: who is near
+    can answer for as many nodes as it likes, and none of them need be there.
+    """
+    found: dict[str, dict[NodeId, None]] = {}
     question = pack_question(key, nonce)
     datagrams, targets = await network.open_broadcasts()
     try:
@@ -90,14 +98,18 @@ async def look_around(network: Network, key: SigningKey, nonce: bytes) -> list[N
             for target in targets:
                 await datagrams.send(question, target)
             with trio.move_on_after(ROUND_S):
-                while len(found) < FOUND_MAX:
-                    data, _source = await datagrams.receive()
+                while True:
+                    data, source = await datagrams.receive()
                     node = read_answer(data, nonce)
-                    if node is not None:
-                        found[node] = None
+                    if node is None or (source.address not in found and len(found) == SOURCES_MAX):
+                        continue
+                    named = found.setdefault(source.address, {})
+                    if len(named) < FOUND_MAX:
+                        named[node] = None
             if found:
                 break
     finally:
         with trio.CancelScope(shield=True):
             await datagrams.aclose()
-    return list(found)
+    turns = zip_longest(*found.values())
+    return list(dict.fromkeys(node for turn in turns for node in turn if node is not None))[:FOUND_MAX]

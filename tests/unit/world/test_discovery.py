@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import trio
+import trio.testing
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,7 +14,7 @@ from scenefold.base.ids import NodeId, node_id_of
 from scenefold.crypto import SigningKey
 from scenefold.world import Ports, newcomer_world
 from scenefold.world.discovery import pack_answer, pack_question, read_answer, read_question
-from scenefold.world.knocking import look_around
+from scenefold.world.knocking import FOUND_MAX, look_around
 from scenefold.world.ports import Endpoint
 from scenefold.world.real.broadcasts import broadcasts_of, hear_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams
@@ -72,6 +75,36 @@ async def test_several_nodes_of_a_machine_hear_the_same_broadcast() -> None:
     assert set(found) == {node_id_of("127.0.0.2"), node_id_of("127.0.0.3")}
     await first.aclose()
     await second.aclose()
+
+
+class Room:
+    """A network in which somebody near answers for many nodes before anybody else does."""
+
+    def __init__(self, *answers: tuple[str, int]) -> None:
+        self._answers = list(answers)
+
+    async def open_broadcasts(self) -> tuple[Room, tuple[str, ...]]:
+        return self, ("255.255.255.255",)
+
+    async def send(self, data: bytes, target: str) -> None:
+        assert read_question(data) is not None
+
+    async def receive(self) -> tuple[bytes, Endpoint]:
+        await trio.lowlevel.checkpoint()
+        if not self._answers:
+            await trio.sleep_forever()
+        source, node = self._answers.pop(0)
+        return pack_answer(NONCE, NodeId(node)), Endpoint(source, 17350)
+
+    async def aclose(self) -> None:
+        await trio.lowlevel.checkpoint()
+
+
+async def test_who_answers_for_many_nodes_hides_no_other(autojump_clock: trio.testing.MockClock) -> None:
+    liar = [("10.0.0.66", 1_000 + number) for number in range(1_000)]
+    room: Any = Room(*liar, ("10.0.0.2", 2), ("10.0.0.3", 3), ("10.0.0.2", 2))
+    found = await look_around(room, KEY, NONCE)
+    assert found[:3] == [1_000, 2, 3] and len(found) == FOUND_MAX
 
 
 async def test_where_nobody_answers_nobody_is_found() -> None:
