@@ -9,9 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import PeerFault, ScenefoldError
 from scenefold.base.ids import address_of
-from scenefold.base.rays import RAY_BYTES
 from scenefold.client import Cluster, Scene
 from scenefold.render.arrays import F32
 from scenefold.render.choice import Renderers
@@ -20,16 +19,14 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.pool.organiser import LAYERS
 from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
+from scenefold.render.reports import Stand, image_size, report_of, stand_of
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.head import NO_HEAD, SceneHead
-from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob, unpack_value
+from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob
 
 ASK_S_MAX = 60.0
 POLL_S = 0.25
 LETTING_GO_S_MAX = 10.0
-
-_PASSING = ("phase", "failure", "failure_reason")
-"""Fields of a node's state that are about its way there, not about the finished image: a failed one has no report."""
 
 Progress = Callable[[str, int, int], None]
 """Called with a phase's name, and how much of how much is done."""
@@ -92,17 +89,19 @@ async def render_still(
     chosen.check_any(scene.name)
     token = cluster.calls.world.entropy.token
     job = int.from_bytes(token(8), "big") or 1
-    watch = _Watch(cluster, address_of(organiser_of(job, chosen.nodes)), job)
+    organiser = address_of(organiser_of(job, chosen.nodes))
+    watch = _Watch(cluster, organiser, job)
     about = About(cluster.profile.cluster_id, identity.genesis, job)
     keys = await cluster.in_worker("crypto", seal_keys, identity.keys, chosen.sealing, about, token)
     await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, _head(scene)))
     try:
         state = await watch.until_done(progress)
-        image = await watch.fetch(int(state["image_bytes"]), progress)
+        report = report_of(state.document, wanted, [address_of(node) for node in chosen.nodes], organiser)
+        image = await watch.fetch(image_size(wanted), progress)
     finally:
         await watch.let_go()
     layers = _unpack(image, wanted.width, wanted.height)
-    return StillResult(layers, {**_report(state), "left_out": [one.document() for one in chosen.left_out]})
+    return StillResult(layers, {**report, "left_out": [one.document() for one in chosen.left_out]})
 
 
 def _head(scene: Scene) -> SceneHead:
@@ -122,27 +121,27 @@ class _Watch:
         if answer.reason:
             raise error_of(answer.reason, answer.text, where=self._address)
 
-    async def until_done(self, progress: Progress) -> dict[str, Any]:
+    async def until_done(self, progress: Progress) -> Stand:
+        """How it stands at the end. PeerFault if the organiser says what makes no sense."""
         clock = self._cluster.calls.world.clock
         while True:
             reply = await self._ask(JobState(job=self._job), JobStateReply)
-            state = unpack_value(reply.document, what="a job's state")
-            if not isinstance(state, dict):
-                raise PeerFault("a job's state is ill-formed", where=self._address)
-            if state["phase"] == "failed":
-                raise error_of(int(state["failure_reason"]), str(state["failure"]), where=self._address, before="the render failed: ")
-            if state["phase"] == "rendering":
-                progress("render", int(state["closed"]), int(state["passes"]))
-            if state["phase"] == "done":
-                progress("render", int(state["passes"]), int(state["passes"]))
-                return state
+            stand = stand_of(reply.document, self._address)
+            if stand.phase == "failed":
+                raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
+            if stand.phase == "rendering":
+                progress("render", stand.closed, stand.passes)
+            if stand.phase == "done":
+                progress("render", stand.passes, stand.passes)
+                return stand
             await clock.sleep(POLL_S)
 
     async def fetch(self, size: int, progress: Progress) -> bytes:
+        """The image, which has this size. PeerFault if it has another one."""
         image = bytearray()
         while len(image) < size:
             part = await self._ask(FetchImage(job=self._job, offset=len(image)), ImagePart)
-            if part.offset != len(image) or not part.payload or len(image) + len(part.payload) > size:
+            if part.total_bytes != size or part.offset != len(image) or not part.payload or len(image) + len(part.payload) > size:
                 raise PeerFault("a part of the image does not fit", where=self._address)
             image += part.payload
             progress("fetch", len(image), size)
@@ -153,14 +152,15 @@ class _Watch:
         with trio.move_on_after(LETTING_GO_S_MAX, shield=True):
             try:
                 await self._ask(CancelJob(job=self._job), JobAnswer)
-            except (Unreachable, Refused):
-                return
+            except ScenefoldError:
+                return  # what it is worth is known by now
 
     async def _ask(self, packet: Packet, answer: type[A]) -> A:
         return await self._cluster.calls.ask(self._address, replace(packet), answer, timeout_s=ASK_S_MAX)
 
 
 def _unpack(image: bytes, width: int, height: int) -> dict[str, F32]:
+    """The layers of an image of just this size."""
     layers: dict[str, F32] = {}
     at = 0
     for name, channels in LAYERS:
@@ -168,34 +168,4 @@ def _unpack(image: bytes, width: int, height: int) -> dict[str, F32]:
         values = np.frombuffer(image, "<f4", count, at).astype(np.float32)
         layers[name] = values.reshape((height, width, channels) if channels > 1 else (height, width))
         at += count * 4
-    if at != len(image):
-        raise PeerFault("the image has the wrong size", where=f"{len(image)} bytes instead of {at}")
     return layers
-
-
-def _report(state: dict[str, Any]) -> dict[str, Any]:
-    nodes: list[dict[str, Any]] = state["nodes"]
-    seconds: dict[str, float] = state["seconds"]
-    casts = [int(node["casts"]) for node in nodes]
-    passed = sum(int(node["rays_sent"]) for node in nodes)
-    paths = int(state["paths"])
-    rays = sum(int(node["rays"]) for node in nodes)
-    rendering = max(seconds.get("render", 0.0), 1e-9)
-    return {
-        "passes": int(state["passes"]),
-        "paths": paths,
-        "numeric_class": state["numeric_class"],
-        "paths_per_second": paths / rendering,
-        "rays": rays,
-        "rays_per_second": rays / rendering,
-        "cell_visits": sum(casts),
-        "rays_passed": passed,
-        "rays_passed_per_path": passed / paths,
-        "packets_passed": sum(int(node["packets_sent"]) for node in nodes),
-        "bytes_passed": passed * RAY_BYTES,
-        "efficiency": sum(casts) / (len(casts) * max(casts)) if max(casts) else 1.0,
-        "contributions_not_finite": sum(int(node["not_finite"]) for node in nodes),
-        "contributions_clamped": sum(int(node["clamped"]) for node in nodes),
-        "render_seconds": {name: round(value, 3) for name, value in seconds.items()},
-        "render_nodes": [{name: value for name, value in node.items() if name not in _PASSING} for node in nodes],
-    }

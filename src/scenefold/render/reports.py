@@ -1,0 +1,143 @@
+"""What a job's organiser says of it, as a client takes it: each value is what it should be, or PeerFault. Pure.
+
+The organiser is a node that the client trusts with the scene, and not with its own process, terminal and memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.limits import POOL_NODES_MAX
+from scenefold.base.rays import RAY_BYTES
+from scenefold.render.job import RenderOptions
+from scenefold.render.passes import PassPlan
+from scenefold.render.plain_values import number, text, whole
+from scenefold.render.pool.organiser import LAYERS
+from scenefold.wire import MalformedPacket, unpack_value
+
+PHASES = frozenset({"preparing", "rendering", "merging", "done", "failed"})
+_COUNT_MAX = 2**64 - 1
+_COUNTS = (
+    "records",
+    "groups",
+    "triangles",
+    "bytes_read",
+    "closed",
+    "owned",
+    "rays",
+    "casts",
+    "shadow_casts",
+    "rays_sent",
+    "packets_sent",
+    "rays_received",
+    "not_finite",
+    "clamped",
+)
+_SECONDS = ("prepare_seconds", "busy_seconds")
+_CHARACTERS_MAX = 200
+_STEPS_MAX = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """How a job stands."""
+
+    phase: str
+    closed: int
+    passes: int
+    failure_reason: int
+    failure: str
+    document: dict[str, Any]
+    """All of it, unread."""
+
+
+def stand_of(packed: bytes, where: str) -> Stand:
+    """A state as it came."""
+    with _believed(where):
+        document = unpack_value(packed, what="a job's state")
+        if not isinstance(document, dict) or document["phase"] not in PHASES:
+            raise ValueError("a phase is expected")
+        passes = whole(document["passes"], 0, _COUNT_MAX)
+        reason, failure = whole(document["failure_reason"], 0, 255), text(document["failure"])
+        return Stand(document["phase"], whole(document["closed"], 0, passes), passes, reason, failure, document)
+
+
+def image_size(options: RenderOptions) -> int:
+    """The bytes of a finished image."""
+    return options.width * options.height * 4 * sum(channels for _, channels in LAYERS)
+
+
+def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str], where: str) -> dict[str, Any]:
+    """The report of a finished image (docs/reference/scenectl.md). `chosen`: addresses of those that may have rendered it."""
+    with _believed(where):
+        plan = PassPlan(0, options.width * options.height * options.samples)
+        size = image_size(options)
+        whole(state["image_bytes"], size, size)
+        paths, passes = whole(state["paths"], plan.paths, plan.paths), whole(state["passes"], plan.count, plan.count)
+        seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
+        nodes = [_node(row, chosen) for row in _few(state["nodes"], POOL_NODES_MAX)]
+        if not nodes:
+            raise ValueError("an image that no node has made")
+        numeric_class = _short(state["numeric_class"])
+    casts = [node["casts"] for node in nodes]
+    passed, rays = (sum(node[name] for node in nodes) for name in ("rays_sent", "rays"))
+    rendering = max(seconds.get("render", 0.0), 1e-9)
+    return {
+        "passes": passes,
+        "paths": paths,
+        "numeric_class": numeric_class,
+        "paths_per_second": paths / rendering,
+        "rays": rays,
+        "rays_per_second": rays / rendering,
+        "cell_visits": sum(casts),
+        "rays_passed": passed,
+        "rays_passed_per_path": passed / paths,
+        "packets_passed": sum(node["packets_sent"] for node in nodes),
+        "bytes_passed": passed * RAY_BYTES,
+        "efficiency": sum(casts) / (len(casts) * max(casts)) if max(casts) else 1.0,
+        "contributions_not_finite": sum(node["not_finite"] for node in nodes),
+        "contributions_clamped": sum(node["clamped"] for node in nodes),
+        "render_seconds": {name: round(value, 3) for name, value in seconds.items()},
+        "render_nodes": nodes,
+    }
+
+
+def _node(row: dict[str, Any], chosen: Collection[str]) -> dict[str, Any]:
+    """What is told of a node, in the order in which it is reported."""
+    if row["address"] not in chosen:
+        raise ValueError("a node that was not chosen")
+    counts = {name: whole(row[name], 0, _COUNT_MAX) for name in _COUNTS}
+    return {"address": row["address"], **counts, **{name: _seconds(row[name]) for name in _SECONDS}}
+
+
+def _few(values: Any, most: int) -> list[Any]:
+    known = list(values)
+    if len(known) > most:
+        raise ValueError(f"at most {most} are expected")
+    return known
+
+
+def _seconds(value: object) -> float:
+    seconds = number(value)
+    if seconds < 0:
+        raise ValueError("a time is expected")
+    return seconds
+
+
+def _short(value: object) -> str:
+    words = text(value)
+    if len(words) > _CHARACTERS_MAX or not words.isprintable():
+        raise ValueError("a short text is expected")
+    return words
+
+
+@contextmanager
+def _believed(where: str) -> Iterator[None]:
+    try:
+        yield
+    except (MalformedPacket, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise PeerFault(f"what the organiser says of the job is ill-formed ({type(error).__name__}: {error})", where=where) from error

@@ -1,0 +1,152 @@
+"""If this fails, the node that organises a render can make the client that asked for it fail in some odd way, or fill its memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import trio
+from hypothesis import given
+from hypothesis import strategies as some
+
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.rays import RAY_BYTES
+from scenefold.render.client import _Watch
+from scenefold.render.job import RenderOptions
+from scenefold.render.pool.telling import failure_fields
+from scenefold.render.reports import image_size, report_of, stand_of
+from scenefold.wire import ImagePart, JobStateReply, Packet, pack_value, unpack_value
+
+OPTIONS = RenderOptions(width=16, height=16, samples=2)
+SIZE = 16 * 16 * 40
+ADDRESSES = ["127.0.0.2", "127.0.0.3"]
+ODD = [None, True, -1, 2**62, 2**64 - 1, float("inf"), -0.5, "", "x", "\x1b[2J", b"", [], [[]], [1], {}, {"a": 1}, [{}]]
+
+
+def node(address: str) -> dict[str, Any]:
+    counts = dict.fromkeys(
+        ["records", "groups", "triangles", "bytes_read", "shadow_casts", "packets_sent", "rays_received", "not_finite", "clamped"], 5
+    )
+    counts |= {"closed": 1, "owned": 1, "rays": 600, "casts": 700, "rays_sent": 256, "prepare_seconds": 0.5, "busy_seconds": 0.25}
+    return {"address": address, "phase": "running", **counts, **failure_fields(None)}
+
+
+STATE: dict[str, Any] = {
+    "phase": "done",
+    **failure_fields(None),
+    "passes": 1,
+    "paths": 512,
+    "closed": 1,
+    "numeric_class": "embree",
+    "image_bytes": SIZE,
+    "seconds": {"plan": 0.5, "render": 2.0},
+    "nodes": [node(address) for address in ADDRESSES],
+}
+
+
+def told(state: object) -> dict[str, Any]:
+    return report_of(stand_of(pack_value(state), "127.0.0.2").document, OPTIONS, ADDRESSES, "127.0.0.2")
+
+
+def test_a_report_says_what_the_nodes_did() -> None:
+    report = told(STATE)
+    assert image_size(OPTIONS) == SIZE
+    assert (report["paths_per_second"], report["rays"], report["rays_passed_per_path"]) == (256.0, 1200, 1.0)
+    assert (report["efficiency"], report["bytes_passed"]) == (1.0, 512 * RAY_BYTES)
+    assert [one["address"] for one in report["render_nodes"]] == ADDRESSES
+    assert "failure" not in report["render_nodes"][0] and report["render_nodes"][0]["busy_seconds"] == 0.25
+
+
+@pytest.mark.parametrize("key", sorted(STATE))
+def test_every_entry_is_needed(key: str) -> None:
+    with pytest.raises(PeerFault):
+        told({name: value for name, value in STATE.items() if name != key})
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("phase", "asleep"),
+        ("phase", []),
+        ("closed", 2),
+        ("paths", 0),
+        ("paths", 513),
+        ("passes", "y"),
+        ("image_bytes", SIZE + 1),
+        ("image_bytes", 1 << 60),
+        ("nodes", []),
+        ("nodes", [{}]),
+        ("nodes", [node("127.0.0.9")]),
+        ("nodes", [node("127.0.0.2")] * 128),
+        ("nodes", [{**node("127.0.0.2"), "casts": -1}]),
+        ("seconds", {"render": -1.0}),
+        ("seconds", {"render": float("inf")}),
+        ("seconds", {"\x1b[2J": 1.0}),
+        ("seconds", {str(number): 1.0 for number in range(99)}),
+        ("numeric_class", "x" * 1_000),
+    ],
+)
+def test_what_makes_no_sense_is_the_organisers_fault(key: str, value: object) -> None:
+    with pytest.raises(PeerFault, match=r"127\.0\.0\.2"):
+        told({**STATE, key: value})
+
+
+@given(
+    some.dictionaries(some.sampled_from(sorted(STATE)), some.sampled_from(ODD), max_size=3),
+    some.dictionaries(some.sampled_from(sorted(node(""))), some.sampled_from(ODD), max_size=2),
+)
+def test_whatever_it_says_no_other_error_comes_of_it(changes: dict[str, object], of_node: dict[str, object]) -> None:
+    try:
+        report = told({**STATE, "nodes": [{**node("127.0.0.2"), **of_node}], **changes})
+    except PeerFault:
+        return
+    assert report["paths"] == 512
+
+
+@pytest.mark.parametrize("noise", [b"", b"\x00", b"\xc1", pack_value([1]), pack_value({})])
+def test_noise_is_no_state(noise: bytes) -> None:
+    with pytest.raises(PeerFault):
+        stand_of(noise, "127.0.0.2")
+
+
+def watch(answers: Callable[[Packet], Packet]) -> _Watch:
+    async def ask(_address: str, packet: Packet, _answer: object, timeout_s: float) -> Packet:
+        await trio.lowlevel.checkpoint()
+        return answers(packet)
+
+    calls = SimpleNamespace(ask=ask, world=SimpleNamespace(clock=SimpleNamespace(sleep=trio.sleep)))
+    return _Watch(SimpleNamespace(calls=calls), "127.0.0.2", 1)  # type: ignore[arg-type]
+
+
+def nothing(_phase: str, _done: int, _total: int) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    "state", [{}, {"phase": "rendering"}, {"phase": "failed", "failure_reason": "x", "failure": ""}, {"phase": "done"}]
+)
+async def test_an_ill_formed_state_ends_the_waiting(state: dict[str, Any]) -> None:
+    with pytest.raises(PeerFault):
+        await watch(lambda _: JobStateReply(job=1, document=pack_value(state))).until_done(nothing)
+
+
+async def test_a_failed_job_says_why() -> None:
+    state = {**unpack_value(pack_value(STATE), what="state"), "phase": "failed", **failure_fields(Refused(13, "no room"))}  # type: ignore[arg-type]
+    with pytest.raises(Refused, match="the render failed: no room"):
+        await watch(lambda _: JobStateReply(job=1, document=pack_value(state))).until_done(nothing)
+
+
+@pytest.mark.parametrize("total, step", [(SIZE + 1, 100), (1 << 60, 1 << 20), (SIZE, SIZE + 1), (SIZE, 0)])
+async def test_an_image_of_another_size_is_not_taken(total: int, step: int) -> None:
+    taken = 0
+
+    def part(packet: Any) -> ImagePart:
+        nonlocal taken
+        taken += step
+        return ImagePart(job=1, total_bytes=total, offset=packet.offset, payload=bytes(step))
+
+    with pytest.raises(PeerFault, match="a part of the image does not fit"):
+        await watch(part).fetch(SIZE, nothing)
+    assert taken == step
