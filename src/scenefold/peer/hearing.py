@@ -21,10 +21,16 @@ from scenefold.peer.roster import Roster
 from scenefold.peer.status import OwnStatus
 from scenefold.wire import Packet, PingBroadcast, Status, decode_packet
 from scenefold.world import QuietLog, World
+from scenefold.world.buckets import Buckets
 from scenefold.world.facts import ClusterFacts
 
 CLAIM_PATIENCE_S = 10.0
 """A claim on what is ours may be old news for so long; after that, something is wrong."""
+
+STATUSES_BURST = 256
+"""Statuses of one sender that are looked at, at once: some forty datagrams."""
+STATUSES_PER_S = 64.0
+"""And this many more each second; a node says some ten a second to each other one. To verify one takes a tenth of a millisecond."""
 
 _log = logging.getLogger("scenefold.peer.gossip")
 
@@ -57,6 +63,7 @@ class Hearing:
         self._quiet = QuietLog(_log)
         self._quiet_claims = QuietLog(_log, logging.INFO)
         self._claimed_since: dict[NodeId, float] = {}
+        self._verifications = Buckets(STATUSES_BURST, STATUSES_PER_S)
         self._early: dict[NodeId, Early] = {}
         """The newest status of each peer that names a log position above ours."""
         self.is_contested = False
@@ -94,6 +101,8 @@ class Hearing:
             if status.node == sender:
                 # It has sealed the datagram, so this is news even of one that we do not know as a member.
                 self._roster.note_position(sender, status.log_position)
+            if not self._has_time_for(status, sender):
+                continue
             if status.node == self._own.me:
                 self._hear_of_myself(status, sender)
             if self._judge(status, sender):
@@ -101,6 +110,15 @@ class Hearing:
         if packet.request_id == 0 and heard:
             # Answers to RequestState are no throw of the dice, so they say nothing about who stayed silent.
             self._roster.count_broadcast(heard)
+
+    def _has_time_for(self, status: Status, sender: NodeId) -> bool:
+        """Whether a status may be verified, if that would be done at all: who signs wrongly, or ever anew, takes no more of our time."""
+        if status.node != self._own.me and not self._roster.rises(status):
+            return True
+        if self._verifications.take(str(sender), self._world.clock.now()):
+            return True
+        self.drop(address_of(sender), "crowd", "statuses are dropped unread: too many come from there")
+        return False
 
     def _judge(self, status: Status, sender: NodeId) -> bool:
         """Verify and take a status, if it would change anything; True if it is a sign of life."""
