@@ -17,7 +17,7 @@ from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, S
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.crypto import HEADER_DOMAIN, PublicKey
+from scenefold.crypto import HEADER_DOMAIN, PublicKey, node_named
 from scenefold.wire import MalformedPacket, RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic, SignedRecord, Want, unpack_log
 from scenefold.world import Connection, Priority
 from scenefold.world.log_file import LogFile
@@ -64,13 +64,25 @@ class KnownLog:
         self._following = trio.Lock()
         self._claims: dict[str, int] = {}
         self._claimed = trio.Event()
+        self._is_puzzled = False
+        """Whether somebody showed a key that the log may tell of by now."""
         self._asked_at = -math.inf
 
     # ------------------------------------------------------------------------------------------------- who counts
 
     def refusal_of(self, connection: Connection) -> Refused | None:
         """Why a node that answers is not talked to."""
-        return self.view.refusal_of(connection.peer, connection.peer_key)
+        refusal = self.view.refusal_of(connection.peer, connection.peer_key)
+        node, key = node_named(connection.peer), connection.peer_key
+        known = None if node is None else self.view.keys_of(node)
+        if refusal is None and known is not None and key not in (None, known.signing_id):
+            # A certificate of which the log does not tell, or not yet: others are asked soon whether it does.
+            self._is_puzzled = True
+            self._claimed.set()
+            refusal = Refused(
+                RejectReason.NOT_READY, f"its certificate is for another key than the cluster's log has for {connection.peer}"
+            )
+        return refusal
 
     def check_own(self) -> None:
         """Refused if our own key counts no longer: no honest node would answer."""
@@ -95,7 +107,8 @@ class KnownLog:
             with trio.move_on_after(max(0.0, max(looked_at, self._asked_at) + LOOK_S - clock.now())) as look:
                 await self._claimed.wait()
                 await self._follow()
-            if look.cancelled_caught:
+            if look.cancelled_caught or self._is_puzzled:
+                self._is_puzzled = False
                 looked_at = clock.now()
                 try:
                     await self.newest()

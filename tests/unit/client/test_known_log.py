@@ -220,3 +220,29 @@ async def test_a_short_command_waits_for_what_is_being_asked_already(tmp_path: P
         await log.settled()
         nursery.cancel_scope.cancel()
     assert LogFile(tmp_path).load()[0].position == len(RECORDS)
+
+
+def shown(number: int, key: KeyId | None) -> Any:
+    return SimpleNamespace(peer=f"node:{node(number)}", peer_key=key)
+
+
+async def test_a_certificate_that_the_log_does_not_know_is_talked_to_once_it_does(autojump_clock: trio.testing.MockClock) -> None:
+    nodes = Nodes(logs=dict.fromkeys(ADDRESSES, RECORDS[:8]))
+    _, log = nodes.client()
+    foreign = KeyId(0x12345678)
+    assert log.refusal_of(shown(0, foreign)) is None, "of nobody anything is known yet"
+    await log.newest()
+    for number in range(3):
+        assert log.refusal_of(shown(number, key_of(number).public.key_id)) is None
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(log.run)
+        await trio.sleep(PAUSE_S)
+        nodes.logs = dict.fromkeys(ADDRESSES, RECORDS)
+        refusal = log.refusal_of(shown(2, foreign))
+        assert refusal is not None and "another key" in refusal.what
+        # Its keys may be newer than what we know: then the log tells.
+        await trio.sleep(2 * PAUSE_S)
+        assert log.view.position == len(RECORDS)
+        nursery.cancel_scope.cancel()
+    assert log.refusal_of(shown(2, foreign)) is not None
+    assert log.refusal_of(shown(7, foreign)) is None, "a spare, of which the log tells nothing yet"
