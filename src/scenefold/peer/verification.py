@@ -5,7 +5,7 @@ its epoch is not below the write floor, nor one that the log has not come to; th
 the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
 
 Copies that another node hands over are verified alike, but for the write floor and former keys: they were accepted once, and must
-be movable in every mode. Under a key that the scene does not have yet no record was ever accepted.
+be movable in every mode. Of an epoch that has not come, or under a key that the scene does not have yet, no record was ever accepted.
 """
 
 from __future__ import annotations
@@ -104,10 +104,7 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
     if header.key_epoch < scene.public.key_epoch:
         raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
-    if header.epoch > scene.public.position:
-        # Versions are ordered by epoch first: nothing would ever be newer than a record of the last one.
-        raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
-    _check_key_epoch(header, scene)
+    _check_has_come(header, scene)
     return Claim(Put(record, item.expect), key)
 
 
@@ -116,7 +113,7 @@ def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
     header, key = _claimed(record, item, scene)
     if item.object != object_of(header):
         raise Refused(RejectReason.ILL_FORMED, "the record is that of another object")
-    _check_key_epoch(header, scene)
+    _check_has_come(header, scene)
     return Claim(Put(record, at=item.location if item.object else None), key)
 
 
@@ -146,13 +143,13 @@ def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tup
     return header, key
 
 
-def _check_key_epoch(header: RecordHeader, scene: KnownScene) -> None:
-    """Refused if the scene has no such key, as far as it is known at the record's position: no owner ever took such a record."""
-    if header.key_epoch <= scene.public.key_epoch:
-        return
+def _check_has_come(header: RecordHeader, scene: KnownScene) -> None:
+    """Refused if the scene's log has not come as far as the record says, or has no such key: no owner ever took such a record."""
     if header.epoch > scene.public.position:
+        # Versions are ordered by epoch first: nothing would ever be newer than a record of the last one.
         raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
-    raise Refused(RejectReason.ILL_FORMED, f"the scene has no key of epoch {header.key_epoch}")
+    if header.key_epoch > scene.public.key_epoch:
+        raise Refused(RejectReason.ILL_FORMED, f"the scene has no key of epoch {header.key_epoch}")
 
 
 def _signed(claim: Claim) -> Put:
