@@ -3,14 +3,16 @@
 All requests are handled by one thread, in tasks that run in turns: of a hundred of one peer and one of another, the one has a
 hundredth of the time. So a peer beside others begins only a few at a time, the next once one of them has ended; one that takes
 long, as it waits for a disk or another node, takes nobody's time, and soon counts no more. And it gets at most a share of the
-thread's time, by what requests and answers of that size take; but for members, whose traffic all have caused. A peer that is
-alone may begin all, and take all.
+thread's time, by what requests and answers of that size take; but for members, whose traffic all have caused. The share is larger
+the less the others take: who asks once a second takes nothing away from one that has much to do. A peer that is alone may begin all,
+and take all.
 
 Each peer has an account for each port, so that what is small and urgent does not wait behind its own bulk.
 """
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,10 +22,14 @@ TURNS_MAX = 4
 """Requests of a peer beside others that may have begun lately: a full one of reading costs two milliseconds."""
 TURN_S = 0.025
 """After which a request counts as waiting for something else."""
-BESIDE_S = 1.0
+BESIDE_S = 0.25
 """Others are beside a peer for so long after their last request."""
 WORK_SHARE = 0.2
-"""Of the thread's time, for a peer beside others. By the costs below it may read 20 MiB a second, or have 250 small answers."""
+"""Of the thread's time, for a peer beside others that take a sixth of it or more. By the costs below it may read 20 MiB a second, or have 250 small answers."""
+OTHERS_WEIGHT = 5.0
+"""If others take less, its share is the whole but for so many times what they take: they may want more than they get."""
+LATELY_S = 1.0
+"""What was taken counts so long, ever less."""
 WORK_S_MAX = 0.2
 """What a peer that was quiet may take at once."""
 WORK_S_OWED_MAX = 0.05
@@ -39,6 +45,20 @@ Guest = tuple[str, int]
 
 
 @dataclass
+class Taken:
+    """What part of the time was taken lately."""
+
+    part: float = 0.0
+    at: float = 0.0
+
+    def now(self, now: float) -> float:
+        return self.part * math.exp((self.at - now) / LATELY_S)
+
+    def add(self, work_s: float, now: float) -> None:
+        self.part, self.at = self.now(now) + work_s / LATELY_S, now
+
+
+@dataclass
 class _Account:
     """Of one that has requests under way, or had some lately."""
 
@@ -48,6 +68,7 @@ class _Account:
     begun: dict[int, float] = field(default_factory=dict)
     """When its requests under way began, the earliest first."""
     last_at: float = 0.0
+    taken: Taken = field(default_factory=Taken)
 
 
 class Turns:
@@ -58,6 +79,8 @@ class Turns:
         self._guests: OrderedDict[Guest, _Account] = OrderedDict()
         """Whoever began a request last is the last one."""
         self._number = 0
+        self._taken = Taken()
+        """By all."""
 
     def wait_s(self, guest: Guest, now: float) -> float:
         """How long the next request of one has to wait, unless one of its others ends before; 0: it may begin."""
@@ -69,7 +92,7 @@ class Turns:
             # If this one counts no more, so many are left at most.
             at = next(islice(reversed(account.begun.values()), TURNS_MAX - 1, None))
             wait_s = at + TURN_S - now
-        work_wait_s = account.work_at - account.work_s / WORK_SHARE - now
+        work_wait_s = account.work_at - account.work_s / self._share(guest, now) - now
         if work_wait_s > 0 and not self._is_free(guest[0]):
             wait_s = max(wait_s, work_wait_s)
         return max(0.0, wait_s)
@@ -87,9 +110,18 @@ class Turns:
         """It is answered, or never will be."""
         account = self._guests[guest]
         del account.begun[number]
-        gained = min(WORK_S_MAX, account.work_s + (now - account.work_at) * WORK_SHARE)
-        account.work_s = max(-WORK_S_OWED_MAX, gained - REQUEST_S - answer_bytes * ANSWER_BYTE_S)
+        work_s = REQUEST_S + answer_bytes * ANSWER_BYTE_S
+        gained = min(WORK_S_MAX, account.work_s + (now - account.work_at) * self._share(guest, now))
+        account.work_s = max(-WORK_S_OWED_MAX, gained - work_s)
         account.work_at = now
+        account.taken.add(work_s, now)
+        self._taken.add(work_s, now)
+
+    def _share(self, guest: Guest, now: float) -> float:
+        """Of the time, for one that is beside others."""
+        own = sum(self._guests[one].taken.now(now) for one in ((guest[0], 0), (guest[0], 1)) if one in self._guests)
+        others = max(0.0, self._taken.now(now) - own)
+        return max(WORK_SHARE, 1.0 - OTHERS_WEIGHT * others)
 
     def _is_beside_others(self, guest: Guest, now: float) -> bool:
         latest = next((account.last_at for other, account in reversed(self._guests.items()) if other[0] != guest[0]), None)

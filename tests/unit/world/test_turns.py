@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -79,15 +81,25 @@ def test_who_is_busy_at_one_port_is_beside_others_at_both_and_by_itself_at_none(
     assert len(begin_all(turns, ("user:pushy", 1), 0.0, 100)) == len(begin_all(turns, PUSHY, 0.0, 100)) == TURNS_MAX
 
 
-def requests_in(turns: Turns, seconds: float, answer_bytes: int, *, beside: bool, guest: Guest = PUSHY) -> int:
-    """How many one makes that asks again and again, and is answered at once."""
-    now, count = 0.0, 0
-    while now < seconds:
-        if beside:
+BUSY_PER_S = 300.0
+"""So often somebody asks that much of the time is to be left to it."""
+
+
+def requests_in(turns: Turns, seconds: float, answer_bytes: int, *, beside_per_s: float = 0.0, guest: Guest = PUSHY) -> int:
+    """How many one makes that asks again and again, and is answered at once. Another has asked so often a second for some time."""
+    pause_s = 1 / beside_per_s if beside_per_s else math.inf
+    next_at, count = 0.0, 0
+    while beside_per_s and next_at < 5.0:
+        visit(turns, OTHER, next_at)
+        next_at += pause_s
+    now = begin = next_at
+    while now < begin + seconds:
+        if beside_per_s and now >= next_at:
             visit(turns, OTHER, now)
+            next_at = now + pause_s
         wait_s = turns.wait_s(guest, now)
-        assert not wait_s or beside
-        now += wait_s + 1e-9 if wait_s else 1e-4
+        assert not wait_s or beside_per_s
+        now += min(wait_s + 1e-9, pause_s) if wait_s else 1e-4
         if not wait_s:
             turns.end(guest, turns.begin(guest, now), answer_bytes, now)
             count += 1
@@ -97,9 +109,20 @@ def requests_in(turns: Turns, seconds: float, answer_bytes: int, *, beside: bool
 @pytest.mark.parametrize("answer_bytes", [0, 77_000, 4_000_000])
 def test_beside_others_a_peer_gets_its_share_of_the_time_and_alone_all(answer_bytes: int) -> None:
     cost_s = REQUEST_S + answer_bytes * ANSWER_BYTE_S
-    found = requests_in(Turns(), 10.0, answer_bytes, beside=True)
+    found = requests_in(Turns(), 10.0, answer_bytes, beside_per_s=BUSY_PER_S)
     assert found * cost_s == pytest.approx(WORK_S_MAX + 10.0 * WORK_SHARE, abs=cost_s + WORK_S_OWED_MAX)
-    assert requests_in(Turns(), 1.0, answer_bytes, beside=False) >= 9_000
+    assert requests_in(Turns(), 1.0, answer_bytes) >= 9_000
+
+
+@pytest.mark.parametrize("answer_bytes", [0, 77_000])
+def test_who_asks_once_a_second_takes_next_to_nothing_away(answer_bytes: int) -> None:
+    cost_s = REQUEST_S + answer_bytes * ANSWER_BYTE_S
+    assert requests_in(Turns(), 10.0, answer_bytes, beside_per_s=1.0) * cost_s >= 0.95 * 10.0
+
+
+def test_the_less_others_take_the_more_there_is() -> None:
+    found = [requests_in(Turns(), 5.0, 0, beside_per_s=often) for often in (5.0, 50.0, 150.0, BUSY_PER_S)]
+    assert found == sorted(found, reverse=True) and found[0] >= 3 * found[-1]
 
 
 def test_who_took_all_alone_owes_little_when_others_come() -> None:
@@ -112,8 +135,8 @@ def test_who_took_all_alone_owes_little_when_others_come() -> None:
 
 def test_members_take_all_the_time_but_begin_no_more_at_a_time_than_others() -> None:
     turns = Turns(is_free=lambda peer: peer == ME[0])
-    assert requests_in(turns, 1.0, 77_000, beside=True, guest=ME) >= 9_000
-    assert len(begin_all(turns, ME, 1.0, 100)) == TURNS_MAX
+    assert requests_in(turns, 1.0, 77_000, beside_per_s=BUSY_PER_S, guest=ME) >= 9_000
+    assert len(begin_all(turns, ME, 6.0, 100)) == TURNS_MAX
 
 
 def test_who_was_quiet_for_long_is_forgotten() -> None:
