@@ -32,7 +32,9 @@ class TokenOrAddress:
             except ValueError:
                 # Most who type something short have not copied a token whole.
                 hint = "copy the whole word that `scenectl cluster invite` printed, or name a node that runs"
-                raise ValueError(f"{text!r} is neither a whole token nor an IPv4 address; {hint}") from None
+                # A part of a token is a secret, too, and messages are kept in logs.
+                shown = repr(text) if text.replace(".", "").isdecimal() else "this"
+                raise ValueError(f"{shown} is neither a whole token nor an IPv4 address; {hint}") from None
         return cls(text)
 
     @property

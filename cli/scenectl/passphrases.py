@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault, UsageFault
+from scenefold.crypto.passphrases import PASSPHRASE_CHARACTERS_MAX, PASSPHRASE_CHARACTERS_MIN
 
 VARIABLE = "SCENEFOLD_PASSPHRASE"
 _FILE_BYTES_MAX = 4096
@@ -25,6 +26,9 @@ def known_passphrase(where: str) -> str:
     """That of locked keys, if it was given or typed; PassphraseNeeded if it can be asked for, UsageFault if not."""
     given = os.environ.get(VARIABLE, _typed.get(where))
     if given is not None:
+        if any("\udc80" <= letter <= "\udcff" for letter in given):
+            # What the system could not read as text.
+            raise UsageFault("the passphrase is no text in UTF-8", where=VARIABLE, remedy="set it anew")
         return given
     what, remedy = "these keys are locked, and no passphrase was given", f"give it in {VARIABLE}, or call from a terminal"
     raise (PassphraseNeeded if _is_person_there() else UsageFault)(what, where=where, remedy=remedy)
@@ -89,6 +93,12 @@ def _first_line(file: Path) -> str:
     if len(data) > _FILE_BYTES_MAX:
         raise LocalFault("far too large for a passphrase", where=str(file), remedy="put it on the first line of a file of its own")
     try:
-        return data.decode().splitlines()[0] if data else ""
+        lines = data.decode().splitlines()
     except UnicodeDecodeError:
         raise LocalFault("the passphrase is no text in UTF-8", where=str(file), remedy="write it anew") from None
+    if not lines or not lines[0]:
+        raise UsageFault("the file of a passphrase holds none", where=str(file), remedy="put it on the first line")
+    if not PASSPHRASE_CHARACTERS_MIN <= len(lines[0]) <= PASSPHRASE_CHARACTERS_MAX:
+        what = f"a passphrase has {PASSPHRASE_CHARACTERS_MIN} to {PASSPHRASE_CHARACTERS_MAX} characters, not {len(lines[0])}"
+        raise UsageFault(what, where=str(file), remedy="put it on the first line")
+    return lines[0]
