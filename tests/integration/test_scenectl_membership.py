@@ -193,7 +193,7 @@ def test_a_newcomer_says_that_it_waits_for_the_voter(local: tuple[str, dict[str,
     [
         (["cluster", "join", FOUNDERS[0], "--address", FOUNDERS[0]], 2, "through itself"),
         (["cluster", "join", FOUNDERS[0]], 2, f"choose with --address, of {', '.join(SPARES)}"),
-        (["cluster", "join", "kitchen", "--address", SPARES[0]], 2, "no IPv4 address"),
+        (["cluster", "join", "kitchen", "--address", SPARES[0]], 2, "nor an IPv4 address"),
         (["cluster", "join", FOUNDERS[0], "--address", "127.0.0.99"], 1, "no node of this cluster"),
         (["cluster", "join", FOUNDERS[0], "--address", SPARES[0], "--place", "middle"], 2, "no place on the line"),
         (["node", "drain", "127.0.0.99"], 1, "no node of this address is a member"),
