@@ -25,8 +25,8 @@ TURN_S = 0.025
 BESIDE_S = 0.25
 """Others are beside a peer for so long after their last request."""
 WORK_SHARE = 0.2
-"""Of the thread's time, for a peer beside others that take a sixth of it or more. By the costs below it may read 20 MiB a second, or have 250 small answers."""
-OTHERS_WEIGHT = 5.0
+"""Of the thread's time, for a peer beside others that take a thirtieth of it or more. By the costs below it may read 20 MiB a second, or have 250 small answers."""
+OTHERS_WEIGHT = 25.0
 """If others take less, its share is the whole but for so many times what they take: they may want more than they get."""
 LATELY_S = 1.0
 """What was taken counts so long, ever less."""
