@@ -158,13 +158,13 @@ def test_keys_of_another_cluster(folder: Path, copy: Path, tmp_path: Path) -> No
     assert lives(folder)
 
 
-def test_a_signing_key_that_may_not_write(folder: Path, copy: Path, tmp_path: Path) -> None:
+def test_a_signing_key_that_is_not_the_users_own(folder: Path, copy: Path, tmp_path: Path) -> None:
     assert scenectl("scene", "create", "hall", profile=folder / "profile").code == 0
     shutil.copy(folder / "profile" / "scenes" / "hall.toml", copy / "scenes" / "hall.toml")
     stranger = ClusterProfile.create(tmp_path / "stranger", "local", [HOST])
     shutil.copy(stranger.folder / "users" / "owner" / "signing.seed", copy / "users" / "owner" / "signing.seed")
     done = scenectl("data", "put", "files", "01", "-", "--scene", "hall", profile=copy, stdin=b"x")
-    assert "reading only (scene hall)" in done.refusal(1)
+    assert "these are not the keys that the certificate names" in done.refusal(1)
     assert scenectl("data", "ls", "files", "--scene", "hall", "--json", profile=folder / "profile").json["locations"] == []
 
 

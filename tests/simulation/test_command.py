@@ -16,7 +16,7 @@ from scenefold.simulation.outcome import FAULTS_MIN, OPERATIONS_MIN, Order, Resu
 from scenefold.simulation.shrink import Shortened
 from simulation.runs import command
 
-KEYS = {"seeds", "violations", "faults", "operations", "operations_min", "faults_min", "short"}
+KEYS = {"seeds", "violations", "faults", "operations", "operations_min", "faults_min", "reported", "short"}
 MUTANT = ("--mutant", "version check", "--seconds", "20", "--faults", "connection reset,duplication")
 
 

@@ -90,6 +90,8 @@ class Asker:
     async def introduce(self) -> None:
         """Until both know that the other one lives."""
         await self.ask(question_of(RIGHT))
+        # In virtual time: what both said while they met has arrived.
+        await trio.sleep(1.0)
 
     async def ask(self, question: QueryRange) -> ReturnRange | RejectRange:
         question = replace(question, request_id=self.counter + 1)
