@@ -58,6 +58,11 @@ class Setbacks:
         met = self._met.get((key[0], key[-1]))
         return 0 if met is None else met.setbacks
 
+    def ends_deleted(self, key: Key) -> bool:
+        """Whether the newest that this client has met there is a deletion, or that nothing is there any more."""
+        met = self._met.get((key[0], key[-1]))
+        return met is not None and met.is_deleted
+
     def tell(self, now: float, where: str, behind: Sequence[Key]) -> None:
         """Warn of them, once a minute at most."""
         text = (

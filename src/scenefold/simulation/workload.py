@@ -248,6 +248,9 @@ class Worker:
             del self._newest[place]
         if before is None or noticed > noticed_before:
             return
+        if record is None and self._access.setbacks.ends_deleted((META, place)):
+            # A read within another operation (before a write, in a list) has met a deletion meanwhile.
+            return
         if before.version > record.version if record is not None else not before.deleted:
             self._tally.wrong.append(f"{self._name}: get: less than it has read before at {place.hex()[:8]}…, and does not notice")
 

@@ -61,7 +61,9 @@ async def test_what_was_never_met_and_what_was_deleted_may_be_missing(autojump_c
     scene = _scene(nodes)
     space = scene.space(FILES)
     await space.put(HERE, b"here")
+    assert not scene.access.setbacks.ends_deleted((FILES, HERE))
     await space.delete(HERE)
+    assert scene.access.setbacks.ends_deleted((FILES, HERE)) and not scene.access.setbacks.ends_deleted((FILES, THERE))
     nodes.records.clear()
     assert await space.get_many([HERE, THERE]) == [None, None]
     assert not scene.access.setbacks.count
