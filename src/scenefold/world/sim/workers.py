@@ -94,9 +94,9 @@ class SimWorkers:
         machine = self._process.machine
         own = self._costs.get(lane)
         cost = own.draw(machine.dice) if own is not None else 0.0
-        if lane == SYNCING_LANE:
-            cost += machine.disk.sync_s
-        return cost * self._paths.slowness(machine.name)
+        cost *= self._paths.slowness(machine.name)
+        # A busy processor does not slow its disk down: both together would make minutes of one commit, long after both have healed.
+        return cost + machine.disk.sync_s if lane == SYNCING_LANE else cost
 
     async def _elapse(self, seconds: float) -> None:
         """Let virtual time pass, whoever is cancelled meanwhile; the death of the process ends it."""
