@@ -30,6 +30,7 @@ from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
 from scenefold.store import StoreDamaged
 from scenefold.wire import HandItem, PutItem
+from scenefold.world import leaves
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.ports import DiskFull
 from scenefold.world.sim import Point, SimDisk, SimNet
@@ -230,7 +231,7 @@ class Cluster:
                     if node.is_wanted:
                         self._is_up(node, context)
             except* Exception as group:  # noqa: BLE001  whatever a node dies of is told, and judged
-                ends = list(_leaves(group))
+                ends = list(leaves(group))
         if not node.is_wanted:
             return "killed"
         return self._judge_end(node, ends, came_up=came_up)
@@ -277,10 +278,3 @@ class Cluster:
 
         see_acknowledged(context, acknowledged)
         see_judged(context, self.watch.judged)
-
-
-def _leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
-    found: list[BaseException] = []
-    for error in group.exceptions:
-        found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
-    return found

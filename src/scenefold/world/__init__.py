@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from scenefold.world.quiet import QuietLog
     from scenefold.world.real import DEFAULT_LANES, newcomer_world, offline_world, real_world
     from scenefold.world.serving import Handler, serve_connection
-    from scenefold.world.tasks import background_tasks, first_of
+    from scenefold.world.tasks import background_tasks, first_of, leaves
     from scenefold.world.turns import Turns
 
 _LATE = {
@@ -54,6 +54,7 @@ _LATE = {
     "serve_connection": "serving",
     "background_tasks": "tasks",
     "first_of": "tasks",
+    "leaves": "tasks",
     "Turns": "turns",
 }
 
@@ -85,6 +86,7 @@ __all__ = [
     "WriteTransaction",
     "background_tasks",
     "first_of",
+    "leaves",
     "newcomer_world",
     "offline_world",
     "open_channel",

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
+from typing import TypeVar
 
 import trio
+
+E = TypeVar("E", bound=BaseException)
 
 
 @asynccontextmanager
@@ -22,7 +25,7 @@ async def background_tasks() -> AsyncIterator[trio.Nursery]:
             finally:
                 nursery.cancel_scope.cancel()
     except BaseExceptionGroup as group:
-        causes = [leaf for leaf in _leaves(group) if not isinstance(leaf, trio.Cancelled)]
+        causes = [leaf for leaf in leaves(group) if not isinstance(leaf, trio.Cancelled)]
         if len(causes) == 1:
             raise causes[0] from causes[0].__cause__
         raise
@@ -42,9 +45,10 @@ async def first_of(*waits: Callable[[], Awaitable[object]]) -> None:
         await over.wait()
 
 
-def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
+def leaves(group: BaseExceptionGroup[E]) -> Iterator[E]:
+    """The errors of a group, and of the groups in it."""
     for error in group.exceptions:
         if isinstance(error, BaseExceptionGroup):
-            yield from _leaves(error)
+            yield from leaves(error)
         else:
             yield error

@@ -6,11 +6,10 @@ and remedy on a line each; the reason tells what may pass (NOT_READY: a node is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Value
+from scenefold.world import leaves
 from scenefold.world.quiet import BUGS
 
 PART_CHARACTERS_MAX = 160
@@ -51,7 +50,7 @@ def told(error: ScenefoldError) -> Refused:
 
 def failure_of(group: ExceptionGroup[Exception], job: int) -> Refused:
     """What a job failed of: the first error, without the traceback, whose frames hold keys. A bug is logged, and fails the job and not the node."""
-    errors = list(_leaves(group))
+    errors = list(leaves(group))
     for bug in errors:
         if not isinstance(bug, ScenefoldError):
             BUGS.error("job %016x: an internal error, %s", job, type(bug).__name__, exc_info=bug)
@@ -64,11 +63,3 @@ def error_of(reason: int, words: str, *, where: str = "", before: str = "") -> R
     what, place, remedy = (*words.split("\n"), "", "")[:3]
     known = RejectReason(reason) if reason in set(RejectReason) else RejectReason.ILL_FORMED
     return Refused(known, before + (what or "no reason is given"), where=place or where, remedy=remedy)
-
-
-def _leaves(group: ExceptionGroup[Exception]) -> Iterator[Exception]:
-    for error in group.exceptions:
-        if isinstance(error, ExceptionGroup):
-            yield from _leaves(error)
-        else:
-            yield error
