@@ -151,7 +151,10 @@ class LyingHandovers:
         is_liar = self._lie(member)
         answer: Packet = await ask(member, priority, replace(packet, items=tuple(items)), *rest)
         if wrong >= 0 and _has_kept(answer, wrong):
-            place, _ = named(packet.items[wrong])
+            place, version = named(packet.items[wrong])
+            if (is_liar or self._lie(member)) and isinstance(packet, CopyRecords):
+                # Between two liars: the one altered it, the other says that it keeps it.
+                self._lies.loses(self._slot, packet.handover, place, version.digest)
             self._complain(place, is_liar or self._lie(member))
         return answer
 
