@@ -1,6 +1,6 @@
 """What `bench seal` does: sealing and verifying as clients and nodes do it, beside the same calls of the library made bare.
 
-Ours is what a client runs for a batch (client/sealing.py) and what a node runs for one (peer/verification.py), headers, places and
+Ours is what a client runs for a batch (client/sealing.py) and what a node runs for one (peer/records/verification.py), headers, places and
 writers looked at. Bare is AES-GCM, SHA-256 and a signature of as many bytes as a header has, and nothing around them. Both get the
 same payloads, in batches as clients make them, and keep what they make. All works take turns. One core: seconds of one thread's
 processor time. Two: two threads at once, by the wall clock, each with all of the work.
@@ -114,7 +114,7 @@ def _works(key: SigningKey, size: int, most: int) -> list[Work]:
     from scenefold.client.sealing import Draft, SceneIdentity, open_all, seal_all, writers_of
     from scenefold.crypto import ED25519, RECORD_DOMAIN, Record, new_symmetric_key
     from scenefold.crypto.bare import BareCalls
-    from scenefold.peer.verification import KnownScene, verify_all
+    from scenefold.peer.records.verification import KnownScene, verify_all
     from scenefold.scene.log import EpochKeys
     from scenefold.wire import RecordBytes
 

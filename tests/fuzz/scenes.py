@@ -10,7 +10,7 @@ from fuzz.findings import Finding
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.client.births import verified_header_key
 from scenefold.crypto import SigningKey, open_former, seal_former
-from scenefold.peer.headers import checked_header
+from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.log import Contents
 from scenefold.wire import MalformedPacket, Role, SceneLogPublic
 from unit.peer.scenes_made import HEADER_KEY, first_header, later_header

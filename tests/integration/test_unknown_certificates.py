@@ -11,7 +11,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Identity, MemberSecrets, new_tls_key, tls_key_in
-from scenefold.peer.log_packets import proposal_of
+from scenefold.peer.cluster_log.log_packets import proposal_of
 from scenefold.wire import (
     AddNode,
     ListScenes,

@@ -25,7 +25,7 @@ from scenefold.crypto import (
 )
 from scenefold.node.running import run_assembled
 from scenefold.peer import NodeContext, NodeSettings
-from scenefold.peer.papers import Papers
+from scenefold.peer.enrolment.papers import Papers
 from scenefold.simulation.cluster import key_of, secrets_of
 from scenefold.wire.enrol_entries import ANY_NODE, Invite
 from scenefold.world.charter import Charter

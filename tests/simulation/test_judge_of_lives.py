@@ -10,8 +10,8 @@ import trio
 
 from scenefold.base.errors import DamagedData, LocalFault, Unreachable
 from scenefold.peer.balance.draining import DRAINED, NodeDrained
-from scenefold.peer.enrolment import IdentityRenewed
-from scenefold.peer.registered import NO_INCARNATION, Removal
+from scenefold.peer.cluster_log.registered import NO_INCARNATION, Removal
+from scenefold.peer.enrolment.enrolment import IdentityRenewed
 from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.removals import JUDGED_S, _removed

@@ -2,7 +2,7 @@
 
 `run_assembled` is one life of a node in any world, real or simulated; `run_node` takes profile, keys and the real
 world from this machine. A life may end because the store has taken a new incarnation (IdentityRenewed, see
-peer/enrolment.py): then the next one begins at once, with nothing left of what was in memory.
+peer/enrolment/enrolment.py): then the next one begins at once, with nothing left of what was in memory.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scenefold.base.ids import node_id_of
 from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer import Extension, IdentityRenewed, NodeContext, NodeDrained, NodeSettings, PeerServices
-from scenefold.peer.papers import NO_PAPERS, Papers
+from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
 from scenefold.store import LmdbDisk, open_store
 from scenefold.world import World, background_tasks, open_links, real_world
 from scenefold.world.facts import ClusterFacts

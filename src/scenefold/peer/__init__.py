@@ -2,13 +2,13 @@
 
 from scenefold.peer.balance import NodeDrained
 from scenefold.peer.context import Extension, NodeContext
-from scenefold.peer.enrolment import IdentityRenewed
+from scenefold.peer.enrolment.enrolment import IdentityRenewed
 from scenefold.peer.handlers import Handler, Handlers, Senders, node_of
-from scenefold.peer.roster import Roster
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import Load, OwnStatus
 from scenefold.peer.routing import Routing
 from scenefold.peer.services import PeerServices
 from scenefold.peer.settings import NodeSettings
-from scenefold.peer.status import Load, OwnStatus
 
 __all__ = [
     "Extension",

@@ -9,20 +9,20 @@ import trio
 
 from scenefold.base.ids import NodeId
 from scenefold.peer.balance import Balancer, Draining
-from scenefold.peer.cluster_log import ClusterLog
-from scenefold.peer.data import DataService
-from scenefold.peer.enrolment import Enrolment
-from scenefold.peer.gossip import Gossip
+from scenefold.peer.cluster_log.cluster_log import ClusterLog
+from scenefold.peer.cluster_log.lease import OwnerLease
+from scenefold.peer.enrolment.enrolment import Enrolment
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.lease import OwnerLease
 from scenefold.peer.line import Line
+from scenefold.peer.membership.gossip import Gossip
+from scenefold.peer.membership.probing import Probing
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
-from scenefold.peer.probing import Probing
-from scenefold.peer.roster import Roster
+from scenefold.peer.records.data import DataService
 from scenefold.peer.routing import Routing
-from scenefold.peer.scenes import Scenes
+from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.settings import NodeSettings
-from scenefold.peer.status import OwnStatus
 from scenefold.store import Store
 from scenefold.world import Links, World
 from scenefold.world.facts import ClusterFacts

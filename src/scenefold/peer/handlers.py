@@ -17,7 +17,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import node_named
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.wire import MiniStatus, Packet
 
 P = TypeVar("P", bound=Packet)

@@ -7,9 +7,9 @@ from typing import TypeVar
 
 from scenefold.base.errors import PeerFault, Unreachable
 from scenefold.base.ids import NodeId, address_of
-from scenefold.peer.roster import Roster
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.routing import Routing
-from scenefold.peer.status import OwnStatus
 from scenefold.wire import ROWS, Packet
 from scenefold.world import Links, Priority, World
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 
 from scenefold.base.ids import KeyId
 from scenefold.crypto import SUITES, Card, PublicKey
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.registry import Registry
-from scenefold.peer.scenes import Scenes
+from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.wire import Packet, PublicKeyInfo, RequestPublicKey, RespondPublicKey
 from scenefold.world.facts import ClusterFacts
 

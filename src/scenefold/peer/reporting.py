@@ -16,11 +16,11 @@ from typing import Any
 
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.context import NodeContext
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Handover, Side
-from scenefold.peer.registry import Registry
-from scenefold.peer.roster import Roster
+from scenefold.peer.membership.roster import Roster
 from scenefold.store import StoreStatistics
 from scenefold.store.statistics import Counts, capacity_of
 from scenefold.wire import Member, NodeReport, Packet, RequestReport, pack_value

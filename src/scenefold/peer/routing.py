@@ -16,7 +16,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.registry import Registry
 
 
 class Claims(Protocol):

@@ -19,33 +19,33 @@ from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
-from scenefold.peer.card_rules import is_user_key
-from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.cluster_log.cluster_log import ClusterLog
+from scenefold.peer.cluster_log.lease import OwnerLease
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.context import NodeContext
-from scenefold.peer.data import DataService
-from scenefold.peer.discovery import Discovery
-from scenefold.peer.door import Door
-from scenefold.peer.enrolling import Enrolling
-from scenefold.peer.enrolment import Enrolment
-from scenefold.peer.gossip import Gossip
+from scenefold.peer.enrolment.card_rules import is_user_key
+from scenefold.peer.enrolment.discovery import Discovery
+from scenefold.peer.enrolment.door import Door
+from scenefold.peer.enrolment.enrolling import Enrolling
+from scenefold.peer.enrolment.enrolment import Enrolment
+from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
+from scenefold.peer.enrolment.renewal import Renewal
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.lease import OwnerLease
 from scenefold.peer.line import Line
-from scenefold.peer.members import Members
-from scenefold.peer.papers import NO_PAPERS, Papers
+from scenefold.peer.membership.gossip import Gossip
+from scenefold.peer.membership.members import Members
+from scenefold.peer.membership.probing import Probing
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.membership.tables import Tables
 from scenefold.peer.peers import Peers
-from scenefold.peer.probing import Probing
 from scenefold.peer.public_keys import PublicKeys
-from scenefold.peer.range_datagrams import RangeDatagrams
-from scenefold.peer.registry import Registry
-from scenefold.peer.renewal import Renewal
+from scenefold.peer.records.data import DataService
+from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.reporting import Reporting
-from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
-from scenefold.peer.scenes import Scenes
+from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.settings import NodeSettings
-from scenefold.peer.status import OwnStatus
-from scenefold.peer.tables import Tables
 from scenefold.store import Store
 from scenefold.store.statistics import capacity_of
 from scenefold.world import Links, Priority, World

@@ -20,7 +20,7 @@ from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.node.running import run_assembled
 from scenefold.peer import NodeContext, NodeSettings
 from scenefold.peer.balance.draining import NodeDrained
-from scenefold.peer.enrolment import IdentityRenewed
+from scenefold.peer.enrolment.enrolment import IdentityRenewed
 from scenefold.simulation import laws
 from scenefold.simulation.acknowledged import see_acknowledged
 from scenefold.simulation.disks import incarnation_of

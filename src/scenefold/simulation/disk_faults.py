@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import trio
 
-from scenefold.peer.lives import Lives
+from scenefold.peer.cluster_log.lives import Lives
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disks import arc_of, granted_life, has_open_handover, incarnation_of, keys_outside, lives_of
 from scenefold.simulation.faults import Fault, Kind

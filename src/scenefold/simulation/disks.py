@@ -10,10 +10,10 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.crypto.record_header import version_key
+from scenefold.peer.cluster_log.lives import Lives, note_of, unpack_granted, unpack_lives
+from scenefold.peer.cluster_log.own_life import NOTE as LIVES_NOTE
 from scenefold.peer.line.holding import Handover, Step
 from scenefold.peer.line.holding_note import decode_holding
-from scenefold.peer.lives import Lives, note_of, unpack_granted, unpack_lives
-from scenefold.peer.own_life import NOTE as LIVES_NOTE
 from scenefold.simulation.history import Place, Version
 from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, location_of, object_of, record_key, space_of, spot_of, stored_header
 from scenefold.store.sealing import opened

@@ -66,7 +66,7 @@ def _deaf_helpers(_original: Any) -> Any:
     """Nobody is asked to probe for us: what does not answer directly is silent."""
 
     async def heard_by_others(*_args: Any) -> Any:
-        from scenefold.peer.probing import Verdict
+        from scenefold.peer.membership.probing import Verdict
 
         return Verdict.NOT_HEARD
 
@@ -110,23 +110,23 @@ def _trusting_receiver(_original: Any) -> Any:
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": (Patch("scenefold.store.record_changes", "judge", _blind_judge),),
     "durable before ack": (Patch("scenefold.store.writer", "GroupWriter.submit", _hasty_submit),),
-    "owner lease": (Patch("scenefold.peer.lease", "OwnerLease.holds", _always(True)),),
-    "indirect probe": (Patch("scenefold.peer.probing", "heard_by_others", _deaf_helpers),),
+    "owner lease": (Patch("scenefold.peer.cluster_log.lease", "OwnerLease.holds", _always(True)),),
+    "indirect probe": (Patch("scenefold.peer.membership.probing", "heard_by_others", _deaf_helpers),),
     "durable before release": (Patch("scenefold.peer.line.receiving", "keep_durably", _hasty_keeping),),
     "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
-    "restored backup": (Patch("scenefold.peer.log_voter", "is_restored", _always(False)),),
+    "restored backup": (Patch("scenefold.peer.cluster_log.log_voter", "is_restored", _always(False)),),
     "record of this place": (Patch("scenefold.client.sealing", "check_claim", _always(None)),),
     "reader's signature check": (Patch("scenefold.client.sealing", "check_signature", _always(None)),),
     "checked handover": (Patch("scenefold.peer.line.receiving", "verify_copies", _trusting_receiver),),
     "reader's memory": (Patch("scenefold.client.setbacks", "_is_behind", _always(False)),),
     "decided header": (
-        Patch("scenefold.peer.headers", "check_decided", _always(None)),
+        Patch("scenefold.peer.scene_log.headers", "check_decided", _always(None)),
         Patch("scenefold.scene.log.following", "check_decided", _always(None)),
     ),
     "own status only": (
-        Patch("scenefold.peer.hearing", "problem_of", _always("")),
-        Patch("scenefold.peer.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
+        Patch("scenefold.peer.membership.hearing", "problem_of", _always("")),
+        Patch("scenefold.peer.membership.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
     ),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import trio
 
 from scenefold.peer.balance.draining import DRAINED
-from scenefold.peer.registered import NO_INCARNATION, Removal
+from scenefold.peer.cluster_log.registered import NO_INCARNATION, Removal
 from scenefold.peer.timing import REMOVE_AFTER_S as DEFAULT_REMOVE_AFTER_S
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster

@@ -16,10 +16,10 @@ from typing import Any
 
 from scenefold.base.ids import NodeId
 from scenefold.crypto import HEADER_DOMAIN, LOG_DOMAIN
-from scenefold.peer import gossip, hearing
 from scenefold.peer.balance import balancer
-from scenefold.peer.log_book import LogBook
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.log_book import LogBook
+from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.membership import gossip, hearing
 from scenefold.simulation.cluster import DATA_FOLDER, Cluster, Node, key_of
 from scenefold.store import open_store
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, SignedRecord

@@ -1,7 +1,7 @@
 """What a client sees of the cluster's log: who is a member by which keys, and who is one no more (specs/15-cluster-log.md, Who is who).
 
 Every record is signed with the log's key and bears the hash of the one before, so whoever shows it can leave off its end and nothing else.
-A node folds the whole log (peer/registry.py), whose entries its voter has judged; here only what clients ask for is kept. Values.
+A node folds the whole log (peer/cluster_log/registry.py), whose entries its voter has judged; here only what clients ask for is kept. Values.
 """
 
 from __future__ import annotations

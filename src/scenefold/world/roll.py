@@ -1,7 +1,7 @@
 """Who was invited, who is enrolled, whose key was revoked, whom the cluster trusts: a part of the log's fold (specs/15-cluster-log.md).
 
 Members that the cluster began with do not stand here: the charter has its first user, and the facts have the nodes' credentials. That a
-card was issued by the authority is judged before it is committed (peer/card_rules.py); here it is only taken apart. Values, all of it.
+card was issued by the authority is judged before it is committed (peer/enrolment/card_rules.py); here it is only taken apart. Values, all of it.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.crypto import RecordHeader, SigningKey, object_of, version_key
-from scenefold.peer.proposals import accepted, decide, rejection
-from scenefold.peer.verification import KnownScene, verified_put
+from scenefold.peer.records.verification import KnownScene, verified_put
+from scenefold.peer.scene_log.proposals import accepted, decide, rejection
 from scenefold.scene.log import Decider
 from scenefold.wire import (
     DAMAGED_RECORD,

@@ -18,7 +18,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import LOOK_S, PAUSE_S, KnownLog
 from scenefold.crypto import HEADER_DOMAIN
-from scenefold.peer.log_packets import answer_of
+from scenefold.peer.cluster_log.log_packets import answer_of
 from scenefold.wire import MiniStatus, Packet, RequestSceneLog, RequestTable, RespondSceneLog, RespondTable, SignedRecord, pack_log
 from scenefold.world import Priority
 from scenefold.world.log_file import LogFile

@@ -13,7 +13,7 @@ from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
-from scenefold.peer.proposals import rejection
+from scenefold.peer.scene_log.proposals import rejection
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import ProposeSceneLog
 from scenefold.world import offline_world

@@ -15,8 +15,8 @@ from scenefold.base.ids import NodeId, SceneId, address_of, node_id_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE, signed_place
-from scenefold.peer.data import DataService
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.records.data import DataService
+from scenefold.peer.records.verification import KnownScene
 from scenefold.store import Store, open_store
 from scenefold.wire import Fault, Packet, PutItem
 from scenefold.world import World

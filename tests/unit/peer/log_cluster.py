@@ -11,14 +11,14 @@ from typing import Any
 import trio
 
 from scenefold.base.ids import address_of
-from scenefold.peer.cluster_log import ClusterLog
-from scenefold.peer.enrolment import Enrolment, IdentityRenewed
+from scenefold.peer.cluster_log.cluster_log import ClusterLog
+from scenefold.peer.cluster_log.lease import OwnerLease
+from scenefold.peer.enrolment.enrolment import Enrolment, IdentityRenewed
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.lease import OwnerLease
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
-from scenefold.peer.roster import Roster
 from scenefold.peer.routing import Routing
-from scenefold.peer.status import OwnStatus
 from scenefold.store import open_store
 from scenefold.wire import MiniStatus
 from scenefold.world import Connection, Priority, background_tasks, open_links, serve_connection

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.crypto import LOG_DOMAIN, MemberSecrets, SealingKey, SigningKey
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, RemoveNode, SignedRecord
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.ports import Ports

@@ -15,8 +15,8 @@ import trio
 
 from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.log_pull import LogPuller
-from scenefold.peer.registered import NO_INCARNATION
+from scenefold.peer.cluster_log.log_pull import LogPuller
+from scenefold.peer.cluster_log.registered import NO_INCARNATION
 from scenefold.peer.timing import RENEW_S, SYNC_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import Member, RemoveNode
 from scenefold.wire.enrol_entries import Trust

@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from scenefold.peer.discovery import ANSWERS_OF_QUESTION, ANSWERS_PER_S_MAX, CHECKS_OF_SOURCE, CHECKS_PER_S_MAX, Discovery
+from scenefold.peer.enrolment.discovery import ANSWERS_OF_QUESTION, ANSWERS_PER_S_MAX, CHECKS_OF_SOURCE, CHECKS_PER_S_MAX, Discovery
 from scenefold.wire.enrol_entries import Withdraw
 from scenefold.world.discovery import Question, pack_question, read_question
 from scenefold.world.roll import Roll

@@ -11,9 +11,9 @@ import trio.testing
 from scenefold.base.ids import SceneId
 from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.door import Door
-from scenefold.peer.log_packets import proposal_of
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.log_packets import proposal_of
+from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.enrolment.door import Door
 from scenefold.wire import (
     Fault,
     ListScenes,

@@ -14,10 +14,10 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, Card, SigningKey
-from scenefold.peer.card_rules import check_issued, check_renewable, credential_of, is_user_key, not_due, refusal_of
-from scenefold.peer.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
-from scenefold.peer.log_rules import check_proposer
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.log_rules import check_proposer
+from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.enrolment.card_rules import check_issued, check_renewable, credential_of, is_user_key, not_due, refusal_of
+from scenefold.peer.enrolment.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.wire import AddNode, LogEntry, MalformedPacket, Member, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.log_entries import SingleEntry

@@ -8,9 +8,9 @@ import pytest
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.enrolment import Step, next_step
-from scenefold.peer.log_rules import check_proposer, predecessor
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.log_rules import check_proposer, predecessor
+from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.enrolment.enrolment import Step, next_step
 from scenefold.wire import LogEntry, Member, RevokeNode, Trust
 from unit.peer.logs_made import add, facts, folded, found, key_of, member, node, remove, secrets_of
 

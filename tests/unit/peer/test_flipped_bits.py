@@ -15,7 +15,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import SceneIdentity, open_all, writers_of
 from scenefold.crypto import ED25519, RSA3072, SUITES, IllFormedRecord, InvalidSignature, Record, RecordPlace, SigningKey, verify_record
-from scenefold.peer.verification import KnownScene, verify_all, verify_copies
+from scenefold.peer.records.verification import KnownScene, verify_all, verify_copies
 from scenefold.scene.log import EpochKeys
 from scenefold.store.layout import pack_record, unpack_record
 from scenefold.wire import HandItem, KeyEntry, PutItem, RecordBytes, SpaceEntry, WriterEntry

@@ -12,11 +12,11 @@ import pytest
 from scenefold.base.errors import DamagedData, Refused, ScenefoldError
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, SigningKey
-from scenefold.peer.lives import Lives
-from scenefold.peer.log_packets import answer_of
-from scenefold.peer.log_rules import lease_message
-from scenefold.peer.log_voter import Voter
-from scenefold.peer.registered import NO_INCARNATION
+from scenefold.peer.cluster_log.lives import Lives
+from scenefold.peer.cluster_log.log_packets import answer_of
+from scenefold.peer.cluster_log.log_rules import lease_message
+from scenefold.peer.cluster_log.log_voter import Voter
+from scenefold.peer.cluster_log.registered import NO_INCARNATION
 from scenefold.wire import Member, RemoveNode, RequestSceneLog, SceneLogAnswer, SceneLogPublic, SignedRecord, Want, pack_log
 from unit.peer.log_cluster import LogCluster, LogNode
 from unit.peer.logs_made import LOG_KEY, key_of, node, record, signed

@@ -11,9 +11,9 @@ from scenefold.base.ids import address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import LAST, WHOLE_LINE, Location
 from scenefold.crypto import STATUS_DOMAIN, SealingKey, SigningKey
-from scenefold.peer.hearing import CLAIM_PATIENCE_S
-from scenefold.peer.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
-from scenefold.peer.status import arc_of_status
+from scenefold.peer.membership.hearing import CLAIM_PATIENCE_S
+from scenefold.peer.membership.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
+from scenefold.peer.membership.status import arc_of_status
 from scenefold.wire import Member, Packet, PingBroadcast, RemoveNode, RequestState, RequestTable, Status
 from unit.peer.village import BETWEEN_ROUNDS_S, Village, incarnation_of, key_of, node_at, until, village
 from unit.peer.voices import Voice, opened, say

@@ -10,8 +10,8 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import KeyId, NodeId, SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import DECISION_DOMAIN, SigningKey
-from scenefold.peer.headers import checked_header
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.log import decided, succeeded
 from scenefold.scene.log.decisions import BY_ORIGIN
 from scenefold.wire import Decision, KeyEntry, SceneLogPublic
@@ -139,7 +139,7 @@ def test_a_key_that_was_searched_for_its_id_is_not_the_header_key(monkeypatch: p
     """Four bytes are found by trying. Here every key has the same id."""
     monkeypatch.setattr("scenefold.crypto.keys.key_id_of", lambda raw: KeyId(7))
     for module in ("headers", "verification"):
-        monkeypatch.setattr(f"scenefold.peer.{module}.key_id_of", lambda raw: KeyId(7))
+        monkeypatch.setattr(f"scenefold.peer.scene_log.{module}.key_id_of", lambda raw: KeyId(7))
     header_key, twin = SigningKey(b"h" * 32), SigningKey(b"t" * 32)
     alone = {"public_key": KeyId(7), "writers": (), "keys": (KeyEntry(1, header_key.public.raw),), "first_key": header_key.public.raw}
     first = signed(replace(FIRST, **alone, signature=bytes(64)).with_genesis(), header_key)

@@ -11,7 +11,16 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.lives import LIFE_BYTES, Lives, drawn_from, is_restored, lives_asked_with, pack_granted, unpack_granted, unpack_lives
+from scenefold.peer.cluster_log.lives import (
+    LIFE_BYTES,
+    Lives,
+    drawn_from,
+    is_restored,
+    lives_asked_with,
+    pack_granted,
+    unpack_granted,
+    unpack_lives,
+)
 
 
 def test_lives_are_kept_as_they_were() -> None:

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import trio
 
-from scenefold.peer.members import Members
+from scenefold.peer.membership.members import Members
 from scenefold.wire import RequestTable, RespondTable
 from unit.peer.village import node_at, village
 

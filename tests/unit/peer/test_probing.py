@@ -8,9 +8,9 @@ import pytest
 import trio
 
 from scenefold.base.ids import NodeId, address_of
-from scenefold.peer import probing
-from scenefold.peer.probing import HELPERS, Verdict
-from scenefold.peer.suspicion import State
+from scenefold.peer.membership import probing
+from scenefold.peer.membership.probing import HELPERS, Verdict
+from scenefold.peer.membership.suspicion import State
 from scenefold.wire import Member, ProbeFor, ProbeResult, RemoveNode
 from unit.peer.village import Village, incarnation_of, node_at, until, village
 

@@ -11,9 +11,9 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
-from scenefold.peer.headers import checked_header
-from scenefold.peer.proposals import decide
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.headers import checked_header
+from scenefold.peer.scene_log.proposals import decide
 from scenefold.wire import Ballot, Phase, ProposalId, ProposeSceneLog, SceneLogPublic
 from unit.peer.scenes_made import DECIDER, LOG, STRANGER, first_header, later_header, signed
 

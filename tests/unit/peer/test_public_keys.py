@@ -10,9 +10,9 @@ import trio
 
 from scenefold.base.ids import KeyId
 from scenefold.crypto import ED25519, RSA3072, PublicKey
-from scenefold.peer.gossip import ANSWER_S_MIN
+from scenefold.peer.membership.gossip import ANSWER_S_MIN
 from scenefold.peer.public_keys import PublicKeys
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.records.verification import KnownScene
 from scenefold.wire import KeyEntry, Packet, RequestPublicKey, RespondPublicKey, WriterEntry, encode_packet
 from scenefold.world.profile import ClusterProfile
 from unit.crypto.suites_made import SIGNING

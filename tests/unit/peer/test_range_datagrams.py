@@ -17,8 +17,8 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import MemberSecrets, SealingKey, SealingPublicKey, SigningKey
 from scenefold.peer.datagrams import Exchange
-from scenefold.peer.range_datagrams import ANSWERERS, QUESTIONS_MAX, RangeDatagrams
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.records.range_datagrams import ANSWERERS, QUESTIONS_MAX, RangeDatagrams
 from scenefold.wire import Packet, QueryRange, RejectRange, RequestState, ReturnRange, decode_packet, encode_packet
 from scenefold.world import Datagrams, Priority
 from scenefold.world.sim import CALM, Weather

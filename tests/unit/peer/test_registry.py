@@ -13,8 +13,8 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.registered import NO_INCARNATION
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.registered import NO_INCARNATION
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.wire import LogEntry, Member, RemoveNode, RevokeNode, SceneMode, SetMode, Trust
 from unit.peer.logs_made import add, folded, found, incarnation, key_of, member, node, record, remove, secrets_of
 

@@ -8,10 +8,10 @@ from scenefold.base.ids import address_of
 from scenefold.base.limits import DOCUMENT_BYTES_MAX, NODES_MAX
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.client.reports import read_report
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.line import Handover, Side, Step
-from scenefold.peer.registry import Registry
+from scenefold.peer.membership.roster import Roster
 from scenefold.peer.reporting import LOOK_S, Memory, Moment, report_of, role_of
-from scenefold.peer.roster import Roster
 from scenefold.store import StoreStatistics
 from scenefold.store.statistics import Counts
 from scenefold.wire import RemoveNode, pack_value

@@ -11,8 +11,8 @@ from functools import partial
 import pytest
 import trio
 
-from scenefold.peer.lives import note_of
-from scenefold.peer.own_life import NOTE
+from scenefold.peer.cluster_log.lives import note_of
+from scenefold.peer.cluster_log.own_life import NOTE
 from scenefold.peer.timing import LIFE_S, RENEW_S, T_LEASE_S
 from scenefold.store import Store
 from scenefold.store.changes import storage_full

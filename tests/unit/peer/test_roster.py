@@ -11,8 +11,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
-from scenefold.peer.odds import ALIVE_CHANCE_MIN, broadcasts_missed_max, chance_alive
-from scenefold.peer.roster import Roster
+from scenefold.peer.membership.odds import ALIVE_CHANCE_MIN, broadcasts_missed_max, chance_alive
+from scenefold.peer.membership.roster import Roster
 from scenefold.wire import MiniStatus, Status
 
 ME, PEER, OTHER = (node_id_of(f"127.0.0.{last}") for last in (2, 3, 4))

@@ -15,7 +15,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer import Routing
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.registry import Registry
 from unit.peer.logs_made import add, folded, found, node, remove
 
 locations = st.integers(0, LINE_LENGTH - 1).map(Location.from_number)

@@ -13,7 +13,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.limits import SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
-from scenefold.peer.scenes import MISS_S, Scenes
+from scenefold.peer.scene_log.scenes import MISS_S, Scenes
 from scenefold.scene.log import FOR_EVER
 from scenefold.wire import (
     AcceptSceneProposal,

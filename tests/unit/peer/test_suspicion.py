@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from scenefold.base.ids import NodeId, node_id_of
-from scenefold.peer.registered import NO_INCARNATION
-from scenefold.peer.removal import UNREGISTERED_FACTOR, Evidence, removal_veto, silence_needed_s
-from scenefold.peer.suspicion import (
+from scenefold.peer.cluster_log.registered import NO_INCARNATION
+from scenefold.peer.membership.removal import UNREGISTERED_FACTOR, Evidence, removal_veto, silence_needed_s
+from scenefold.peer.membership.suspicion import (
     AGAIN_S,
     CLEARED_S,
     FRESH_S,

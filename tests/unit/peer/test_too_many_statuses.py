@@ -8,9 +8,9 @@ import pytest
 import trio
 import trio.testing
 
-from scenefold.peer import hearing
-from scenefold.peer.claims import problem_of
-from scenefold.peer.hearing import STATUSES_BURST
+from scenefold.peer.membership import hearing
+from scenefold.peer.membership.claims import problem_of
+from scenefold.peer.membership.hearing import STATUSES_BURST
 from scenefold.wire import PingBroadcast
 from unit.peer.village import node_at, village
 from unit.peer.voices import Voice

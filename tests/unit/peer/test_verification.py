@@ -11,7 +11,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ED25519, RECORD_DOMAIN, RSA3072
-from scenefold.peer.verification import KnownScene, epochs_of, verified_copy, verified_put, verify_all
+from scenefold.peer.records.verification import KnownScene, epochs_of, verified_copy, verified_put, verify_all
 from scenefold.wire import HandItem, KeyEntry, PutItem, WriterEntry
 from unit.crypto.suites_made import SIGNING
 from unit.peer.scenes_made import FOR_EVER, HEADER_KEY, PLACE, SPACE, STRANGER, WRITER, first_header, later_header, offered, sealed

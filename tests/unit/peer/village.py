@@ -20,12 +20,12 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import arcs_between, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
-from scenefold.peer.gossip import Gossip
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Senders
-from scenefold.peer.probing import Probing
-from scenefold.peer.registry import Registry
-from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.gossip import Gossip
+from scenefold.peer.membership.probing import Probing
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, Packet, RemoveNode
 from scenefold.world import Endpoint, Ports, World
 from scenefold.world.facts import ClusterFacts, Credential

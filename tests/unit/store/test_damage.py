@@ -15,9 +15,9 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.cluster_log.lives import Lives, note_of, pack_granted
 from scenefold.peer.line.holding import Handover, Heard, Holding, Step
 from scenefold.peer.line.holding_note import encode_holding
-from scenefold.peer.lives import Lives, note_of, pack_granted
 from scenefold.store import LmdbDisk, Put, Spot, StoreDamaged, open_store
 from scenefold.store.layout import HEADERS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, TABLES, location_of
 from scenefold.store.sealing import SEALED, opened, sealed

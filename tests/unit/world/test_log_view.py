@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
-from scenefold.peer.registry import Registry
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.wire import LogEntry, RevokeNode, SignedRecord
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser
 from scenefold.world.log_file import LOG_FILE, LogFile

@@ -21,8 +21,8 @@ from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
-from scenefold.peer.roster import Roster
-from scenefold.peer.status import TELL_S, OwnStatus
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import TELL_S, OwnStatus
 from scenefold.world import QuietLog, World
 
 LOOK_S = 1.0

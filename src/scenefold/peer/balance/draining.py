@@ -25,8 +25,8 @@ from scenefold.peer.balance.pieces import Scales, piece_of
 from scenefold.peer.balance.seams import Log, MovesBounds
 from scenefold.peer.balance.takers import Takers
 from scenefold.peer.handlers import Handlers, Senders
-from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.store.walking import Manifest
 from scenefold.wire import DrainNode, NodeReport, RemoveNode, pack_value
 from scenefold.world import QuietLog, World

@@ -18,10 +18,10 @@ from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance.places import Host, most_loaded, owner_of
 from scenefold.peer.balance.seams import Log, MovesBounds, fill_of
-from scenefold.peer.enrolment import registration
+from scenefold.peer.enrolment.enrolment import registration
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
-from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus
 from scenefold.wire import AskRange, HandoverReply
 from scenefold.world import Priority, QuietLog, World
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from scenefold.base.location import Arc
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.line.ends import Side
-from scenefold.peer.registry import Registry
 from scenefold.wire import LogEntry, Status
 
 BLOCK_BYTES = 4096

@@ -15,7 +15,7 @@ from scenefold.peer.balance.pieces import Scales, half_of, up_to
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds
 from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.ends import Side
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import AskRange, HandoverReply
 
 NO_HANDOVER = bytes(16)

@@ -6,8 +6,8 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.peer.balance.emptying import room_of
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
-from scenefold.peer.roster import Roster
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.world import World
 
 REFUSED_S = 5.0

@@ -8,12 +8,12 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import FIRST, Arc
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import Bound, bound_for
 from scenefold.peer.line.survey import Survey, Unsettled, surveys
-from scenefold.peer.registry import Registry
 from scenefold.wire import BoundConfirmed, ConfirmBound, Packet
 from scenefold.world import Priority
 

@@ -16,10 +16,10 @@ import trio
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.holding_note import decode_holding, encode_holding
-from scenefold.peer.registry import Registry
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.store import Store
 from scenefold.wire import Member
 

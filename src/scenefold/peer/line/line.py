@@ -11,7 +11,7 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.location import Arc, Location
-from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Lease, Owners
 from scenefold.peer.line.adoption import Adoption
@@ -25,8 +25,8 @@ from scenefold.peer.line.parts import KnownScenes, Parts
 from scenefold.peer.line.receiving import Receiving
 from scenefold.peer.line.settling import Settling
 from scenefold.peer.line.strays import Strays
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
-from scenefold.peer.status import OwnStatus
 from scenefold.store import Store
 from scenefold.world import World
 

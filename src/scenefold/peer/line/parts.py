@@ -13,16 +13,16 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import SceneId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.cluster_log import ClusterLog
+from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.holdings import Lease, Owners
 from scenefold.peer.line.budget import Budget
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
 from scenefold.peer.line.settling import Settling
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.timing import T_WAIT_S
-from scenefold.peer.verification import KnownScene
 from scenefold.store import Store
 from scenefold.wire import HandoverReply
 from scenefold.world import World, first_of

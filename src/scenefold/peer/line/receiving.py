@@ -22,7 +22,7 @@ from scenefold.peer.line.holding import Handover, Holding, Step, describe
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import side_of_giver
-from scenefold.peer.verification import KnownScene, epochs_of, verify_copies
+from scenefold.peer.records.verification import KnownScene, epochs_of, verify_copies
 from scenefold.store import Outcome, Put, Spot, Store
 from scenefold.wire import (
     ClaimRange,

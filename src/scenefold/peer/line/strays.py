@@ -23,7 +23,7 @@ from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.line.copying import hand_item
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import spot_of_item, verified
-from scenefold.peer.verification import home_of
+from scenefold.peer.records.verification import home_of
 from scenefold.store import Entry, Outcome, Put, Spot
 from scenefold.wire import HandItem, HandRecords, Packet, PutManyReply, PutOutcome, SceneMode
 from scenefold.world import Priority

@@ -17,7 +17,7 @@ from scenefold.base.ids import NodeId
 from scenefold.peer.balance.news import News
 from scenefold.peer.balance.policy import Give, NodeFill, gives, imbalance
 from scenefold.peer.line.ends import Side
-from scenefold.peer.status import is_news
+from scenefold.peer.membership.status import is_news
 
 SETTLING = 10
 TOLD_S = 5

@@ -20,10 +20,10 @@ from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
 from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.ends import Side, touches, without
-from scenefold.peer.registry import Registry
-from scenefold.peer.status import OwnStatus
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.store.statistics import Counts
 from scenefold.store.walking import Entry, Manifest, Weighed
 from scenefold.wire import AddNode, LogEntry, Packet, RemoveNode, Status

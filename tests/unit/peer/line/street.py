@@ -17,13 +17,13 @@ from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.crypto import Record
-from scenefold.peer.enrolment import registration
+from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.enrolment.enrolment import registration
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Line
 from scenefold.peer.line.holding_note import decode_holding
-from scenefold.peer.registry import Registry
-from scenefold.peer.status import OwnStatus
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.records.verification import KnownScene
 from scenefold.store import Outcome, Put, open_store
 from scenefold.store.holding import NOTE_KEY
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import trio
 
-from scenefold.peer.registered import NO_INCARNATION
+from scenefold.peer.cluster_log.registered import NO_INCARNATION
 from scenefold.wire import Member, RemoveNode
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import Street

@@ -18,7 +18,7 @@ from scenefold.peer.line import Side, settling
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import FREEZE_S_MAX
 from scenefold.peer.line.settling import SETTLING_S
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.records.verification import KnownScene
 from scenefold.store import Outcome, Put
 from scenefold.store.layout import RECORDS as RECORDS_TABLE
 from scenefold.store.layout import location_of, object_of

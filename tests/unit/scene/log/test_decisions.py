@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.client.births import verified_header_key
 from scenefold.crypto import SigningKey
-from scenefold.peer.headers import checked_header
+from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.log import Undecided, check_decided, check_log, decided, keys_after
 from scenefold.wire import MalformedPacket, Role, SceneLogPublic
 from unit.scene.log.members import grant

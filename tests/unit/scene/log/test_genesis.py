@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.gifts import gifts_in
 from scenefold.crypto import HEADER_DOMAIN, SigningKey
-from scenefold.peer.headers import checked_header
+from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.head import SceneHead, check_head
 from scenefold.scene.log import FOR_EVER, decided, lockbox_for, proven_header_key, succeeded
 from scenefold.wire import KeyEntry, Role, SceneLogPublic, WriterEntry

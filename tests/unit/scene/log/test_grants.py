@@ -18,8 +18,8 @@ from scenefold.client.births import born, first_header, first_private, first_rec
 from scenefold.client.sealing import Draft, Opened
 from scenefold.client.wishes import Wish
 from scenefold.crypto import HEADER_DOMAIN, InvalidSignature, SigningKey
-from scenefold.peer.headers import checked_header
-from scenefold.peer.verification import KnownScene
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.log import (
     Decider,
     EpochKeys,

@@ -1,0 +1,186 @@
+"""May this newcomer be enrolled, may this order be carried out (specs/15-cluster-log.md). Pure.
+
+Newcomers and administrators sign what they want, so every node can judge it and none can alter it; what the log has decided comes
+from the roll, what the cluster began with from the facts. `now` is seconds since 1970, by the judging node's clock.
+"""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, node_named
+from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.enrolment.card_rules import administrators, card_of, check_place, check_trust, credential_of, is_original
+from scenefold.wire import RemoveNode, RevokeNode
+from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
+from scenefold.wire.orders import EnrolForm, Order
+from scenefold.world.facts import ClusterFacts
+from scenefold.world.roll import Invitation, InvitationState, check_invited
+
+ORDER_S_MAX = 3600.0
+"""An order counts so long, and clocks may differ by as much: what was refused once is not carried out a week later."""
+INVITATION_S_MAX = 30 * 86400.0
+_SUITE_OF_NODES = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ToIssue:
+    """A certificate to be made."""
+
+    name: str
+    addresses: tuple[str, ...]
+    tls_key: bytes
+    keys: MemberKeys
+    invitation: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class IssuedBefore:
+    """The same newcomer has asked before, and has not heard the answer."""
+
+    card: Card
+
+
+Judged: TypeAlias = ToIssue | IssuedBefore
+
+
+# ------------------------------------------------------------------------------------------------------------- newcomers
+
+
+def judge_form(data: bytes, signature: bytes, registry: Registry, facts: ClusterFacts, now: float) -> Judged:
+    """What a newcomer's request comes to; Refused, in words for the newcomer, or MalformedPacket."""
+    form = EnrolForm.decode(data)
+    invitation = registry.roll.invitations.get(form.invitation)
+    if invitation is None:
+        raise _forbidden("no such token was given out in this cluster", "ask for another one: scenectl cluster invite")
+    try:
+        PublicKey(form.invitation).verify(signature, ENROL_DOMAIN, data)
+        keys = replace(MemberKeys.decode(form.keys), is_administrator=invitation.entry.is_administrator)
+    except InvalidSignature:
+        raise Refused(RejectReason.SIGNATURE_INVALID, "the request was not signed with the token's key") from None
+    except DamagedData as problem:
+        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+    # A user is told its name by the cluster; a node's is its address.
+    form = replace(form, name=form.name or invitation.entry.name)
+    if invitation.state is not InvitationState.OPEN:
+        return _again(invitation, form, keys)
+    if now > invitation.entry.expires:
+        until, clock = _date(invitation.entry.expires), _date(now)
+        raise _forbidden(f"the token was valid until {until}, and this node's clock says {clock}", "ask for another one")
+    check_invited(registry.roll, invitation.entry, form.name, keys.signing.key_id)
+    node = node_named(form.name)
+    if node is None:
+        if form.address or card_of(form.name, registry, facts) is not None:
+            raise _forbidden(f"{form.name} is a member already", "ask for a token under another name")
+        return ToIssue(form.name, (), form.tls_key, keys, form.invitation)
+    check_place(node, (address_of(form.address),))
+    if is_original(node, registry, facts):
+        raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
+    if (keys.signing.suite, keys.sealing.suite) != (_SUITE_OF_NODES, _SUITE_OF_NODES):
+        raise Refused(RejectReason.ILL_FORMED, "a node's keys are of suite 1")
+    return ToIssue(form.name, (address_of(node),), form.tls_key, keys, form.invitation)
+
+
+def _again(invitation: Invitation, form: EnrolForm, keys: MemberKeys) -> IssuedBefore:
+    card = invitation.card
+    if card is None:
+        raise _forbidden("the token was withdrawn", "ask for another one")
+    if (card.name, card.keys, card.tls_key) != (form.name, keys, form.tls_key):
+        raise _forbidden("the token was used already", "ask for another one; if nobody of yours used it, have that member revoked")
+    return IssuedBefore(card)
+
+
+# ---------------------------------------------------------------------------------------------------------------- orders
+
+
+def judge_order(data: bytes, signature: bytes, registry: Registry, facts: ClusterFacts, now: float) -> Order:
+    """An administrator's order that may be carried out; Refused, or MalformedPacket."""
+    order = Order.decode(data)
+    if order.cluster != facts.cluster_id:
+        raise _forbidden("the order is for another cluster", "")
+    card = card_of(order.by, registry, facts)
+    if card is None or not card.keys.is_administrator:
+        raise _forbidden(f"{order.by} is no administrator of this cluster", "ask one who is")
+    try:
+        card.keys.signing.verify(signature, ORDER_DOMAIN, data)
+    except InvalidSignature as problem:
+        raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from None
+    if registry.position_of(order.request) is not None:
+        return order
+    if abs(now - order.issued) > ORDER_S_MAX:
+        clocks = f"it was given at {_date(order.issued)}, and this node's clock says {_date(now)}"
+        raise _forbidden(f"the order is out of date: {clocks}", "set the clocks right, then give it again")
+    _check_ordered(order, registry, facts, now)
+    return order
+
+
+def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts, now: float) -> None:
+    """Whether an administrator may order this at all, and whether the cluster could live with it."""
+    match order.entry:
+        case Invite():
+            _check_invite(order.entry, order.by, registry, facts, now)
+        case Withdraw():
+            return
+        case RevokeUser() | RevokeNode():
+            _check_revocation(order.entry, registry, facts)
+        case RemoveNode(member, _):
+            if not registry.is_barred(member.node):
+                raise _forbidden(f"{address_of(member.node)} leaves by itself, or once it is silent", "use `scenectl node drain`")
+        case Trust(node, trusted):
+            check_trust(order.entry, registry, facts)
+            if not trusted:
+                _check_others_issue(node, registry)
+        case _:
+            raise Refused(RejectReason.ILL_FORMED, f"nobody orders a {type(order.entry).__name__}")
+
+
+def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFacts, now: float) -> None:
+    node = node_named(entry.name)
+    if entry.by != by:
+        raise _forbidden("an invitation names who gave it")
+    # Who gave the order may have another clock, as far as an order's may be off.
+    if entry.expires > now + INVITATION_S_MAX + ORDER_S_MAX:
+        raise _forbidden(f"an invitation is open for 30 days at most, and this one until {_date(entry.expires)}", "set the clocks right")
+    if node is None and card_of(entry.name, registry, facts) is not None:
+        raise _forbidden(f"{entry.name} is a member already", "choose another name")
+    if node is not None and is_original(node, registry, facts):
+        raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
+
+
+def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts: ClusterFacts) -> None:
+    if isinstance(entry, RevokeUser):
+        card = card_of(entry.name, registry, facts)
+        if card is None or card.signing_id != entry.key:
+            raise _forbidden(f"{entry.name} is no member with such a key", "see `scenectl cluster users`")
+        if administrators(registry, facts) == [entry.name]:
+            raise _forbidden(f"{entry.name} is the only administrator", "invite another one first, with --admin")
+        return
+    known = credential_of(entry.node, registry, facts)
+    if known is None or known.public_key.key_id != entry.key:
+        raise _forbidden(f"{address_of(entry.node)} is no node with such a key", "see `scenectl cluster nodes`")
+    if entry.node in registry.voters:
+        raise _forbidden(f"{address_of(entry.node)} decides the cluster's log, which cannot do without it")
+    _check_others_issue(entry.node, registry)
+
+
+def _check_others_issue(node: NodeId, registry: Registry) -> None:
+    """Refused if nobody could be enrolled any more, and no certificate renewed, without this node."""
+    if registry.issuers == {node}:
+        what = f"{address_of(node)} is the only trusted node that has the authority's key"
+        waiting = ", ".join(map(address_of, sorted(registry.roll.trusted - {node})))
+        if waiting:
+            raise Refused(RejectReason.NOT_READY, what, remedy=f"wait until it was sealed to {waiting}")
+        raise _forbidden(what, "trust another one first: scenectl cluster trust ADDRESS")
+
+
+def _date(moment: float) -> str:
+    return f"{datetime.datetime.fromtimestamp(moment, datetime.UTC):%Y-%m-%d %H:%M} UTC"
+
+
+def _forbidden(what: str, remedy: str = "") -> Refused:
+    return Refused(RejectReason.NOT_AUTHORISED, what, remedy=remedy)

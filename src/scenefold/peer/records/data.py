@@ -1,0 +1,46 @@
+"""Records of a scene, as a node keeps them for everybody: writes, reads, ranges (Algorithm 6; specs/18-data.md).
+
+The three parts share nothing but what they are given: the store, who owns what, and whether we may speak for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.peer.handlers import Handlers
+from scenefold.peer.holdings import Holdings, Lease, Owners
+from scenefold.peer.peers import Peers
+from scenefold.peer.records.ranges import Ranges
+from scenefold.peer.records.reads import Reads
+from scenefold.peer.records.writes import Writes
+from scenefold.peer.scene_log.scenes import Scenes
+from scenefold.store import Store
+from scenefold.wire import RecordBytes, RecordKey
+from scenefold.world import World
+
+
+class DataService:
+    """The owner's side of every read and write."""
+
+    def __init__(
+        self, world: World, store: Store, peers: Peers, scenes: Scenes, line: Holdings, lease: Lease, routing: Owners, me: NodeId
+    ) -> None:
+        self.writes = Writes(world, store, scenes, line, lease, routing, me)
+        self.reads = Reads(store, peers, scenes, line, lease, routing, me)
+        self.ranges = Ranges(store, scenes, line, lease)
+
+    def register(self, handlers: Handlers) -> None:
+        self.writes.register(handlers)
+        self.reads.register(handlers)
+        self.ranges.register(handlers)
+
+    async def read(self, scene: SceneId, keys: Sequence[RecordKey], position: int) -> list[RecordBytes | None]:
+        """All records at the keys, wherever they lie, stale ones too; for services of this node.
+
+        Refused (16) if an owner is away, or cannot say that nothing is there.
+        """
+        found: list[RecordBytes | None] = []
+        while len(found) < len(keys):
+            found += (await self.reads.get(scene, keys[len(found) :], position, forward=True)).records
+        return found

@@ -1,0 +1,141 @@
+"""Records in: packets 10 and 32 (Algorithm 6; specs/18-data.md, Writes).
+
+A write is judged by the owner of its place alone, a node-managed record's by that of its home: verified in worker threads, made
+durable, then acknowledged, under a lease. Offered to the wrong node it is refused with the owner's id. A place that is just
+being given away takes no writes for the moment of its last copy; they wait, but not for long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AsyncExitStack
+
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.location import Location
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import PLACED_BY_NODE
+from scenefold.peer.handlers import Handlers
+from scenefold.peer.holdings import Holdings, Lease, Owners, other_owner
+from scenefold.peer.records.verification import KnownScene, epochs_of, home_of, verify_all
+from scenefold.peer.scene_log.scenes import Scenes
+from scenefold.store import Outcome, Put, PutResult, Store
+from scenefold.wire import AcceptData, Packet, ProposeData, PutItem, PutMany, PutManyReply, PutOutcome, RejectData
+from scenefold.world import World
+
+VERIFY_BATCH = 128
+"""Records that one call in a worker thread verifies: some 10 ms."""
+FROZEN_S_MAX = 2.0
+"""How long a write waits for a frozen place: the last copy of a handover takes less, or the client asks again."""
+
+
+class Writes:
+    """The owner's side of every write."""
+
+    def __init__(self, world: World, store: Store, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId) -> None:
+        self._world = world
+        self._store = store
+        self._scenes = scenes
+        self._line = line
+        self._lease = lease
+        self._owners = owners
+        self._me = me
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(ProposeData, self._on_propose)
+        handlers.add(PutMany, self._on_put_many)
+
+    async def put(self, items: Sequence[PutItem]) -> list[PutOutcome]:
+        """Verify and store; an outcome for each item, in order. What is stored is durable when this returns."""
+        scenes = await self._scenes_of(items)
+        outcomes: list[PutOutcome | None] = [self._refused_unseen(item, scenes[item.scene]) for item in items]
+        open_ones = [index for index, outcome in enumerate(outcomes) if outcome is None]
+        puts: list[tuple[int, Put]] = []
+        for start in range(0, len(open_ones), VERIFY_BATCH):
+            batch = open_ones[start : start + VERIFY_BATCH]
+            claims = [(items[index], scenes[items[index].scene]) for index in batch]
+            verdicts = await self._world.workers.run("crypto", verify_all, claims)
+            for index, verdict in zip(batch, verdicts, strict=True):
+                if isinstance(verdict, Refused):
+                    outcomes[index] = _outcome(items[index], verdict.reason)
+                else:
+                    puts.append((index, verdict))
+        results = await self._store_all([put for _, put in puts])
+        for (index, _), result in zip(puts, results, strict=True):
+            outcomes[index] = self._judged(items[index], result)
+        return [outcome for outcome in outcomes if outcome is not None]
+
+    def _refused_unseen(self, item: PutItem, scene: KnownScene | None) -> PutOutcome | None:
+        """The outcome of what need not be looked at: others' places, no lease, scenes that nobody knows."""
+        home = home_of(item)
+        if not self._line.owns(home):
+            return self._not_ours(item, home)
+        if not self._lease.holds():
+            # Our own id: whoever wrote need not fear that it is here.
+            return PutOutcome(RejectReason.NOT_READY, item.location, self._me)
+        return _outcome(item, RejectReason.UNKNOWN_SCENE_OR_SPACE) if scene is None else None
+
+    def _not_ours(self, item: PutItem, place: Location) -> PutOutcome:
+        try:
+            return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, other_owner(self._owners, place, self._me))
+        except Refused as refusal:
+            return _outcome(item, refusal.reason)
+
+    async def _store_all(self, puts: Sequence[Put]) -> list[PutResult | RejectReason]:
+        """Store while nothing of it is frozen; BUSY for all if that lasts too long."""
+        if not puts:
+            return []
+        async with AsyncExitStack() as stack:
+            with trio.move_on_after(FROZEN_S_MAX) as patience:
+                headers = [put.record.header for put in puts]
+                places = [header.location for header in headers if header.placement != PLACED_BY_NODE]
+                await stack.enter_async_context(self._line.writing(places, anywhere=len(places) < len(puts)))
+            if patience.cancelled_caught:
+                return [RejectReason.BUSY] * len(puts)
+            return list(await self._store.put(puts))
+
+    def _judged(self, item: PutItem, result: PutResult | RejectReason) -> PutOutcome:
+        """What is said of a result at this very moment: without a lease nothing that a later owner could contradict."""
+        if isinstance(result, RejectReason):
+            return _outcome(item, result)
+        if result.outcome is Outcome.NOT_OWNED:
+            return self._not_ours(item, home_of(item))
+        if not self._lease.holds():
+            return _outcome(item, RejectReason.NOT_READY)
+        return PutOutcome(result.reason or 0, item.location if result.location is None else result.location, NodeId(0))
+
+    async def _scenes_of(self, items: Sequence[PutItem]) -> dict[SceneId, KnownScene | None]:
+        scenes: dict[SceneId, KnownScene | None] = {}
+        for scene, epoch in epochs_of(items).items():
+            try:
+                scenes[scene] = await self._scenes.known(scene, position=epoch)
+            except Refused:
+                scenes[scene] = None
+        return scenes
+
+    async def _on_put_many(self, packet: PutMany, _peer: str) -> Packet:
+        return PutManyReply(outcomes=tuple(await self.put(packet.items)))
+
+    async def _on_propose(self, packet: ProposeData, _peer: str) -> Packet:
+        item = PutItem(
+            scene=packet.scene,
+            space=packet.space,
+            location=packet.location,
+            expect=packet.expect,
+            signature=packet.signature,
+            header=packet.header,
+            ciphertext=packet.ciphertext,
+        )
+        (outcome,) = await self.put([item])
+        if outcome.reason == 0:
+            return AcceptData(signature=packet.signature, location=outcome.location)
+        reason = RejectReason(outcome.reason)
+        behind = reason in (RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED)
+        public = (await self._scenes.known(packet.scene)).public if behind else None
+        return RejectData(reason=reason, owner=outcome.owner, public=public)
+
+
+def _outcome(item: PutItem, reason: RejectReason) -> PutOutcome:
+    return PutOutcome(reason, item.location, NodeId(0))

@@ -1,0 +1,38 @@
+"""Who made a scene, and may that one make another? (specs/16-scene-log.md, Deciding.) Pure.
+
+The maker is the first writer of every header, and has signed the lockbox of the first one, so nobody makes a scene at the cost of
+another. The first voter takes so many scenes of each user, and no more: else one alone could fill the list of all nodes. Other nodes
+let no scene begin; what members decide all the same counts for nobody, since they may name whom they like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.limits import SCENES_PER_USER_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import PublicKey
+from scenefold.peer.records.verification import KnownScene
+from scenefold.scene.log.lockboxes import check_sealed_by
+
+
+def maker_of(scene: KnownScene) -> PublicKey | None:
+    """The key of the scene's maker; None for a header without writers."""
+    writers = scene.public.writers
+    return scene.keys.get(writers[0].key) if writers else None
+
+
+def check_maker(scene: KnownScene, decided_here: Iterable[KnownScene], may_make: Callable[[PublicKey], bool]) -> None:
+    """Refused unless the scene with this first header was made by one who may: a user (`may_make`) who has not made too many."""
+    maker, public = maker_of(scene), scene.public
+    if maker is None or len(public.lockboxes) != 1:
+        raise Refused(RejectReason.ILL_FORMED, "the first header of a scene names its maker, and holds the maker's lockbox")
+    try:
+        check_sealed_by(public.lockboxes[0], public.genesis, public.key_epoch, public.first_key, maker)
+    except DamagedData as problem:
+        raise Refused(RejectReason.SIGNATURE_INVALID, f"the maker of the scene has not signed: {problem}") from problem
+    if not may_make(maker):
+        raise Refused(RejectReason.NOT_AUTHORISED, f"the scene's maker, key {maker.key_id:08x}, is no user of this cluster")
+    if sum(maker_of(other) == maker for other in decided_here) >= SCENES_PER_USER_MAX:
+        raise Refused(RejectReason.LIMIT_EXCEEDED, f"key {maker.key_id:08x} has made {SCENES_PER_USER_MAX} scenes already")
