@@ -138,8 +138,8 @@ def test_what_does_not_follow_is_refused(header: SceneLogPublic, reason: RejectR
 def test_a_key_that_was_searched_for_its_id_is_not_the_header_key(monkeypatch: pytest.MonkeyPatch) -> None:
     """Four bytes are found by trying. Here every key has the same id."""
     monkeypatch.setattr("scenefold.crypto.keys.key_id_of", lambda raw: KeyId(7))
-    for module in ("headers", "verification"):
-        monkeypatch.setattr(f"scenefold.peer.scene_log.{module}.key_id_of", lambda raw: KeyId(7))
+    for module in ("scene_log.headers", "records.verification"):
+        monkeypatch.setattr(f"scenefold.peer.{module}.key_id_of", lambda raw: KeyId(7))
     header_key, twin = SigningKey(b"h" * 32), SigningKey(b"t" * 32)
     alone = {"public_key": KeyId(7), "writers": (), "keys": (KeyEntry(1, header_key.public.raw),), "first_key": header_key.public.raw}
     first = signed(replace(FIRST, **alone, signature=bytes(64)).with_genesis(), header_key)
