@@ -13,7 +13,8 @@ from scenefold.base.ids import NodeId
 from scenefold.base.limits import SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
-from scenefold.peer.scene_log.scenes import MISS_S, Scenes
+from scenefold.peer.scene_log.pull import MISS_S
+from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.scene.log import FOR_EVER
 from scenefold.wire import (
     AcceptSceneProposal,

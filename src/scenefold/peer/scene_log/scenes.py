@@ -27,7 +27,8 @@ from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.headers import checked_header
 from scenefold.peer.scene_log.makers import check_maker
 from scenefold.peer.scene_log.proposals import accepted, answer_of, decide, rejection
-from scenefold.peer.scene_log.scene_asking import listed_by, shown_by, tell_all
+from scenefold.peer.scene_log.pull import Pull
+from scenefold.peer.scene_log.scene_asking import listed_by, tell_all
 from scenefold.scene.log.decisions import hash_of_log
 from scenefold.store import Store
 from scenefold.wire import (
@@ -44,8 +45,6 @@ from scenefold.wire import (
 from scenefold.world import Priority, World
 
 RELAY_S_MAX = 10.0
-MISS_S = 1.0
-"""A scene that nobody knows is not asked for again within this time: unknown ids must not multiply requests."""
 
 _log = logging.getLogger("scenefold.peer.scene_log.scenes")
 
@@ -64,8 +63,7 @@ class Scenes:
         self._peers = peers
         self._own = own
         self._known: dict[SceneId, KnownScene] = {}
-        self._missed_at: dict[SceneId, float] = {}
-        self._pulls: dict[SceneId, trio.Event] = {}
+        self._pull = Pull(world, peers, self._known.get, self._try_adopt)
         self._lock = trio.Lock()
 
     def register(self, handlers: Handlers) -> None:
@@ -106,6 +104,14 @@ class Scenes:
                     await tell_all(self._peers, public)
             return
 
+    async def _try_adopt(self, public: SceneLogPublic, source: str) -> None:
+        try:
+            await self.adopt(public)
+        except Refused as refusal:
+            # Being told of an older position is the usual course of things between nodes that push and pull.
+            level = logging.DEBUG if refusal.reason is RejectReason.POSITION_BEHIND else logging.WARNING
+            _log.log(level, "header of scene %08x from %s not taken: %s", public.scene, source, refusal)
+
     async def _take_list(self, member: NodeId) -> Sequence[SceneLogPublic] | None:
         """Take what a member lists; None if it does not say."""
         try:
@@ -120,7 +126,7 @@ class Scenes:
         """The scene, at this log position or later if anybody is so far; Refused (19) if nobody knows it."""
         found = self._known.get(scene)
         if ask and (found is None or found.public.position < position):
-            await self._pull(scene, position)
+            await self._pull.until(scene, position)
             found = self._known.get(scene)
         if found is None:
             raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"scene {scene:08x} is unknown in this cluster")
@@ -181,7 +187,7 @@ class Scenes:
 
     def _take(self, scene: KnownScene) -> None:
         self._known[scene.public.scene] = scene
-        self._missed_at.pop(scene.public.scene, None)
+        self._pull.found(scene.public.scene)
 
     async def _log_of(self, public: SceneLogPublic) -> bytes | None:
         """The sealed log of this header, if this node keeps it: a disk that was lost has none, or that of a header before."""
@@ -234,64 +240,3 @@ class Scenes:
 
     async def _on_list(self, packet: ListScenes, _peer: str) -> Packet:
         return page_of(self.all(), packet.after)
-
-    # ------------------------------------------------------------------------------------------------ the others
-
-    async def _pull(self, scene: SceneId, position: int) -> None:
-        """Ask the others for a header of this position or later; one round at a time for each scene, whoever needs it."""
-        while not self._is_known(scene, position):
-            missed_at = self._missed_at.get(scene)
-            if missed_at is not None and self._world.clock.now() - missed_at < MISS_S:
-                return
-            running = self._pulls.get(scene)
-            if running is None:
-                break
-            await running.wait()
-        else:
-            return
-        done = self._pulls[scene] = trio.Event()
-        try:
-            await self._ask_around(scene, position)
-        finally:
-            del self._pulls[scene]
-            done.set()
-
-    async def _ask_around(self, scene: SceneId, position: int) -> None:
-        request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
-        known = self._known.get(scene)
-        order = self._peers.others(first=None if known is None else known.public.origin)
-        while order:
-            member = order.pop(0)
-            public = await shown_by(self._peers, member, request)
-            if public is None:
-                continue
-            is_new = scene not in self._known
-            await self._try_adopt(public, address_of(member))
-            found = self._known.get(scene)
-            if found is None:
-                continue
-            origin = found.public.origin
-            if member == origin:
-                break  # What the node that decides does not know, there is not.
-            if is_new and origin in order:
-                # It was decided, and may be old: who decides knows.
-                order = [origin, *(other for other in order if other != origin)]
-            elif self._is_known(scene, position):
-                break
-        if self._is_known(scene, position):
-            return
-        if len(self._missed_at) > SCENES_LISTED_MAX:
-            self._missed_at.clear()
-        self._missed_at[scene] = self._world.clock.now()
-
-    def _is_known(self, scene: SceneId, position: int) -> bool:
-        found = self._known.get(scene)
-        return found is not None and found.public.position >= position
-
-    async def _try_adopt(self, public: SceneLogPublic, source: str) -> None:
-        try:
-            await self.adopt(public)
-        except Refused as refusal:
-            # Being told of an older position is the usual course of things between nodes that push and pull.
-            level = logging.DEBUG if refusal.reason is RejectReason.POSITION_BEHIND else logging.WARNING
-            _log.log(level, "header of scene %08x from %s not taken: %s", public.scene, source, refusal)

@@ -1,0 +1,92 @@
+"""Asking the others for a scene's header, once for all who wait, and not again at once where nobody had it (specs/16-scene-log.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+import trio
+
+from scenefold.base.ids import SceneId, address_of
+from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.peer.peers import Peers
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.scene_asking import shown_by
+from scenefold.wire import RequestSceneLog, SceneLogPublic, Want
+from scenefold.world import World
+
+MISS_S = 1.0
+"""A scene that nobody knows is not asked for again within this time: unknown ids must not multiply requests."""
+
+
+class Pull:
+    """One round at a time for each scene. Used from the Trio thread only."""
+
+    def __init__(
+        self,
+        world: World,
+        peers: Peers,
+        known: Callable[[SceneId], KnownScene | None],
+        take: Callable[[SceneLogPublic, str], Awaitable[None]],
+    ) -> None:
+        """`known`: what this node has of a scene; `take`: what becomes of a header that a node shows."""
+        self._world = world
+        self._peers = peers
+        self._known = known
+        self._take = take
+        self._missed_at: dict[SceneId, float] = {}
+        self._rounds: dict[SceneId, trio.Event] = {}
+
+    def found(self, scene: SceneId) -> None:
+        """There are news of the scene: the next who lacks something of it asks at once."""
+        self._missed_at.pop(scene, None)
+
+    async def until(self, scene: SceneId, position: int) -> None:
+        """Ask the others for a header of this position or later, whoever needs it; it may be that nobody has it."""
+        while not self._is_known(scene, position):
+            missed_at = self._missed_at.get(scene)
+            if missed_at is not None and self._world.clock.now() - missed_at < MISS_S:
+                return
+            running = self._rounds.get(scene)
+            if running is None:
+                break
+            await running.wait()
+        else:
+            return
+        done = self._rounds[scene] = trio.Event()
+        try:
+            await self._ask_around(scene, position)
+        finally:
+            del self._rounds[scene]
+            done.set()
+
+    async def _ask_around(self, scene: SceneId, position: int) -> None:
+        request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
+        known = self._known(scene)
+        order = self._peers.others(first=None if known is None else known.public.origin)
+        while order:
+            member = order.pop(0)
+            public = await shown_by(self._peers, member, request)
+            if public is None:
+                continue
+            is_new = self._known(scene) is None
+            await self._take(public, address_of(member))
+            found = self._known(scene)
+            if found is None:
+                continue
+            origin = found.public.origin
+            if member == origin:
+                break  # What the node that decides does not know, there is not.
+            if is_new and origin in order:
+                # It was decided, and may be old: who decides knows.
+                order = [origin, *(other for other in order if other != origin)]
+            elif self._is_known(scene, position):
+                break
+        if self._is_known(scene, position):
+            return
+        if len(self._missed_at) > SCENES_LISTED_MAX:
+            self._missed_at.clear()
+        self._missed_at[scene] = self._world.clock.now()
+
+    def _is_known(self, scene: SceneId, position: int) -> bool:
+        found = self._known(scene)
+        return found is not None and found.public.position >= position
