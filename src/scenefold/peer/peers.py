@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TypeVar
 
-from scenefold.base.errors import PeerFault, Unreachable
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.routing import Routing
@@ -14,6 +15,8 @@ from scenefold.wire import ROWS, Packet
 from scenefold.world import Links, Priority, World
 
 A = TypeVar("A", bound=Packet)
+UNHEARD_S = 5.0
+"""So long a member that was not heard yet may be one that lives."""
 
 
 def priority_of(packet: Packet) -> Priority:
@@ -60,6 +63,22 @@ class Peers:
         """The other members in the order to ask them: `first`, those believed alive, the rest."""
         others = [member for member in self._routing.members if member != self._own.me]
         return sorted(others, key=lambda member: (member != first, not self._roster.is_believed_alive(member), member))
+
+    def witnesses(self) -> list[NodeId]:
+        """The other members that seem alive, so that they can tell what this node may not know; Refused (16) if it is none itself.
+
+        One that was never heard counts for a while: this node may have started a moment ago.
+        """
+        if self._own.me not in self._routing.members:
+            raise Refused(RejectReason.NOT_READY, "this node is no member of the cluster yet", remedy="try again in a while")
+        now = self._world.clock.now()
+        return [member for member in self._routing.members if member != self._own.me and self._may_live(member, now)]
+
+    def _may_live(self, member: NodeId, now: float) -> bool:
+        if self._roster.is_believed_alive(member):
+            return True
+        since = self._roster.proof_at(member)
+        return self._roster.is_unheard(member) and since is not None and now - since < UNHEARD_S
 
     def _stamped(self, packet: Packet) -> Packet:
         return replace(packet, mini_status=self._own.mini())

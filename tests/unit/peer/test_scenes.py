@@ -53,6 +53,9 @@ class PlainWorld:
     def now(self) -> float:
         return trio.current_time()
 
+    async def sleep(self, seconds: float) -> None:
+        await trio.sleep(seconds)
+
     async def run(self, _lane: str, function: Any, *arguments: object) -> Any:
         await trio.lowlevel.checkpoint()
         return function(*arguments)
@@ -93,15 +96,19 @@ class PlainPeers:
         """What one of them shows of the only scene in place of that."""
         self.asked: list[tuple[NodeId, Packet]] = []
         self.told: list[tuple[NodeId, Packet]] = []
-        self.away = False
+        self.away: set[NodeId] = set()
+        self.seem_alive: list[NodeId] = []
 
     def others(self, *, first: NodeId | None = None) -> list[NodeId]:
         return sorted([OTHER, THIRD], key=lambda node: (node != first, node))
 
+    def witnesses(self) -> list[NodeId]:
+        return self.seem_alive
+
     async def ask(self, member: NodeId, _priority: Any, packet: Any, _answer: Any, _timeout: float) -> Any:
         self.asked.append((member, packet))
         await trio.sleep(0.01)
-        if self.away:
+        if member in self.away:
             raise Unreachable("away")
         if isinstance(packet, ListScenes):
             own = self.shown.get(member)

@@ -14,8 +14,12 @@ from scenefold.peer.scene_log.scene_asking import shown_by
 from scenefold.wire import RequestSceneLog, SceneLogPublic, Want
 from scenefold.world import World
 
+Take = Callable[[SceneLogPublic, str], Awaitable[None]]
+"""What becomes of a header that somebody shows, and who that is."""
 MISS_S = 1.0
 """A scene that nobody knows is not asked for again within this time: unknown ids must not multiply requests."""
+BEYOND_ORIGIN = 3
+"""So many others are asked for what the node that decides the scene does not know: it may have lost its disk."""
 
 
 class Pull:
@@ -26,7 +30,7 @@ class Pull:
         world: World,
         peers: Peers,
         known: Callable[[SceneId], KnownScene | None],
-        take: Callable[[SceneLogPublic, str], Awaitable[None]],
+        take: Take,
     ) -> None:
         """`known`: what this node has of a scene; `take`: what becomes of a header that a node shows."""
         self._world = world
@@ -74,13 +78,14 @@ class Pull:
             if found is None:
                 continue
             origin = found.public.origin
-            if member == origin:
-                break  # What the node that decides does not know, there is not.
             if is_new and origin in order:
                 # It was decided, and may be old: who decides knows.
                 order = [origin, *(other for other in order if other != origin)]
             elif self._is_known(scene, position):
                 break
+            elif member == origin:
+                # Somebody claims too much, most likely. But it may have lost its disk.
+                order = order[:BEYOND_ORIGIN]
         if self._is_known(scene, position):
             return
         if len(self._missed_at) > SCENES_LISTED_MAX:

@@ -7,11 +7,11 @@ import logging
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.peer.peers import Peers
 from scenefold.peer.scene_log.proposals import answer_of
-from scenefold.wire import ListScenes, RequestSceneLog, RespondSceneLog, SceneLogPublic, ScenesListed, check_page
+from scenefold.wire import ListScenes, RequestSceneLog, RespondSceneLog, SceneLogPublic, ScenesListed, Want, check_page
 from scenefold.world import Priority
 
 ASK_S_MAX = 2.0
@@ -33,11 +33,20 @@ async def listed_by(peers: Peers, member: NodeId) -> list[SceneLogPublic]:
 
 
 async def shown_by(peers: Peers, member: NodeId, request: RequestSceneLog) -> SceneLogPublic | None:
-    """The header that a member has of a scene; None if it is silent, or has none."""
+    """The header that a member has of a scene, of the position that is asked for if it has that; None if it is silent, or has none."""
     try:
-        answer = (await peers.ask(member, Priority.HIGH, request, RespondSceneLog, ASK_S_MAX)).answer
+        return await _answer_of(peers, member, request)
     except (Unreachable, Refused, PeerFault):
         return None
+
+
+async def said_by(peers: Peers, member: NodeId, scene: SceneId) -> SceneLogPublic | None:
+    """The newest header that a member has of a scene, or None. Unreachable, Refused or PeerFault if it does not say."""
+    return await _answer_of(peers, member, RequestSceneLog(scene=scene, genesis=b"", have=0, nonce=0, want=Want.HEADER))
+
+
+async def _answer_of(peers: Peers, member: NodeId, request: RequestSceneLog) -> SceneLogPublic | None:
+    answer = (await peers.ask(member, Priority.HIGH, request, RespondSceneLog, ASK_S_MAX)).answer
     return answer.public if answer is not None and answer.public.scene == request.scene else None
 
 

@@ -24,6 +24,7 @@ from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.first_look import FirstLook
 from scenefold.peer.scene_log.headers import checked_header
 from scenefold.peer.scene_log.makers import check_maker
 from scenefold.peer.scene_log.proposals import accepted, answer_of, decide, rejection
@@ -64,6 +65,7 @@ class Scenes:
         self._own = own
         self._known: dict[SceneId, KnownScene] = {}
         self._pull = Pull(world, peers, self._known.get, self._try_adopt)
+        self._first_look = FirstLook(world, peers, self._try_adopt)
         self._lock = trio.Lock()
 
     def register(self, handlers: Handlers) -> None:
@@ -159,22 +161,31 @@ class Scenes:
             return scene
 
     async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
+        if not self._first_look.was_taken(packet.public.scene):
+            # What is refused anyway need not trouble the others.
+            before = self._known.get(packet.public.scene)
+            if await self._judged(packet, before) is not before:
+                await self._first_look.take(packet.public.scene)
         async with self._lock:
             known = self._known.get(packet.public.scene)
-            has_log = known is not None and await self._log_of(known.public) is not None
-            judging = partial(decide, packet, known, self._own.key, has_log=has_log)
-            scene: KnownScene = await self._world.workers.run("crypto", judging)
-            if scene is known:
-                return known
-            if known is None:
-                self._check_room(known)
-                if self._own.me != self._voter:
-                    # At several nodes at once a user would have the quota of each.
-                    raise Refused(RejectReason.NOT_AUTHORISED, "new scenes are decided by the cluster's first voter")
-                check_maker(scene, self._decided_here(), self._may_make)
-            await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
-            self._take(scene)
+            scene = await self._judged(packet, known)
+            if scene is not known:
+                await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
+                self._take(scene)
             return scene
+
+    async def _judged(self, packet: ProposeSceneLog, known: KnownScene | None) -> KnownScene:
+        """What is to be kept if this is decided; `known` if it was decided before. Refused if it must not be."""
+        has_log = known is not None and await self._log_of(known.public) is not None
+        judging = partial(decide, packet, known, self._own.key, has_log=has_log)
+        scene: KnownScene = await self._world.workers.run("crypto", judging)
+        if known is None:
+            self._check_room(known)
+            if self._own.me != self._voter:
+                # At several nodes at once a user would have the quota of each.
+                raise Refused(RejectReason.NOT_AUTHORISED, "new scenes are decided by the cluster's first voter")
+            check_maker(scene, self._decided_here(), self._may_make)
+        return scene
 
     def _decided_here(self) -> list[KnownScene]:
         """Whose maker this node has looked at. Who decides elsewhere can name any user in its headers."""
