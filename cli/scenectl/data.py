@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text
 from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceName, SpaceOption, whole
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ def ls(
     number, locations, more = run(work)
     text = "\n".join(locations)
     if more and not output.json:
-        print(f"more than {limit}: go on with --first, or raise --limit", file=sys.stderr)
+        note(f"more than {limit}: go on with --first, or raise --limit")
     emit(output, {"scene": scene, "space": number, "locations": locations, "more": more}, text)
 
 

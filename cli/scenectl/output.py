@@ -1,23 +1,27 @@
 """What a command says: options that every verb has, results as text or as one JSON object, errors as one line.
 
 Results go to standard output, everything else to standard error, so that `scenectl ... --json | jq` works
-whatever happens. The shapes of the JSON objects are listed in docs/reference/scenectl.md and are kept stable.
+whatever happens. All of it, and what is logged, leaves here: names, refusals and reports are words of others, and a terminal obeys
+whoever writes to it. The shapes of the JSON objects are listed in docs/reference/scenectl.md and are kept stable.
 """
 
 from __future__ import annotations
 
-import json
+import logging
 import sys
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 from cyclopts import Group, Parameter
 
 from scenectl.errors import Ending
+from scenefold.base.printable import printable, printable_json, printable_lines
 
 GENERAL = Group("General options", sort_key=90)
+ERROR_CHARACTERS_MAX = 4_000
+CELL_CHARACTERS_MAX = 1_000
 
 
 @Parameter(name="*")
@@ -47,28 +51,46 @@ DEFAULT_PROFILE = ProfileOutput()
 def emit(output: Output, document: Mapping[str, Any], text: str) -> None:
     """Print a result: the JSON object if asked for, else the text."""
     if output.json:
-        print(json.dumps(document, indent=2, ensure_ascii=False))
+        print(printable_json(document, indent=2))
     elif text:
-        print(text)
+        print(printable_lines(text))
 
 
 def emit_event(output: Output, document: Mapping[str, Any], text: str) -> None:
     """Print what a verb that goes on running has to say, on one line and at once, for whoever reads its pipe."""
-    print(json.dumps(document, ensure_ascii=False) if output.json else text, flush=True)
+    print(printable_json(document) if output.json else printable_lines(text), flush=True)
+
+
+def note(text: str, stream: TextIO | None = None) -> None:
+    """Print what is no result: on standard error, if not elsewhere."""
+    print(printable_lines(text), file=sys.stderr if stream is None else stream, flush=True)
 
 
 def emit_error(ending: Ending, *, as_json: bool, error: BaseException | None = None) -> None:
     """Print how a command ended badly; with `error` also its traceback (--debug)."""
     if error is not None:
-        traceback.print_exception(error)
-    print(f"error: {ending.line}", file=sys.stderr)
+        note("".join(traceback.format_exception(error)).rstrip())
+    note(f"error: {printable(ending.line, ERROR_CHARACTERS_MAX)}")
     if as_json:
-        print(json.dumps(ending.document(), ensure_ascii=False))
+        print(printable_json(ending.document()))
+
+
+class PrintableFormatter(logging.Formatter):
+    """Of what modules log: words of others are in it, too."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable_lines(super().format(record))
+
+
+def plain_logs() -> None:
+    """Let warnings, which come to standard error where no verb sets up anything else, steer no terminal. For the main program only."""
+    if logging.lastResort is not None:
+        logging.lastResort.setFormatter(PrintableFormatter())
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Columns as wide as they need; numbers to the right, words to the left. What would steer a terminal is written out."""
-    cells = [[_printable(str(cell)) for cell in row] for row in rows]
+    cells = [[printable(str(cell), CELL_CHARACTERS_MAX) for cell in row] for row in rows]
     numeric = [bool(cells) and all(_is_number(row[index]) for row in cells) for index in range(len(titles))]
     widths = [max(len(line[index]) for line in [list(titles), *cells]) for index in range(len(titles))]
     lines = [list(titles), *cells]
@@ -91,8 +113,3 @@ def size_text(count: float) -> str:
 
 def _is_number(cell: str) -> bool:
     return cell[:1].isdigit()
-
-
-def _printable(text: str) -> str:
-    """Names come from others, and a terminal obeys whoever writes to it."""
-    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)

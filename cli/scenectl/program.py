@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from scenectl.errors import DONE, FAILED, READER_LEFT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
-from scenectl.output import emit_error
+from scenectl.output import emit_error, plain_logs
 from scenefold.base.kernel_cache import use_kernel_cache
 
 GROUPS = {
@@ -55,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     _plug()
     use_kernel_cache()
+    plain_logs()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     as_json, debug = "--json" in tokens, "--debug" in tokens
     if sys.stdout is None:

@@ -12,6 +12,9 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
+from scenectl.output import note
+from scenefold.base.printable import printable
+
 if TYPE_CHECKING:
     from rich.progress import Progress as Bars
     from rich.progress import TaskID
@@ -40,10 +43,10 @@ class Progress:
             from rich.progress import Progress as Bars
 
             self._bars = Bars(
-                TextColumn("{task.description:<12}"),
+                TextColumn("{task.description:<12}", markup=False),
                 BarColumn(),
                 MofNCompleteColumn(),
-                TextColumn("{task.fields[unit]}"),
+                TextColumn("{task.fields[unit]}", markup=False),
                 TimeElapsedColumn(),
                 TimeRemainingColumn(),
                 console=Console(file=self._stream),
@@ -64,8 +67,8 @@ class Progress:
     def _show_bar(self, bars: Bars, state: ProgressState) -> None:
         task = self._tasks.get(state.phase)
         if task is None:
-            task = self._tasks[state.phase] = bars.add_task(state.phase, total=state.total, unit=state.unit)
-        bars.update(task, completed=state.done, total=state.total, unit=state.unit)
+            task = self._tasks[state.phase] = bars.add_task(printable(state.phase), total=state.total, unit="")
+        bars.update(task, completed=state.done, total=state.total, unit=printable(state.unit))
 
     def _print_line(self, state: ProgressState) -> None:
         finished = state.total is not None and state.done >= state.total
@@ -75,4 +78,4 @@ class Progress:
         if line == self._line or (now - self._line_at < LINE_INTERVAL_S and not finished):
             return
         self._line, self._line_at = line, now
-        print(line, file=self._stream, flush=True)
+        note(line, self._stream)

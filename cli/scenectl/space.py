@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
 from scenectl.values import PlaceOption, name_or_number, whole
 
@@ -215,7 +214,7 @@ def query(
 
     about, records, more = run(_in_scene, output.profile, scene, ask)
     if more and not output.json:
-        print(f"more than {limit}: ask for a smaller box, or raise --limit", file=sys.stderr)
+        note(f"more than {limit}: ask for a smaller box, or raise --limit")
     rows = [(record["location"], _position_or_id(record)) for record in records]
     titles = ("location", "id" if about["low"] is None else "position")
     document = {"scene": scene, **about, "records": records, "more": more}

@@ -6,7 +6,6 @@ a node, in a temporary folder, and is stopped and removed at the end, however th
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
@@ -15,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenectl.output import size_text
+from scenectl.output import note, size_text
 from scenectl.values import cluster_ports
 
 if TYPE_CHECKING:
@@ -159,7 +158,7 @@ def left_out_text(scene: str, count: int, left_out: Sequence[LeftOut]) -> str:
 
 def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
     if renderers.nodes and renderers.left_out:
-        print(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out), file=sys.stderr, flush=True)
+        note(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out))
 
 
 def _few(addresses: Sequence[str]) -> str:

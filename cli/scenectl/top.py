@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenectl.cluster_text import RATE_TITLES, movement_text, rate_rows
 from scenectl.output import Output, emit_event, size_text, table
+from scenefold.base.printable import printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -73,10 +74,10 @@ def _screen(found: ClusterStatus, changed: list[Rate], moving: list[Movement]) -
     for index, title in enumerate(RATE_TITLES):
         rows.add_column(title, justify="left" if index < 2 else "right")
     for row in rate_rows(changed):
-        rows.add_row(*row)
-    lines = [Text(movement_text(movement)) for movement in moving] or [Text("nothing is on its way", style="dim")]
-    concerns = [Text(f"warning: {warning.text}", style="bold") for warning in found.warnings]
-    return Group(Text(_summary(found, changed)), Text(), rows, Text(), *lines, *concerns, Text("\nCtrl-C ends", style="dim"))
+        rows.add_row(*(Text(printable(cell)) for cell in row))
+    lines = [Text(printable(movement_text(movement))) for movement in moving] or [Text("nothing is on its way", style="dim")]
+    concerns = [Text(printable(f"warning: {warning.text}"), style="bold") for warning in found.warnings]
+    return Group(Text(printable(_summary(found, changed))), Text(), rows, Text(), *lines, *concerns, Text("\nCtrl-C ends", style="dim"))
 
 
 def _document(found: ClusterStatus, changed: list[Rate], moving: list[Movement], seconds: float) -> dict[str, Any]:

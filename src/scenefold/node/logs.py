@@ -6,11 +6,36 @@ their form, so that services need not know how they will be read.
 
 from __future__ import annotations
 
+import io
 import logging
 import sys
-from typing import Literal
+from typing import Literal, TextIO
 
 import structlog
+
+from scenefold.base.printable import printable, printable_lines
+
+CHARACTERS_MAX = 4_000
+"""Of one value in a line."""
+
+
+def _printable(_logger: object, _method: str, event: structlog.typing.EventDict) -> structlog.typing.EventDict:
+    """Words of others are in what is logged, and whoever reads it may do so on a terminal."""
+    return {name: printable(value, CHARACTERS_MAX) if isinstance(value, str) else value for name, value in event.items()}
+
+
+def _bounded(_logger: object, _method: str, event: structlog.typing.EventDict) -> structlog.typing.EventDict:
+    """JSON writes everything out that is not ASCII."""
+    return {
+        name: value if name == "exception" else value[:CHARACTERS_MAX] if isinstance(value, str) else value for name, value in event.items()
+    }
+
+
+def _traceback(stream: TextIO, found: structlog.typing.ExcInfo) -> None:
+    written = io.StringIO()
+    # The default shows the values of all frames' locals, and keys are among them.
+    structlog.dev.plain_traceback(written, found)
+    stream.write(printable_lines(written.getvalue()))
 
 
 def set_up_logs(form: Literal["console", "json"], level: str) -> None:
@@ -22,10 +47,10 @@ def set_up_logs(form: Literal["console", "json"], level: str) -> None:
     ]
     last: list[structlog.typing.Processor]
     if form == "json":
-        last = [structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]
+        last = [structlog.processors.format_exc_info, _bounded, structlog.processors.JSONRenderer()]
     else:
-        # The default shows the values of all frames' locals, and keys are among them.
-        last = [structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), exception_formatter=structlog.dev.plain_traceback)]
+        last = [structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), exception_formatter=_traceback)]
+        last.insert(0, _printable)
     formatter = structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=shared, processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last]
     )

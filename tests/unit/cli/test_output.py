@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from scenectl.output import Output, emit, size_text, table
+import scenectl
+from scenectl.errors import ending_of
+from scenectl.output import Output, emit, emit_error, emit_event, note, size_text, table
 from scenectl.progress import Progress
 from scenectl.values import SPACE_NAMES, Place, Size
+from scenefold.base.errors import Refused
 from scenefold.base.location import FIRST, LAST
+from scenefold.base.reasons import RejectReason
 from scenefold.client.progress import ProgressState
 
 
@@ -82,3 +89,35 @@ def test_space_names_are_those_of_the_scene_layout() -> None:
 def test_a_name_that_others_chose_does_not_steer_the_terminal() -> None:
     shown = table(("name",), [("\x1b[2Jkitchen\n\u202e\x9b",), ("küche 厨房",)])
     assert shown.splitlines() == ["name", r"\x1b[2Jkitchen\n\u202e\x9b", "küche 厨房"]
+
+
+STEERING = "\x1b]0;owned\x07\x9b2J\u202edecided\r"
+
+
+def test_what_others_say_does_not_steer_the_terminal_whichever_way_it_comes(capsys: pytest.CaptureFixture[str]) -> None:
+    """A refusal, a traceback, a report, an event: all are words of others."""
+    refusal = Refused(RejectReason.BUSY, f"no\n{STEERING}", where=STEERING)
+    emit(Output(), {}, f"two\nlines {STEERING}")
+    emit(Output(json=True), {"failure": STEERING}, "")
+    emit_event(Output(), {}, STEERING)
+    emit_event(Output(json=True), {"failure": STEERING}, "")
+    emit_error(ending_of(refusal), as_json=True, error=refusal)
+    note(STEERING)
+    said = capsys.readouterr()
+    for line in (said.out + said.err).splitlines():
+        assert line.isprintable()
+    assert said.out.startswith("two\nlines \\x1b]0;owned")
+    assert json.loads(said.out.splitlines()[-1])["error"]["where"] == STEERING
+    assert said.err.splitlines()[-2].startswith("error: no \\x1b]0;owned")
+
+
+def test_what_modules_warn_of_does_not_steer_the_terminal() -> None:
+    program = f"import logging, scenectl.output as o; o.plain_logs(); logging.getLogger('scenefold').warning('told: %s', {STEERING!r})"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stderr == "told: \\x1b]0;owned\\x07\\x9b2J\\u202edecided\\r\n"
+
+
+def test_all_that_verbs_say_leaves_by_one_door() -> None:
+    """A `print` elsewhere would pass on whatever a peer said."""
+    folder = Path(scenectl.__file__).parent
+    assert [path.name for path in sorted(folder.glob("*.py")) if "print(" in path.read_text()] == ["output.py"]
