@@ -15,12 +15,12 @@ from scenefold.base.reasons import RejectReason
 from scenefold.partition import make_partition
 from scenefold.render.contract import load_renderer
 from scenefold.render.job import Job, RenderOptions
-from scenefold.render.pool import share
+from scenefold.render.pool import keeping, share
 from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_USER_MAX
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.sample import sample_scene_path
-from scenefold.wire import CancelJob, CollectPass, JobAnswer, JobState, StartJob
+from scenefold.wire import CancelJob, CollectPass, JobAnswer, JobEvent, JobState, StartJob, decode_packet
 from scenefold.world.real.world import offline_world
 
 TINY = RenderOptions(width=16, height=16, samples=1)
@@ -140,3 +140,13 @@ async def test_a_bug_over_a_job_fails_the_job_and_not_the_node(monkeypatch: pyte
             assert "its log says more" in (await pool.until(1, owner, "failed"))["failure"]
         image, _ = await pool.render(2, TINY)
         assert image
+
+
+async def test_an_organiser_speaks_to_all_before_it_says_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else those that are ready first give their places back while the slowest prepares."""
+    monkeypatch.setattr(keeping, "WORD_S", 0.01)
+    async with memory_pool(offline_world(), records_of(sample_scene_path()), 2) as pool:
+        await pool.render(1, TINY)
+        for node in pool.nodes:
+            told = [type(decode_packet(packet)) for packet in pool.delivered[node]]
+            assert JobState in told[: told.index(JobEvent)]

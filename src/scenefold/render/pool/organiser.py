@@ -20,7 +20,9 @@ from scenefold.render.content import pair_boxes
 from scenefold.render.contract import Renderer
 from scenefold.render.job import Job
 from scenefold.render.numbers import camera_numbers, diagonal_of, job_box
+from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
+from scenefold.render.pool.keeping import keep_places
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
@@ -30,7 +32,6 @@ from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
 from scenefold.world import DiskFailed
 
-PREPARE_S_MAX = 900.0
 ASK_S_MAX = 30.0
 POLL_S = 0.2
 KEEP_S = 600.0
@@ -105,6 +106,12 @@ class Organiser:
         with _Timed(self, "plan"):
             job, tables = await self._plan(self._keys)
         self._job, self._keys = job, None
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(keep_places, self._host, job)
+            await self._make_image(job, tables)
+            nursery.cancel_scope.cancel()
+
+    async def _make_image(self, job: Job, tables: SceneTables) -> None:
         with _Timed(self, "prepare"):
             await self._of_all(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
         self._phase = "rendering"

@@ -12,6 +12,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import OpenScene, Renderer
 from scenefold.render.film import BYTES_PER_PIXEL
 from scenefold.render.job import Job
+from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
@@ -54,8 +55,7 @@ class Part:
         self._ended = trio.Event()
         self._prepare_seconds = 0.0
         self._was_ready = False
-        self.last_heard = host.world.clock.now()
-        """When the organiser last asked; preparing may take long, so the count begins anew at `go`."""
+        self.hold = Hold()
 
     async def run(self) -> None:
         """Prepare, wait for the word, trace until `end`. Failures are kept in `failure`, for whoever asks."""
@@ -95,7 +95,7 @@ class Part:
 
     def go(self) -> None:
         """All nodes are ready: trace."""
-        self.last_heard = self._host.world.clock.now()
+        self.hold.go()
         self._go.set()
 
     async def end(self) -> None:

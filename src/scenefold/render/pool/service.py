@@ -13,6 +13,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import node_named
 from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.job import Job
+from scenefold.render.pool.hold import LOOK_S
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.organiser import Organiser
 from scenefold.render.pool.part import Part
@@ -43,8 +44,6 @@ JOBS_MAX = 8
 JOBS_OF_A_USER_MAX = 4
 JOBS_OF_A_NODE_MAX = 6
 """Of one that organises them; of its own a node takes part in as many as there are places."""
-SILENCE_S_MAX = 1200.0
-"""A part of which nobody asks for so long has lost its organiser; preparing may take PREPARE_S_MAX of it."""
 IMAGE_PART_BYTES = 4 * 1024 * 1024
 OK = 0
 
@@ -84,13 +83,13 @@ class RenderService:
 
     async def _sweep(self) -> None:
         """End parts whose organiser asks no more: it died, or was cut off, and nobody wants their rays."""
-        clock = self._host.world.clock
         while True:
-            await clock.sleep(SILENCE_S_MAX / 4)
+            await self._host.world.clock.sleep(LOOK_S)
             for job, part in self._parts.jobs():
-                if clock.now() - part.last_heard > SILENCE_S_MAX:
+                why = part.hold.over()
+                if why:
                     if not part.has_failed:
-                        _log.warning("job %016x: its organiser is silent; this node's part ends", job)
+                        _log.warning("job %016x: its organiser %s; this node's part ends", job, why)
                     self._parts.drop(job, part)
                     await part.end()
 
@@ -131,7 +130,8 @@ class RenderService:
             state = self._organiser(packet.job, peer).state()
         else:
             part = self._part_with(packet.job, peer)
-            part.last_heard = self._host.world.clock.now()
+            if self._parts.asker(packet.job) == peer:
+                part.hold.heard()
             state = part.state()
         return JobStateReply(job=packet.job, document=pack_value(state))
 
@@ -148,7 +148,7 @@ class RenderService:
         else:
             part = self._parts.get(packet.job)
             if part is not None:
-                self._index(part, peer)
+                self._check_organiser(packet.job, peer)
                 self._parts.drop(packet.job, part)
                 await part.end()
         return JobAnswer(job=packet.job, reason=OK, text="")
@@ -180,6 +180,7 @@ class RenderService:
         part = self._part_with(packet.job, peer)
         document = unpack_value(packet.document, what="a job's event")
         if isinstance(document, dict) and document.get("go") is True:
+            self._check_organiser(packet.job, peer)
             part.go()
         else:
             part.member().on_event(packet)
@@ -222,6 +223,11 @@ class RenderService:
         part = self._part(job)
         self._index(part, peer)
         return part
+
+    def _check_organiser(self, job: int, peer: str) -> None:
+        """Refused (12) if another node offered the job: only that one says when it begins, and ends."""
+        if self._parts.asker(job) != peer:
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} does not organise the job")
 
     def _organiser(self, job: int, peer: str) -> Organiser:
         """What organises the job of this user: nobody else is told anything of it."""

@@ -1,0 +1,162 @@
+"""If this fails, one organiser that says nothing holds the places of a node, or a job ends because its nodes prepare for long."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import trio
+from trio.testing import MockClock
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.render.pool import service
+from scenefold.render.pool.hold import LOOK_S, PREPARE_S_MAX, SILENT_LOOKS_MAX, WAITING_LOOKS_MAX, Hold
+from scenefold.render.pool.keeping import keep_places
+from scenefold.render.pool.service import JOBS_OF_A_NODE_MAX, RenderService
+from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, pack_value
+
+ME, ORGANISER, OTHER = NodeId(0x7F000002), NodeId(0x7F000003), NodeId(0x7F000004)
+SILENT_S = (SILENT_LOOKS_MAX + 1) * LOOK_S
+
+
+def test_a_word_holds_a_place_and_silence_gives_it_back() -> None:
+    hold = Hold()
+    for _ in range(3):
+        assert [hold.over() for _ in range(SILENT_LOOKS_MAX)] == [""] * SILENT_LOOKS_MAX
+        hold.heard()
+    assert [hold.over() for _ in range(SILENT_LOOKS_MAX + 1)][-1] == "is silent"
+
+
+def test_words_alone_hold_no_place_for_ever_and_a_job_that_runs_goes_on() -> None:
+    waiting, running = Hold(), Hold()
+    running.go()
+    for _ in range(WAITING_LOOKS_MAX):
+        assert not waiting.over() and not running.over()
+        waiting.heard()
+        running.heard()
+    assert waiting.over() == "never said that it begins" and not running.over()
+    assert WAITING_LOOKS_MAX * LOOK_S > PREPARE_S_MAX
+
+
+class Waits:
+    """A part that is ready at once."""
+
+    has_failed = False
+    was_ready = True
+
+    def __init__(self, _host: object, _renderer: object, job: Any) -> None:
+        self.job, self.hold, self.gone, self._ended = job, Hold(), False, trio.Event()
+
+    async def run(self) -> None:
+        await self._ended.wait()
+
+    async def prepared(self) -> None:
+        await trio.lowlevel.checkpoint()
+
+    def go(self) -> None:
+        self.gone = True
+        self.hold.go()
+
+    def state(self) -> dict[str, Any]:
+        return {"phase": "ready"}
+
+    async def end(self) -> None:
+        await trio.lowlevel.checkpoint()
+        self._ended.set()
+
+
+class Node:
+    """A host whose packets come from the test."""
+
+    node_id = ME
+
+    def __init__(self) -> None:
+        clock = SimpleNamespace(sleep=trio.sleep, now=trio.current_time)
+        self.world = SimpleNamespace(clock=clock)
+        self.handlers: dict[type[Packet], Any] = {}
+
+    def handle(self, packet: type[Packet], handler: Any, *, nodes_only: bool) -> None:
+        self.handlers[packet] = handler
+
+    async def told(self, packet: Packet, by: NodeId = ORGANISER) -> Any:
+        return await self.handlers[type(packet)](packet, f"node:{by}")
+
+    async def offered(self, job: int) -> int:
+        answer = await self.told(StartJob(job=job, document=b"%d" % job))
+        assert isinstance(answer, JobAnswer)
+        return answer.reason
+
+
+@pytest.fixture
+def node(monkeypatch: pytest.MonkeyPatch) -> Node:
+    def job_of(document: bytes) -> Any:
+        return SimpleNamespace(id=int(document), nodes=(ME, ORGANISER, OTHER))
+
+    monkeypatch.setattr(service, "Part", Waits)
+    monkeypatch.setattr(service, "Job", SimpleNamespace(from_bytes=job_of))
+    monkeypatch.setattr(RenderService, "_load", lambda _: None)
+    return Node()
+
+
+@pytest.mark.expect_log("its organiser is silent; this node's part ends")
+async def test_an_organiser_that_never_says_go_gets_its_places_back_within_two_minutes(node: Node, autojump_clock: MockClock) -> None:
+    host: Any = node
+    async with trio.open_nursery() as nursery:
+        await nursery.start(RenderService(host).run)
+        assert [await node.offered(job) for job in range(JOBS_OF_A_NODE_MAX)] == [0] * JOBS_OF_A_NODE_MAX
+        assert await node.offered(90) != 0
+        await trio.sleep(SILENT_S + LOOK_S)
+        assert await node.offered(91) == 0
+        nursery.cancel_scope.cancel()
+
+
+@pytest.mark.expect_log("its organiser is silent; this node's part ends")
+async def test_the_organisers_word_holds_a_place_and_nobody_elses(node: Node, autojump_clock: MockClock) -> None:
+    host: Any = node
+    almost_s = SILENT_LOOKS_MAX * LOOK_S - 1
+    async with trio.open_nursery() as nursery:
+        await nursery.start(RenderService(host).run)
+        await node.offered(1)
+        await trio.sleep(almost_s)
+        assert isinstance(await node.told(JobState(job=1)), JobStateReply)
+        await trio.sleep(almost_s)
+        assert isinstance(await node.told(JobState(job=1), OTHER), JobStateReply), "it is held, and a node of the job may ask"
+        await trio.sleep(LOOK_S)
+        with pytest.raises(Refused, match="takes no part"):
+            await node.told(JobState(job=1))
+        nursery.cancel_scope.cancel()
+
+
+async def test_only_who_offered_a_job_begins_and_ends_it(node: Node, autojump_clock: MockClock) -> None:
+    host: Any = node
+    async with trio.open_nursery() as nursery:
+        await nursery.start(RenderService(host).run)
+        await node.offered(1)
+        go = JobEvent(job=1, document=pack_value({"go": True}))
+        for packet in (go, CancelJob(job=1)):
+            with pytest.raises(Refused, match="does not organise the job"):
+                await node.told(packet, OTHER)
+            assert not (await node.told(packet)).reason
+        nursery.cancel_scope.cancel()
+
+
+async def test_while_one_node_prepares_for_long_the_others_hear_of_the_job(autojump_clock: MockClock) -> None:
+    """And one that does not answer keeps nobody else's word back."""
+    host, heard = Node(), []
+
+    async def ask(to: NodeId, packet: Packet, timeout_s: float) -> Packet:
+        if to == OTHER:
+            await trio.sleep(timeout_s)
+            raise Unreachable("it is silent")
+        await trio.lowlevel.checkpoint()
+        heard.append(trio.current_time())
+        return JobStateReply(job=1, document=b"")
+
+    host.ask = ask  # type: ignore[attr-defined]
+    job: Any = SimpleNamespace(id=1, nodes=(ORGANISER, OTHER))
+    with trio.move_on_after(PREPARE_S_MAX):
+        await keep_places(host, job)  # type: ignore[arg-type]
+    gaps = [after - before for before, after in zip([0.0, *heard], heard, strict=False)]
+    assert heard[-1] > PREPARE_S_MAX - LOOK_S and max(gaps) < LOOK_S
