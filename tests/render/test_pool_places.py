@@ -15,12 +15,14 @@ from scenefold.base.reasons import RejectReason
 from scenefold.partition import make_partition
 from scenefold.render.contract import load_renderer
 from scenefold.render.job import Job, RenderOptions
+from scenefold.render.passes import PassPlan
 from scenefold.render.pool import keeping, share
+from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_USER_MAX
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.sample import sample_scene_path
-from scenefold.wire import CancelJob, CollectPass, JobAnswer, JobEvent, JobState, StartJob, decode_packet
+from scenefold.wire import CancelJob, CollectPass, JobAnswer, JobEvent, JobState, StartJob, decode_packet, pack_value
 from scenefold.world.real.world import offline_world
 
 TINY = RenderOptions(width=16, height=16, samples=1)
@@ -150,3 +152,22 @@ async def test_an_organiser_speaks_to_all_before_it_says_go(monkeypatch: pytest.
         for node in pool.nodes:
             told = [type(decode_packet(packet)) for packet in pool.delivered[node]]
             assert JobState in told[: told.index(JobEvent)]
+
+
+async def test_that_a_pass_is_closed_says_its_owner_and_nobody_else() -> None:
+    """Whoever forgets a pass too early has lost what its rays brought, and the image is another."""
+    async with memory_pool(offline_world(), records_of(sample_scene_path()), 3) as pool:
+        owner = await pool.start(1, LONG)
+        plan = PassPlan(1, LONG.width * LONG.height * LONG.samples)
+        assert (await pool.until(1, owner, "rendering"))["passes"] == plan.count
+        for number in range(plan.count):
+            closes = pool.nodes[pass_owner(plan, number, len(pool.nodes))]
+            liar, other = (node for node in pool.nodes if node != closes)
+            event = JobEvent(job=1, document=pack_value({"closed": number}))
+            with pytest.raises(Refused, match="closed by another node") as caught:
+                await pool.deliver(f"node:{liar}", other, event)
+            assert caught.value.reason is RejectReason.NOT_AUTHORISED
+        for nonsense in (plan.count, -1, True, "1", None):
+            with pytest.raises(PeerFault, match="no such pass"):
+                await pool.deliver(f"node:{owner}", owner, JobEvent(job=1, document=pack_value({"closed": nonsense})))
+        await pool.ask(owner, CancelJob(job=1))

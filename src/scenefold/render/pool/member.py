@@ -25,10 +25,10 @@ from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.outbox import PeerOutbox
-from scenefold.render.pool.own_passes import OwnPasses, pass_owner
+from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.work import WorkQueue
-from scenefold.wire import CollectPass, JobEvent, Packet, PassCounts, PassSums, SendRays, pack_value, unpack_value
+from scenefold.wire import CollectPass, JobEvent, Packet, PassCounts, PassSums, SendRays, pack_value
 from scenefold.world import World
 
 COLLECT_S_MAX = 120.0
@@ -122,11 +122,9 @@ class Member:
             payload=payload,
         )
 
-    def on_event(self, packet: JobEvent) -> None:
-        """A pass was closed by its owner: what we kept for it may go."""
-        document = unpack_value(packet.document, what="a job's event")
-        if isinstance(document, dict) and isinstance(document.get("closed"), int):
-            self._forget(document["closed"])
+    def on_closed(self, node: int, number: object) -> None:
+        """A pass was closed by its owner: what we kept for it may go. PeerFault or Refused if another says so."""
+        self._forget(closed_pass(self._plan, len(self._job.nodes), node, number))
 
     # Tasks ---------------------------------------------------------------------------------------------------
 

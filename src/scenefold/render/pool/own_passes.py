@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Location, arcs_between, even_right_bounds
+from scenefold.base.reasons import RejectReason
 from scenefold.render.ledger import PassLedger
 from scenefold.render.passes import PassPlan
 
@@ -24,6 +26,15 @@ def pass_owner(plan: PassPlan, number: int, nodes: int) -> int:
 def owner_index(location: Location, nodes: int) -> int:
     """Which of `nodes` even arcs holds a location."""
     return next(index for index, arc in enumerate(arcs_between(even_right_bounds(nodes))) if location in arc)
+
+
+def closed_pass(plan: PassPlan, nodes: int, node: int, number: object) -> int:
+    """The pass that the job's node of an index says is closed; PeerFault if there is none, Refused (12) if it is another node's."""
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < plan.count:
+        raise PeerFault("the job has no such pass", where=f"pass {number!r:.40}")
+    if pass_owner(plan, number, nodes) != node:
+        raise Refused(RejectReason.NOT_AUTHORISED, "a pass is closed by another node", where=f"pass {number}, node {node} of the job")
+    return number
 
 
 class OwnPasses:

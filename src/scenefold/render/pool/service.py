@@ -182,8 +182,8 @@ class RenderService:
         if isinstance(document, dict) and document.get("go") is True:
             self._check_organiser(packet.job, peer)
             part.go()
-        else:
-            part.member().on_event(packet)
+        elif isinstance(document, dict) and "closed" in document:
+            part.member().on_closed(self._index(part, peer), document["closed"])
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_rays(self, packet: SendRays, peer: str) -> None:
