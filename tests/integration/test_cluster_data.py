@@ -18,8 +18,8 @@ from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING
 from scenefold.wire import (
-    EXPECT_ABSENT,
     AcceptData,
     AcceptSceneProposal,
     Ballot,
@@ -113,8 +113,8 @@ def place_in(nodes: Nodes, node: int, offset: int = 5) -> Location:
 
 
 def item_in(nodes: Nodes, node: int, offset: int = 5, payload: bytes = b"payload", seq: int = 1) -> PutItem:
-    record = sealed(scene_in(nodes.profile), payload=payload, location=place_in(nodes, node, offset), seq=seq)
-    return offered(record, expect=EXPECT_ABSENT if seq == 1 else None)
+    expects = EXPECTS_NOTHING if seq == 1 else EXPECTS_ANYTHING
+    return offered(sealed(scene_in(nodes.profile), payload=payload, location=place_in(nodes, node, offset), seq=seq, expects=expects))
 
 
 async def test_records_live_with_their_owners(tmp_path: Path) -> None:
@@ -146,8 +146,8 @@ async def check_writes(user: User) -> None:
     ]
     assert await user.put(1, items[1]) == [0]
     assert await user.put(2, items[2]) == [0]
-    other = replace(item_in(nodes, 0, payload=b"other", seq=2), expect=EXPECT_ABSENT)
-    assert await user.put(0, other) == [RejectReason.STALE_VERSION], "what is there is not overwritten"
+    other = sealed(scene_in(nodes.profile), payload=b"other", location=items[0].location, seq=2, expects=EXPECTS_NOTHING)
+    assert await user.put(0, offered(other)) == [RejectReason.STALE_VERSION], "what is there is not overwritten"
     assert [node.store.record_count for node in nodes.contexts.values()] == [1, 1, 1]
 
 
@@ -160,7 +160,6 @@ async def check_single_packets(user: User) -> None:
         signature=item.signature,
         header=item.header,
         ciphertext=item.ciphertext,
-        expect=None,
     )
     rejected = await user.ask(0, packet)
     assert isinstance(rejected, RejectData)

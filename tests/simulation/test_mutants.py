@@ -60,6 +60,7 @@ PROVOKED = {
     "reader's signature check": Provocation(laws.SOUND, LIES),
     "record of this place": Provocation(laws.SOUND, LIES),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
+    "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
     "settling time": Provocation(laws.SETTLED, MOVES),
     "version check": Provocation(laws.LINEARIZABLE, BUSY),
 }

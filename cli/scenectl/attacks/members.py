@@ -13,6 +13,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX, FRAME_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, RecordHeader
 from scenefold.wire import (
     GetMany,
     GetManyReply,
@@ -118,12 +119,12 @@ async def flood_of_requests(me: Attacker) -> None:
 
 
 async def forged_records(me: Attacker) -> None:
-    """An honest record, moved, changed, unsigned, or put again in an older version."""
+    """An honest record, moved, changed, unsigned, or with another expectation."""
     async with open_links(me.world) as links:
         found = await links.request(me.address, Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),)), 10.0)
         assert isinstance(found, GetManyReply) and found.records[0] is not None
         record = found.records[0]
-        good = PutItem(me.scene, me.space, me.place, None, record.signature, record.header, record.ciphertext)
+        good = PutItem(me.scene, me.space, me.place, record.signature, record.header, record.ciphertext)
         while True:
             items = tuple(_forged(good, me.dice) for _ in range(64))
             answer = await links.request(me.address, Priority.LOW, PutMany(items), 10.0)
@@ -133,15 +134,23 @@ async def forged_records(me: Attacker) -> None:
 
 
 def _forged(good: PutItem, dice: Random) -> PutItem:
-    match dice.randrange(4):
+    match dice.randrange(5):
         case 0:
             return replace(good, location=Location.from_number(good.location.number + 1 + dice.randrange(1 << 40)))
         case 1:
             return replace(good, ciphertext=_flipped(good.ciphertext, dice))
         case 2:
             return replace(good, signature=_flipped(good.signature, dice))
+        case 3:
+            return replace(good, header=_expecting(good.header, dice.choice((EXPECTS_ANYTHING, EXPECTS_NOTHING, dice.randbytes(32)))))
         case _:
             return replace(good, header=_flipped(good.header, dice))
+
+
+def _expecting(header: bytes, expects: bytes) -> bytes:
+    decoded = RecordHeader.decode(header)
+    # Not what it says already: that would be an honest repetition.
+    return decoded._replace(expects=expects if expects != decoded.expects else bytes(31) + b"\1").encode()
 
 
 def _flipped(data: bytes, dice: Random) -> bytes:

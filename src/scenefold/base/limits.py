@@ -30,7 +30,7 @@ PORT_HIGH_PRIORITY = 17350
 """Status, scene log, pools; UDP and TCP."""
 
 RECORD_OVERHEAD_BYTES_MAX = 1024
-"""Header (149 bytes) and signature (at most 384) of one record, with room for their next version."""
+"""Header (181 bytes) and signature (at most 384) of one record, with room for their next version."""
 CIPHERTEXT_BYTES_MAX = PAYLOAD_BYTES_MAX + 16
 """A payload and its authentication tag."""
 BULK_ITEMS_MAX = 8_192

@@ -26,9 +26,9 @@ from scenefold.client.split import frames
 from scenefold.client.tombstones import Lengths, tombstone
 from scenefold.client.versions import Sequencer
 from scenefold.client.wishes import Placed, Wish
-from scenefold.crypto import SigningKey
+from scenefold.crypto import EXPECTS_NOTHING, SigningKey
 from scenefold.scene.log import SceneLog
-from scenefold.wire import DAMAGED_RECORD, EXPECT_ABSENT, LogEntry, RecordBytes
+from scenefold.wire import DAMAGED_RECORD, LogEntry, RecordBytes
 
 Result = TypeVar("Result")
 
@@ -63,7 +63,7 @@ class SceneAccess:
         """`put` for one record; Refused with STALE_VERSION, in words, if what is there is not what was expected."""
         (placed,) = await self.put([wish])
         if placed.reason == RejectReason.STALE_VERSION:
-            what = "there is a record already" if wish.expect == EXPECT_ABSENT else "another version is there"
+            what = "there is a record already" if wish.expect == EXPECTS_NOTHING else "another version is there"
             raise Refused(RejectReason.STALE_VERSION, what, where=self.where(wish), remedy="read it, then decide")
         return placed
 

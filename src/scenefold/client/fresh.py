@@ -17,7 +17,7 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.runs import run_behind
 from scenefold.client.wishes import Wish
-from scenefold.wire import EXPECT_ABSENT
+from scenefold.crypto import EXPECTS_NOTHING
 
 _LOOK = 256
 """Records of a run that are read together."""
@@ -44,7 +44,7 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
     places = FreePlaces() if places is None else places
     asked = [places.take(item.space, item.wanted) for item in items]
     stored: list[Stored | None] = [None] * len(items)
-    expected = [EXPECT_ABSENT] * len(items)
+    expected = [EXPECTS_NOTHING] * len(items)
     pending = list(range(len(items)))
     while pending:
         wishes = [Wish(items[index].space, asked[index], items[index].payload, expected[index]) for index in pending]
@@ -73,7 +73,7 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
             else:
                 # Each step takes one more of the bounded number of places, so this ends.
                 asked[index] = places.take(items[index].space, items[index].wanted)
-                expected[index] = EXPECT_ABSENT
+                expected[index] = EXPECTS_NOTHING
             pending.append(index)
     return [item for item in stored if item is not None]
 

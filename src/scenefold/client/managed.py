@@ -17,8 +17,7 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.living import alive
 from scenefold.client.sealing import Key, payload_of
 from scenefold.client.wishes import Wish
-from scenefold.crypto import OBJECT_BYTES, signed_place
-from scenefold.wire import EXPECT_ABSENT
+from scenefold.crypto import EXPECTS_NOTHING, OBJECT_BYTES, signed_place
 
 
 class ManagedPlace(NamedTuple):
@@ -45,7 +44,7 @@ class ManagedRecords:
     async def put(self, payload: bytes) -> ManagedStored:
         """Store a new record; durable when this returns."""
         object_id = self._access.calls.world.entropy.token(OBJECT_BYTES)
-        return await self._put(object_id, payload, EXPECT_ABSENT)
+        return await self._put(object_id, payload, EXPECTS_NOTHING)
 
     async def replace(self, place: ManagedPlace, payload: bytes, *, expect: bytes | None = None) -> ManagedStored:
         """Store a new version of a record. Refused with STALE_VERSION if `expect`, a digest, is not what is there."""

@@ -19,9 +19,9 @@ from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.tombstones import is_tombstone
 from scenefold.client.wishes import Placed, Wish
-from scenefold.crypto import NONCE_BYTES, RecordHeader
+from scenefold.crypto import EXPECTS_NOTHING, NONCE_BYTES, RecordHeader
 from scenefold.crypto.record_header import version_key
-from scenefold.wire import EXPECT_ABSENT, PutItem
+from scenefold.wire import PutItem
 
 if TYPE_CHECKING:
     from scenefold.client.access import SceneAccess
@@ -79,7 +79,7 @@ async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: 
             # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
             if _may_replace(wishes[index], found):
                 pending.append(index)
-                if found is not None and wishes[index].expect == EXPECT_ABSENT:
+                if found is not None and wishes[index].expect == EXPECTS_NOTHING:
                     current[index] = wishes[index]._replace(expect=found.digest)
         if not pending:
             break
@@ -145,7 +145,7 @@ def _digest_of(item: PutItem) -> bytes:
 
 def _may_replace(wish: Wish, there: Opened | None) -> bool:
     """Whether a wish that was refused for its version wants what is there now replaced."""
-    if wish.expect == EXPECT_ABSENT:
+    if wish.expect == EXPECTS_NOTHING:
         return there is None or there.deleted
     return wish.expect is None or (there is not None and there.digest == wish.expect)
 

@@ -17,6 +17,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, is_tombstone
 from scenefold.crypto import (
+    EXPECTS_ANYTHING,
     PLACED_BY_CLIENT,
     PLACED_BY_NODE,
     SUITES,
@@ -143,7 +144,7 @@ class SceneIdentity:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A record to be. `expect` as in PutItem."""
+    """A record to be. `expect` as in Wish."""
 
     space: SpaceId
     location: Location
@@ -199,7 +200,7 @@ def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: 
     headers = [_header(identity, writer, session, key_epoch, draft) for draft in drafts]
     records = seal_records([(header, draft.payload) for header, draft in zip(headers, drafts, strict=True)], symmetric_key, writer)
     return [
-        PutItem(identity.scene, draft.space, draft.location, draft.expect, record.signature, record.header_bytes, record.ciphertext)
+        PutItem(identity.scene, draft.space, draft.location, record.signature, record.header_bytes, record.ciphertext)
         for draft, record in zip(drafts, records, strict=True)
     ]
 
@@ -238,6 +239,7 @@ def _header(identity: SceneIdentity, writer: SigningKey, session: int, key_epoch
         seq=draft.seq,
         writer=writer.key_id,
         session=session,
+        expects=_expects(draft.expect),
         content_position=_content_position(identity, draft),
         key_epoch=key_epoch,
         nonce=draft.nonce,
@@ -246,6 +248,14 @@ def _header(identity: SceneIdentity, writer: SigningKey, session: int, key_epoch
         placement=PLACED_BY_NODE if draft.object else PLACED_BY_CLIENT,
         suite=writer.suite,
     )
+
+
+def _expects(expect: bytes | None) -> bytes:
+    """What the header says of an expectation; LocalFault if it is none."""
+    if expect == EXPECTS_ANYTHING:
+        # No record has this digest: whoever gives it means some version, and would replace any.
+        raise LocalFault("a digest that no record has is expected", remedy="give that of the version to be replaced, or none")
+    return EXPECTS_ANYTHING if expect is None else expect
 
 
 def _content_position(identity: SceneIdentity, draft: Draft) -> int:

@@ -19,10 +19,11 @@ from scenefold.client.positions import Found, found_in_box, logged_space
 from scenefold.client.sealing import Key, Opened, payload_of
 from scenefold.client.steps import checked_factor, checked_offset, movable
 from scenefold.client.wishes import Wish
+from scenefold.crypto import EXPECTS_NOTHING
 from scenefold.scene.log import LoggedSpace
-from scenefold.wire import EXPECT_ABSENT, ScaleSpace, TranslateSpace
+from scenefold.wire import ScaleSpace, TranslateSpace
 
-ABSENT = EXPECT_ABSENT
+ABSENT = EXPECTS_NOTHING
 """As `expect`: the place must be empty."""
 
 _BATCH_BYTES = CLIENT_FRAME_BYTES * CLIENT_FRAMES_IN_FLIGHT

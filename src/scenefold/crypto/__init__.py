@@ -32,6 +32,8 @@ from scenefold.crypto.member_secrets import MemberSecrets
 from scenefold.crypto.names import NAME_PATTERN, node_named
 from scenefold.crypto.objects import OBJECT_BYTES, object_of, signed_place, wanted_place
 from scenefold.crypto.record_header import (
+    EXPECTS_ANYTHING,
+    EXPECTS_NOTHING,
     HEADER_BYTES,
     NONCE_BYTES,
     PLACED_BY_CLIENT,
@@ -69,6 +71,8 @@ __all__ = [
     "DEFAULT_SUITE",
     "ED25519",
     "ENROL_DOMAIN",
+    "EXPECTS_ANYTHING",
+    "EXPECTS_NOTHING",
     "HEADER_BYTES",
     "HEADER_DOMAIN",
     "LEASE_DOMAIN",

@@ -1,18 +1,19 @@
-"""The header of a record: clear, signed, 149 bytes, big endian (specs/04-records.md, Record).
+"""The header of a record: clear, signed, 181 bytes, big endian (specs/04-records.md, Record).
 
-      0  version           u8   1             77  writer            u32  key id
-      1  suite             u8   1, 2          81  session           u64
-      2  placement         u8   0 or 1        89  content position  u64
-      3  scene             u32                97  key epoch         u32
-      7  genesis           32                101  nonce             12
-     39  space             u16               113  -- associated data of the cipher ends here --
-     41  location          20                113  length            u32  of the ciphertext
-     61  epoch             u64               117  digest            32   SHA-256 of the ciphertext
-     69  seq               u64               149
+      0  version           u8   2             81  session           u64
+      1  suite             u8   1, 2          89  expects           32   what it may replace
+      2  placement         u8   0 or 1       121  content position  u64
+      3  scene             u32               129  key epoch         u32
+      7  genesis           32                133  nonce             12
+     39  space             u16               145  -- associated data of the cipher ends here --
+     41  location          20                145  length            u32  of the ciphertext
+     61  epoch             u64               149  digest            32   SHA-256 of the ciphertext
+     69  seq               u64               181
+     77  writer            u32  key id
 
 Signing the header signs everything: the digest stands for the ciphertext, scene and location for the place. So a
-valid record can neither be moved nor put back over a newer one; the thesis signs the ciphertext alone, which
-allows both.
+valid record can neither be moved nor put back over a newer one, nor put over what its writer did not expect; the thesis
+signs the ciphertext alone, which allows all three.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.crypto.suites import DEFAULT_SUITE, SUITES
 
-VERSION = 1
+VERSION = 2
 PLACED_BY_CLIENT = 0
 PLACED_BY_NODE = 1
 """The location field holds 4 zero bytes and a random object id of 16: the node chooses where it lies."""
@@ -36,15 +37,20 @@ NONCE_BYTES = 12
 DIGEST_BYTES = 32
 TAG_BYTES = 16
 
-_LAYOUT = struct.Struct(">BBBI32sH20sQQIQQI12sI32s")
+EXPECTS_ANYTHING = bytes(DIGEST_BYTES)
+"""As `expects`: whatever is there may be replaced, if the version is higher."""
+EXPECTS_NOTHING = b"\xff" * DIGEST_BYTES
+"""As `expects`: nothing may be there. Like all zeros no digest that anybody could find a ciphertext for; that of a known word would be one."""
+
+_LAYOUT = struct.Struct(">BBBI32sH20sQQIQ32sQI12sI32s")
 HEADER_BYTES = _LAYOUT.size
 ASSOCIATED_BYTES = HEADER_BYTES - 4 - DIGEST_BYTES
 _PLACEMENT_AT, _EPOCH_AT = 2, 61
-_CLOSED = 13
+_CLOSED = 14
 """Fields of a RecordHeader up to its digest, in the order of the bytes; the three behind come first in the bytes."""
-assert (HEADER_BYTES, ASSOCIATED_BYTES) == (149, 113)
+assert (HEADER_BYTES, ASSOCIATED_BYTES) == (181, 145)
 
-_SIZES = (GENESIS_BYTES, LOCATION_BYTES, NONCE_BYTES, DIGEST_BYTES)
+_SIZES = (GENESIS_BYTES, LOCATION_BYTES, DIGEST_BYTES, NONCE_BYTES, DIGEST_BYTES)
 
 Version: TypeAlias = tuple[int, int, int, int, bytes]
 
@@ -65,6 +71,8 @@ class RecordHeader(NamedTuple):
     seq: int
     writer: KeyId
     session: int
+    expects: bytes
+    """EXPECTS_ANYTHING, EXPECTS_NOTHING, or the digest of the record that this one may replace. It counts where a write is judged."""
     content_position: int
     """The log position that the payload's coordinates are of, for fast-forward."""
     key_epoch: int
@@ -77,7 +85,7 @@ class RecordHeader(NamedTuple):
     version: int = VERSION
 
     def encode(self) -> bytes:
-        """149 bytes; LocalFault if a field is out of bounds."""
+        """181 bytes; LocalFault if a field is out of bounds."""
         problem = self._problem()
         if not problem:
             try:
@@ -89,6 +97,9 @@ class RecordHeader(NamedTuple):
     @classmethod
     def decode(cls, data: bytes) -> Self:
         """The header that `data` is, wholly; IllFormedRecord otherwise."""
+        if data and data[0] != VERSION:
+            # First, for other versions may have other lengths.
+            raise IllFormedRecord(f"a record of version {data[0]}, and this program knows version {VERSION}")
         if len(data) != HEADER_BYTES:
             raise IllFormedRecord(f"a record header has {HEADER_BYTES} bytes, not {len(data)}")
         fields = _LAYOUT.unpack(data)
@@ -113,9 +124,9 @@ class RecordHeader(NamedTuple):
         if not TAG_BYTES <= self.length <= CIPHERTEXT_BYTES_MAX:
             return f"a ciphertext of {self.length} bytes"
         # struct would cut or pad these in silence.
-        sizes = len(self.genesis), len(self.location), len(self.nonce), len(self.digest)
+        sizes = len(self.genesis), len(self.location), len(self.expects), len(self.nonce), len(self.digest)
         if sizes != _SIZES:
-            return f"genesis, location, nonce and digest of {sizes} bytes, {_SIZES} were expected"
+            return f"genesis, location, expects, nonce and digest of {sizes} bytes, {_SIZES} were expected"
         return ""
 
 

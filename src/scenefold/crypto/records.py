@@ -1,6 +1,6 @@
 """Records: what a scene's spaces consist of, encrypted and signed by their writer (specs/04-records.md).
 
-    record  =  header (149 bytes) | signature (as the suite says: 64 or 384 bytes) | ciphertext (as the header says)
+    record  =  header (181 bytes) | signature (as the suite says: 64 or 384 bytes) | ciphertext (as the header says)
 
 AES-192-GCM with the header up to its length and digest as associated data; the writer's signature over the whole header. A node
 verifies without the scene's key, before it stores (thesis Algorithm 6); a reader verifies, then opens. All
@@ -26,6 +26,7 @@ from scenefold.crypto.keys import RECORD_DOMAIN, InvalidSignature, PublicKey, Si
 from scenefold.crypto.record_header import (
     ASSOCIATED_BYTES,
     DIGEST_BYTES,
+    EXPECTS_ANYTHING,
     HEADER_BYTES,
     PLACED_BY_CLIENT,
     TAG_BYTES,
@@ -106,6 +107,7 @@ def seal_record(
     nonce: bytes,
     symmetric_key: bytes,
     signing_key: SigningKey,
+    expects: bytes = EXPECTS_ANYTHING,
     content_position: int = 0,
     key_epoch: int = 0,
     placement: int = PLACED_BY_CLIENT,
@@ -123,6 +125,7 @@ def seal_record(
         seq=seq,
         writer=signing_key.key_id,
         session=session,
+        expects=expects,
         content_position=content_position,
         key_epoch=key_epoch,
         nonce=nonce,

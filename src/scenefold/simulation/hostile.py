@@ -20,13 +20,14 @@ from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.liar import Liar, MadeUp, Scope, flipped, scopes_of
 from scenefold.simulation.lying_answers import LyingAnswers
 from scenefold.simulation.lying_handovers import LyingHandovers
+from scenefold.simulation.lying_judge import LyingJudge
 from scenefold.simulation.lying_words import FAR, LyingWords
 
 FLIPPED = 0.3
 """Share of the datagrams that are played again with a bit turned over."""
 LOOK_S = 0.2
 INTRUDE_S = 0.5
-"""Between two records that a liar makes up and brings home; it looks as often whether its node runs anew."""
+"""Between two records that a liar makes up and brings home, or offers again; it looks as often whether its node runs anew."""
 
 
 class HostileFaults:
@@ -75,9 +76,11 @@ class HostileFaults:
             while self._cluster.net.now < fault.end_s and not self._is_over():
                 # It lies on after a restart.
                 possession.possess()
-                await trio.sleep(INTRUDE_S if Scope.HANDOVERS in scopes else LOOK_S)
+                await trio.sleep(INTRUDE_S if {Scope.HANDOVERS, Scope.ACKNOWLEDGEMENTS} & set(scopes) else LOOK_S)
                 if Scope.HANDOVERS in scopes:
                     await possession.handovers.intrude()
+                if Scope.ACKNOWLEDGEMENTS in scopes:
+                    await possession.judge.offer_again()
                 self._look_for_believers()
         finally:
             for scope in scopes:
@@ -89,9 +92,9 @@ class HostileFaults:
             watch = self._cluster.watch
             node, lies, seed = self._cluster.nodes[slot], watch.recorder.lies, self._cluster.net.seed
             liar = Liar(node, lies, self._made_up, self._keys, self._owner, seed)
-            self._liars[slot] = _Possession(
-                liar, LyingAnswers(liar), LyingHandovers(liar, watch, self._lies_in_handovers), LyingWords(liar)
-            )
+            judge = LyingJudge(liar, watch.recorder)
+            handovers = LyingHandovers(liar, watch, self._lies_in_handovers)
+            self._liars[slot] = _Possession(liar, judge, LyingAnswers(liar, judge), handovers, LyingWords(liar))
         return self._liars[slot]
 
     def _lies_in_handovers(self, node_id: int) -> bool:
@@ -134,12 +137,13 @@ class HostileFaults:
 
 
 class _Possession:
-    """A liar's three mouths, put on each life of its node once."""
+    """A liar's mouths, put on each life of its node once."""
 
-    def __init__(self, liar: Liar, answers: LyingAnswers, handovers: LyingHandovers, words: LyingWords) -> None:
+    def __init__(self, liar: Liar, judge: LyingJudge, answers: LyingAnswers, handovers: LyingHandovers, words: LyingWords) -> None:
         self.liar = liar
+        self.judge = judge
         self.handovers = handovers
-        self._mouths = answers, handovers, words
+        self._mouths = judge, answers, handovers, words
         self._possessed: NodeContext | None = None
 
     def possess(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 
 from scenefold.base.ids import NodeId
@@ -13,7 +13,8 @@ from scenefold.peer import NodeContext
 from scenefold.simulation.history import Place
 from scenefold.simulation.liar import WAYS, Liar, Scope
 from scenefold.simulation.lies import Manner, whole
-from scenefold.simulation.recording import named
+from scenefold.simulation.lying_judge import LyingJudge
+from scenefold.simulation.recording import expected_by, named
 from scenefold.wire import (
     DAMAGED_RECORD,
     GetMany,
@@ -52,8 +53,9 @@ def overlay(context: NodeContext, packet: type[Packet], twist: Twist) -> None:
 class LyingAnswers:
     """Of one liar."""
 
-    def __init__(self, liar: Liar) -> None:
+    def __init__(self, liar: Liar, judge: LyingJudge) -> None:
         self._liar = liar
+        self._judge = judge
         self._lies = liar.lies
         self._slot = liar.node.slot
 
@@ -126,9 +128,9 @@ class LyingAnswers:
         if not isinstance(packet, PutMany) or not self._liar.lies_in(Scope.ACKNOWLEDGEMENTS):
             return await honest(packet, peer)
         lies: dict[int, PutOutcome] = {}
-        items = list(packet.items)
         refused: set[int] = set()
-        for index, item in enumerate(packet.items):
+        items = packet.items
+        for index, item in enumerate(items):
             place, version = named(item)
             self._liar.saw(place, RecordBytes(item.signature, item.header, item.ciphertext))
             if not self._liar.decides(place.home) or not self._liar.chance(Scope.ACKNOWLEDGEMENTS):
@@ -139,12 +141,14 @@ class LyingAnswers:
                     lies[index] = PutOutcome(0, item.location, NodeId(0))
                 case 1:
                     lies[index] = PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, self._somebody())
-                case 2 if item.expect is not None:
+                case 2 if expected_by(item) is not None:
                     self._liar.tells(peer, place, Manner.MISJUDGED, version.digest)
-                    items[index] = replace(item, expect=None)
+                    self._judge.overrules(item)
                 case _:
                     refused.add(index)
         outcomes = await self._others(honest, items, lies, peer)
+        for index, item in enumerate(items):
+            self._judge.has_judged(item, 0 if index in lies else outcomes[index].reason)
         for index in sorted(refused):
             if outcomes[index].reason == 0:
                 place, version = named(items[index])
@@ -152,7 +156,7 @@ class LyingAnswers:
                 outcomes[index] = replace(outcomes[index], reason=RejectReason.STALE_VERSION)
         return PutManyReply(tuple(outcomes))
 
-    async def _others(self, honest: Honest, items: list[PutItem], lies: dict[int, PutOutcome], peer: str) -> list[PutOutcome]:
+    async def _others(self, honest: Honest, items: Sequence[PutItem], lies: dict[int, PutOutcome], peer: str) -> list[PutOutcome]:
         """The outcomes of all, in order: of those that are not lied about the honest ones."""
         rest = [index for index in range(len(items)) if index not in lies]
         outcomes = dict(lies)

@@ -31,22 +31,30 @@ def _blind_judge(original: Any) -> Any:
     """Any version may replace any other."""
     from scenefold.store.judging import Outcome, PutResult
 
-    def judge(new: Any, expect: Any, present: Any) -> Any:
-        result = original(new, expect, present)
+    def judge(new: Any, present: Any) -> Any:
+        result = original(new, present)
         return PutResult(Outcome.STORED, new.digest) if result.outcome is Outcome.STALE else result
 
     return judge
+
+
+def _judge_of_copies(_original: Any) -> Any:
+    """What a client's record expects is not looked at."""
+    from scenefold.store.judging import judge_copy
+
+    return judge_copy
 
 
 def _hasty_submit(original: Any) -> Any:
     """Puts are answered once they are queued."""
     import trio
 
+    from scenefold.crypto import EXPECTS_ANYTHING
     from scenefold.store.judging import Outcome, PutResult
     from scenefold.store.record_changes import PutRecords
 
     async def submit(self: Any, change: Any) -> Any:
-        if not isinstance(change, PutRecords) or any(put.expect is not None for _, put in change.puts):
+        if not isinstance(change, PutRecords) or any(header.expects != EXPECTS_ANYTHING for header, _ in change.puts):
             return await original(self, change)
         with trio.move_on_after(0):
             await original(self, change)
@@ -108,7 +116,8 @@ def _trusting_receiver(_original: Any) -> Any:
 
 
 MUTANTS: dict[str, tuple[Patch, ...]] = {
-    "version check": (Patch("scenefold.store.record_changes", "judge", _blind_judge),),
+    "version check": tuple(Patch("scenefold.store.record_changes", name, _blind_judge) for name in ("judge", "judge_copy")),
+    "signed expectation": (Patch("scenefold.store.record_changes", "judge", _judge_of_copies),),
     "durable before ack": (Patch("scenefold.store.writer", "GroupWriter.submit", _hasty_submit),),
     "owner lease": (Patch("scenefold.peer.cluster_log.lease", "OwnerLease.holds", _always(True)),),
     "indirect probe": (Patch("scenefold.peer.membership.probing", "heard_by_others", _deaf_helpers),),

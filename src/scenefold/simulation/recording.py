@@ -15,9 +15,9 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PLACED_BY_NODE, RecordHeader, object_of
+from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
-from scenefold.simulation.history import NEVER_ENDED, Histories, Listing, Outcome, Place, Read, Version, Write
+from scenefold.simulation.history import NEVER_ENDED, Digest, Histories, Listing, Outcome, Place, Read, Version, Write
 from scenefold.simulation.lies import TABLE, Lies, Manner, Way, of_header
 from scenefold.wire import (
     DAMAGED_RECORD,
@@ -46,6 +46,12 @@ def named(item: PutItem | HandItem) -> tuple[Place, Version]:
     header = RecordHeader.decode(item.header)
     name = object_of(header) if header.placement == PLACED_BY_NODE else item.location
     return Place(item.scene, item.space, name), Version(version_key(header), header.digest)
+
+
+def expected_by(item: PutItem) -> Digest | None:
+    """What a write expects at its place, as histories have it."""
+    expects = RecordHeader.decode(item.header).expects
+    return None if expects == EXPECTS_ANYTHING else b"" if expects == EXPECTS_NOTHING else expects
 
 
 class Recorder:
@@ -95,7 +101,7 @@ class Recorder:
             reason = None if outcomes is None else outcomes[index]
             outcome = {0: Outcome.DONE, RejectReason.STALE_VERSION: Outcome.REFUSED}.get(reason, Outcome.MAYBE)  # type: ignore[arg-type]
             name = version.digest.hex()[:6]
-            expect = item.expect
+            expect = expected_by(item)
             lie = self.lies.of_write(place, version.digest, way, begin)
             if lie is not None:
                 # Whatever was said of it, it may have happened, and against what it expects.
@@ -106,7 +112,7 @@ class Recorder:
                 ended = NEVER_ENDED if outcome is Outcome.MAYBE else end
                 self.histories.add(place, Write(begin, ended, version, expect, outcome, who, self._now()))
             word = "no answer" if reason is None else "done" if reason == 0 else RejectReason(reason).name
-            wanted = "" if item.expect is None else f" (expects {item.expect.hex()[:6] or 'nothing'})"
+            wanted = "" if expect is None else f" (expects {expect.hex()[:6] or 'nothing'})"
             self._tell(who, place, f"put {name}{wanted}: {word}")
 
     def read(self, way: Way, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool) -> None:

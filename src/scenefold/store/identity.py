@@ -16,8 +16,8 @@ from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS
 from scenefold.store.sealing import WIPE, StoreDamaged
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, WriteTransaction
 
-FORMAT_VERSION = 2
-"""2: a checksum on everything, node-managed records, the holding. A folder of format 1 is sealed when it is opened, and becomes 2."""
+FORMAT_VERSION = 3
+"""3: records of version 2. 2: a checksum on everything, node-managed records, the holding. An older folder that holds no record becomes 3."""
 INCARNATION_BYTES = 16
 
 _NUMBER = struct.Struct(">I")

@@ -7,7 +7,7 @@ from enum import Enum
 
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Record, RecordHeader, version_key
+from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, Record, RecordHeader, version_key
 
 
 class Outcome(Enum):
@@ -53,24 +53,26 @@ class PutResult:
 
 @dataclass(frozen=True, slots=True)
 class Put:
-    """A verified record to be stored. `expect`: None for anything, b"" for nothing there, else the digest there.
+    """A verified record to be stored.
 
     `at`: of a copy, where a node-managed record lies at the node that it comes from. Others lie where their header says.
     """
 
     record: Record
-    expect: bytes | None = None
     at: Location | None = None
 
 
-def judge(new: RecordHeader, expect: bytes | None, present: RecordHeader | None) -> PutResult:
-    """STORED if `new` may replace `present` (if it *is* present, too), else why not."""
-    if present is None:
-        return PutResult(Outcome.STORED, new.digest) if not expect else PutResult(Outcome.EXISTS)
-    if present == new:
-        return PutResult(Outcome.STORED, present.digest)
-    if expect is not None and expect != present.digest:
-        return PutResult(Outcome.EXISTS, present.digest)
+def judge(new: RecordHeader, present: RecordHeader | None) -> PutResult:
+    """STORED if `new` may be put where `present` is (if it *is* present, too), else why not."""
+    if present != new and new.expects != EXPECTS_ANYTHING and new.expects != (EXPECTS_NOTHING if present is None else present.digest):
+        return PutResult(Outcome.EXISTS, b"" if present is None else present.digest)
+    return judge_copy(new, present)
+
+
+def judge_copy(new: RecordHeader, present: RecordHeader | None) -> PutResult:
+    """The same for a copy: what its writer expected was judged when it was put, wherever that was. The highest version stays."""
+    if present is None or present == new:
+        return PutResult(Outcome.STORED, new.digest)
     if version_key(new) <= version_key(present):
         return PutResult(Outcome.STALE, present.digest)
     return PutResult(Outcome.STORED, new.digest)

@@ -8,10 +8,9 @@
     notes       a name                                             ->  a small value that a service wants to survive a restart
     identity    "format" | "node" | "incarnation" | "boot"
 
-A packed record, and the form that format 1 wrote, which is read for ever:
+A packed record:
 
     0x8000 + header size(2) | signature size(2) | CRC-32 of header and signature(4) | header | signature | ciphertext
-             header size(2) | signature size(2) |                                     header | signature | ciphertext
 
 The header holds the SHA-256 of the ciphertext, so with the CRC every byte is covered: what rots on the disk is
 found when it is read, and a rotten version number never judges a new record.
@@ -51,6 +50,8 @@ _SPACE = struct.Struct(">IH")
 _SIZES = struct.Struct(">HH")
 _CHECK = struct.Struct(">I")
 _CHECKED = 0x8000
+"""Since format 2: the checksum follows."""
+_START = _SIZES.size + _CHECK.size
 _LOCATION_END = _SPACE.size + LOCATION_BYTES
 
 
@@ -118,13 +119,13 @@ def pack_record(record: Record) -> bytes:
 
 def unpack_record(value: memoryview) -> Record:
     """A copy of the record in a stored value; DamagedData if it is not what was stored. Some 40 us for a full one."""
-    start, header_end, signature_end = _ends(value)
+    header_end, signature_end = _ends(value)
     record = Record(
-        header_bytes=bytes(value[start:header_end]),
+        header_bytes=bytes(value[_START:header_end]),
         signature=bytes(value[header_end:signature_end]),
         ciphertext=bytes(value[signature_end:]),
     )
-    _check(value, start, record.header_bytes, record.signature)
+    _check(value, record.header_bytes, record.signature)
     if hashlib.sha256(record.ciphertext).digest() != RecordHeader.decode(record.header_bytes).digest:
         raise DamagedData("the bytes of a stored record have changed on the disk")
     return record
@@ -132,14 +133,14 @@ def unpack_record(value: memoryview) -> Record:
 
 def stored_header(value: memoryview) -> RecordHeader:
     """Only the header of a stored value, so that judging versions never touches the ciphertext's pages."""
-    start, header_end, signature_end = _ends(value)
-    header = bytes(value[start:header_end])
-    _check(value, start, header, bytes(value[header_end:signature_end]))
+    header_end, signature_end = _ends(value)
+    header = bytes(value[_START:header_end])
+    _check(value, header, bytes(value[header_end:signature_end]))
     return RecordHeader.decode(header)
 
 
-def _check(value: memoryview, start: int, header: bytes, signature: bytes) -> None:
-    if start > _SIZES.size and _CHECK.unpack_from(value, _SIZES.size)[0] != _checksum(header, signature):
+def _check(value: memoryview, header: bytes, signature: bytes) -> None:
+    if _CHECK.unpack_from(value, _SIZES.size)[0] != _checksum(header, signature):
         raise DamagedData("the header of a stored record has changed on the disk")
 
 
@@ -147,13 +148,14 @@ def _checksum(header: bytes, signature: bytes) -> int:
     return zlib.crc32(signature, zlib.crc32(header))
 
 
-def _ends(value: memoryview) -> tuple[int, int, int]:
-    if len(value) < _SIZES.size:
+def _ends(value: memoryview) -> tuple[int, int]:
+    if len(value) < _START:
         raise DamagedData("a stored record is shorter than its sizes")
     header_bytes, signature_bytes = _SIZES.unpack_from(value)
-    start = _SIZES.size + (_CHECK.size if header_bytes & _CHECKED else 0)
-    header_end = start + (header_bytes & ~_CHECKED)
+    if not header_bytes & _CHECKED:
+        raise DamagedData("the sizes of a stored record have changed on the disk")
+    header_end = _START + (header_bytes & ~_CHECKED)
     signature_end = header_end + signature_bytes
     if signature_end > len(value):
         raise DamagedData("a stored record is shorter than its header and signature")
-    return start, header_end, signature_end
+    return header_end, signature_end

@@ -17,7 +17,7 @@ import trio
 from scenefold.base.ids import KeyId, SceneId, SpaceId, node_id_of
 from scenefold.base.limits import PAYLOAD_BYTES_MAX
 from scenefold.base.location import LOCATION_BYTES, WHOLE_LINE, Location
-from scenefold.crypto import Record, RecordHeader, RecordPlace
+from scenefold.crypto import EXPECTS_ANYTHING, Record, RecordHeader, RecordPlace
 from scenefold.store.judging import Outcome, Put
 from scenefold.store.store import Store, open_store
 from scenefold.world.ports import Clock, World
@@ -115,6 +115,7 @@ def _header(ciphertext: bytes) -> RecordHeader:
         seq=0,
         writer=KeyId(1),
         session=0,
+        expects=EXPECTS_ANYTHING,
         content_position=0,
         key_epoch=0,
         nonce=bytes(12),

@@ -8,7 +8,7 @@ one record in a store, wherever it lies: what brings it to another place takes i
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -17,7 +17,7 @@ from scenefold.base.location import Arc, Location
 from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of, wanted_place
 from scenefold.store.changes import MayUseReserve, storage_full
 from scenefold.store.holding import read_arc
-from scenefold.store.judging import Outcome, Put, PutResult, judge
+from scenefold.store.judging import Outcome, Put, PutResult, judge, judge_copy
 from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, stored_header, unpack_record
 from scenefold.store.placing import displaced, free_place, move_object, note_place, place_of
 from scenefold.store.statistics import Tally
@@ -25,6 +25,8 @@ from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 _FRAMING_BYTES = 512
 """Header, signature, key and the tree's own bytes of one record."""
+
+Judge = Callable[[RecordHeader, RecordHeader | None], PutResult]
 
 _log = logging.getLogger("scenefold.store")
 
@@ -55,7 +57,7 @@ class PutRecords:
     def when_full(self, transaction: ReadTransaction, /) -> list[PutResult]:
         """As `apply`, but what would have to be written is full: so a repetition of what is there is stored, whatever room there is."""
         arc = read_arc(transaction)
-        return [_look(transaction, arc, header, put) for header, put in self.puts]
+        return [_look(transaction, arc, header) for header, _ in self.puts]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,7 @@ class MergeRecords(MayUseReserve):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [_write(transaction, tally, header, put.record, None, _place(transaction, arc, header, put.at)) for header, put in self.puts]
+        return [_write(transaction, tally, judge_copy, put.record, _place(transaction, arc, header, put.at)) for header, put in self.puts]
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -164,16 +166,16 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
     if arc is None or spot.home not in arc:
         return PutResult(Outcome.NOT_OWNED)
     if not spot.object:
-        return _write(transaction, tally, new, put.record, put.expect, spot)
+        return _write(transaction, tally, judge, put.record, spot)
     spot = _place(transaction, arc, new, None)
-    result = _write(transaction, tally, new, put.record, put.expect, spot)
+    result = _write(transaction, tally, judge, put.record, spot)
     return replace(result, location=spot.place.location)
 
 
 def _put_sparingly(
     transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put, grown_bytes: int
 ) -> PutResult:
-    looked = _look(transaction, arc, new, put)
+    looked = _look(transaction, arc, new)
     if looked.outcome is not Outcome.FULL:
         return looked
     value = transaction.get(RECORDS, record_key(*_lying(transaction, new)))
@@ -189,13 +191,13 @@ def _lying(transaction: ReadTransaction, new: RecordHeader) -> Spot:
     return spot if known is None else _spot(new, known)
 
 
-def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader) -> PutResult:
     if arc is None or _spot(new, None).home not in arc:
         return PutResult(Outcome.NOT_OWNED)
     spot = _lying(transaction, new)
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
-    result = judge(new, put.expect, present)
+    result = judge(new, present)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         return PutResult(Outcome.FULL)
     return replace(result, location=spot.place.location if spot.object and value is not None else None)
@@ -219,11 +221,12 @@ def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at
     return spot
 
 
-def _write(transaction: WriteTransaction, tally: Tally, new: RecordHeader, record: Record, expect: bytes | None, spot: Spot) -> PutResult:
+def _write(transaction: WriteTransaction, tally: Tally, judged: Judge, record: Record, spot: Spot) -> PutResult:
+    new = record.header
     key = record_key(*spot)
     value = transaction.get(RECORDS, key)
     present = _present(value) if value is not None else None
-    result = judge(new, expect, present)
+    result = judged(new, present)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         replaced_bytes = len(value) if value is not None else 0
         packed = pack_record(record)

@@ -28,7 +28,8 @@ SEALED = tuple(table for table in TABLES if table not in PLAIN)
 WIPE = "see to the disk, then wipe the folder: the node comes back as a newcomer (the voter, whose log is nowhere else: put a backup back)"
 _CHECK = struct.Struct(">I")
 _EVERY_KEY = b"", b"\xff" * 256
-_PLAIN_FORMATS = b"\0\0\0\1", b"\0\0\0\2"
+_OLDER_FORMATS = b"\0\0\0\1", b"\0\0\0\2"
+"""Their records are of version 1. The first, and the second at its beginning, had no checksums."""
 
 
 class StoreDamaged(LocalFault):
@@ -85,10 +86,21 @@ class SealedEnvironment:
         self._environment.close()
 
     def seal_older(self) -> None:
-        """Seal what an early version wrote plainly. Its format has four bytes; a bit that turns over changes no length."""
-        with self._environment.read() as transaction:
-            version = transaction.get(IDENTITY, b"format")
-            is_plain = version is not None and bytes(version) in _PLAIN_FORMATS
+        """Seal what an early version wrote plainly: its format has four bytes, and a bit that turns over changes no length.
+
+        LocalFault, and nothing is changed, if there are records that only an earlier version can read.
+        """
+        with self._named(), self._environment.read() as transaction:
+            stored = transaction.get(IDENTITY, b"format")
+            is_plain = stored is not None and bytes(stored) in _OLDER_FORMATS
+            version = stored if stored is None or is_plain else opened(IDENTITY, b"format", stored)
+            is_older = version is not None and bytes(version) in _OLDER_FORMATS
+            if is_older and next(transaction.keys(RECORDS, *_EVERY_KEY), None) is not None:
+                raise LocalFault(
+                    "the data folder holds records that an earlier scenefold wrote, and this one cannot read",
+                    where=self._where,
+                    remedy="read what you need with that version, and import it again; then give this node an empty folder",
+                )
         if is_plain:
             self._environment.update(_seal_all)
 

@@ -70,7 +70,7 @@ class Store:
         return await self._writer.submit(PutRecords(_with_headers(puts)))
 
     async def merge(self, puts: Sequence[Put]) -> list[PutResult]:
-        """Take verified copies from other nodes, wherever they lie: the highest version stays. `expect` counts nothing.
+        """Take verified copies from other nodes, wherever they lie: the highest version stays, whatever it expects.
 
         A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
         """

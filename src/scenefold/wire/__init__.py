@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from scenefold.wire.common import Carrier, MiniStatus, Packet
     from scenefold.wire.data_packets import (
         DAMAGED_RECORD,
-        EXPECT_ABSENT,
         AcceptData,
         EmptyData,
         GetData,
@@ -160,7 +159,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet",
     "common": "Carrier MiniStatus Packet",
-    "data_packets": "AcceptData DAMAGED_RECORD EXPECT_ABSENT EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
+    "data_packets": "AcceptData DAMAGED_RECORD EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
     "documents": "Value pack_value unpack_value",
     "enrol_entries": "Trust",
     "errors": "MalformedPacket UnsupportedPacket",
@@ -191,7 +190,6 @@ def __getattr__(name: str) -> Any:
 
 __all__ = [
     "DAMAGED_RECORD",
-    "EXPECT_ABSENT",
     "NO_GENESIS",
     "NO_LOG",
     "NO_RECORD",

@@ -33,24 +33,20 @@ from scenefold.wire.common import (
     row,
 )
 from scenefold.wire.containers import Many, Struct, many_locations, many_of_size
-from scenefold.wire.kinds import Bin, Maybe
+from scenefold.wire.kinds import Maybe
 from scenefold.wire.laws import All, Order, Pairs
 from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
 
 NO_NODE = NodeId(0)
-EXPECT_ABSENT = b""
-"""As `expect`: the location must be empty. None: whatever is there may be replaced, if the version is higher."""
-EXPECT = Maybe(Bin(lengths=(0, 32)))
 
 
 @dataclass(frozen=True, slots=True)
 class PutItem:
-    """One record of a PutMany. `expect`: None, EXPECT_ABSENT, or the digest of the ciphertext that it replaces."""
+    """One record of a PutMany. What it may replace its header says."""
 
     scene: SceneId
     space: SpaceId
     location: Location
-    expect: bytes | None
     signature: bytes
     header: bytes
     ciphertext: bytes
@@ -92,7 +88,6 @@ PUT_ITEM = Struct(
     ("scene", SCENE),
     ("space", SPACE),
     ("location", LOCATION),
-    ("expect", EXPECT),
     ("signature", SIGNATURE),
     ("header", HEADER),
     ("ciphertext", CIPHERTEXT),
@@ -104,7 +99,7 @@ RECORD_BYTES = Struct(RecordBytes, ("signature", SIGNATURE), ("header", HEADER),
 
 @dataclass(frozen=True, slots=True)
 class ProposeData(Packet):
-    """Store this record. `expect` as in PutItem."""
+    """Store this record, as PutItem."""
 
     TYPE: ClassVar[int] = 10
     scene: SceneId
@@ -113,7 +108,6 @@ class ProposeData(Packet):
     signature: bytes
     header: bytes
     ciphertext: bytes
-    expect: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +252,7 @@ _ASCENDING = Order("first", "last")
 _RANGE = (("scene", SCENE), ("space", SPACE), ("first", LOCATION), ("last", LOCATION))
 
 ROWS = (
-    row(ProposeData, Carrier.TCP_LOW, *_KEY, *_RECORD, ("expect", EXPECT)),
+    row(ProposeData, Carrier.TCP_LOW, *_KEY, *_RECORD),
     row(AcceptData, Carrier.TCP_LOW, ("signature", SIGNATURE), ("location", LOCATION)),
     row(RejectData, Carrier.TCP_LOW, ("reason", REASON), ("owner", U32), ("public", Maybe(SCENE_LOG_PUBLIC))),
     row(GetData, Carrier.TCP_LOW, *_KEY, ("position", U64), ("object", OBJECT)),

@@ -20,10 +20,11 @@ from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.crypto import RecordHeader, SigningKey, object_of, version_key
+from scenefold.crypto import RecordHeader, SigningKey, object_of
 from scenefold.peer.records.verification import KnownScene, verified_put
 from scenefold.peer.scene_log.proposals import accepted, decide, rejection
 from scenefold.scene.log import Decider
+from scenefold.store.judging import judge
 from scenefold.wire import (
     DAMAGED_RECORD,
     Fault,
@@ -250,14 +251,9 @@ class FakeNodes:
                 verified_put(item, KnownScene.of(header))
             except Refused as refusal:
                 return PutOutcome(refusal.reason, item.location, NodeId(0))
-        if present is not None and present.header != item.header:
-            old = RecordHeader.decode(present.header)
-            if item.expect is not None and item.expect != old.digest:
-                return PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0))
-            if version_key(new) <= version_key(old):
-                return PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0))
-        elif present is None and item.expect:
-            return PutOutcome(RejectReason.STALE_VERSION, item.location, NodeId(0))
+        reason = judge(new, None if present is None else RecordHeader.decode(present.header)).reason
+        if reason is not None:
+            return PutOutcome(reason, item.location, NodeId(0))
         self.records[item.space, item.location] = item
         return PutOutcome(0, item.location, NodeId(0))
 

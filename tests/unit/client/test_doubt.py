@@ -225,7 +225,7 @@ async def test_what_has_not_left_is_not_in_doubt(autojump_clock: MockClock) -> N
     """Frames that wait for their turn are no tries yet."""
     nodes = OneRefuses(addresses=("127.0.0.2",))
     at_once = CLIENT_FRAME_RECORDS * CLIENT_FRAMES_PER_NODE
-    items = {number: PutItem(SceneId(9), FILES, FIRST, None, bytes(64), b"header", b"text") for number in range(5 * at_once)}
+    items = {number: PutItem(SceneId(9), FILES, FIRST, bytes(64), b"header", b"text") for number in range(5 * at_once)}
     doubt = Doubt("a write", str, "")
     with pytest.raises(Refused, match="not you"):
         await deliver(nodes.calls(), items, [FIRST] * len(items), doubt)

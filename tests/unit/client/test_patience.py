@@ -80,7 +80,7 @@ async def test_what_became_of_a_write_is_not_guessed(autojump_clock: MockClock) 
     nodes.lost_replies, nodes.ill_timed = 1, lambda: nodes.records.update(newer)
     mine._access.sequencer._last = 1_600_000_000_000_000
     with pytest.raises(Unreachable, match=r"answer to a write was lost.*stale version"):
-        await mine.put(FIRST, b"perhaps", expect=bytes(32))
+        await mine.put(FIRST, b"perhaps", expect=b"\1" * 32)
     assert await mine.get(FIRST) == b"another one"
 
 
@@ -89,7 +89,7 @@ async def test_a_deleted_place_is_empty_and_free_again(autojump_clock: MockClock
     scene = _scene(nodes)
     space = scene.space(FILES)
     with pytest.raises(Refused, match="another version"):
-        await space.delete(FIRST, expect=bytes(32))
+        await space.delete(FIRST, expect=b"\1" * 32)
     first = await space.put(FIRST, b"one", expect=ABSENT)
     deleted = await space.delete(FIRST, expect=first)
     assert deleted != first

@@ -138,7 +138,7 @@ async def test_a_write_that_was_answered_with_nonsense_may_have_been_carried_out
 
     nodes._answer = answer  # type: ignore[method-assign]
     with pytest.raises(Unreachable, match="the answer to a write was lost"):
-        await _scene(nodes).space(FILES).put(mine, b"mine", expect=bytes(32))
+        await _scene(nodes).space(FILES).put(mine, b"mine", expect=b"\1" * 32)
 
 
 async def test_places_that_one_alone_claims_have_their_time_beside_one_that_two_claim(autojump_clock: MockClock) -> None:

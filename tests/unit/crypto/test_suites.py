@@ -16,6 +16,7 @@ from scenefold.base.location import Location
 from scenefold.crypto import (
     AUTHORITY_PURPOSE,
     ED25519,
+    HEADER_BYTES,
     LOCKBOX_PURPOSE,
     RECORD_DOMAIN,
     RSA3072,
@@ -102,7 +103,7 @@ def test_an_rsa_signature_has_a_salt_so_no_two_are_alike() -> None:
 @BOTH
 def test_records_of_each_suite_go_round(suite: int) -> None:
     record = sealed(SIGNING[suite])
-    assert len(record.encode()) == 149 + SUITES[suite].signature_bytes + len(b"payload") + 16
+    assert len(record.encode()) == HEADER_BYTES + SUITES[suite].signature_bytes + len(b"payload") + 16
     again = Record.decode(record.encode())
     assert again == record and verify_record(again, SIGNING[suite].public).suite == suite
     assert open_record(again, KEY) == b"payload"

@@ -45,6 +45,7 @@ def test_records(entry: dict[str, Any]) -> None:
         epoch=fields["epoch"],
         seq=fields["seq"],
         session=fields["session"],
+        expects=bytes.fromhex(fields["expects"]),
         content_position=fields["content_position"],
         key_epoch=fields["key_epoch"],
         placement=fields["placement"],

@@ -14,7 +14,7 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of, node_id_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import PLACED_BY_NODE, signed_place
+from scenefold.crypto import EXPECTS_ANYTHING, PLACED_BY_NODE, signed_place
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.verification import KnownScene
 from scenefold.store import Store, open_store
@@ -191,11 +191,11 @@ async def _nodes(net: SimNet, neighbours: Neighbours, arcs: list[Arc | None]) ->
             yield nodes
 
 
-def item(number: int, *, seq: int = 1, payload: bytes = b"payload", expect: bytes | None = None) -> PutItem:
-    return offered(sealed(SCENE, payload=payload, location=Location.from_number(number), seq=seq), expect=expect)
+def item(number: int, *, seq: int = 1, payload: bytes = b"payload", expects: bytes = EXPECTS_ANYTHING) -> PutItem:
+    return offered(sealed(SCENE, payload=payload, location=Location.from_number(number), seq=seq, expects=expects))
 
 
-def managed_item(object_id: bytes, *, seq: int = 1, at: Location | None = None, expect: bytes | None = b"") -> PutItem:
-    record = sealed(SCENE, payload=b"%d" % seq, location=signed_place(object_id), seq=seq, placement=PLACED_BY_NODE)
-    changes = {} if at is None else {"location": at}
-    return offered(record, expect=expect, **changes)
+def managed_item(object_id: bytes, *, seq: int = 1, at: Location | None = None, expects: bytes = EXPECTS_ANYTHING) -> PutItem:
+    place = signed_place(object_id)
+    record = sealed(SCENE, payload=b"%d" % seq, location=place, seq=seq, placement=PLACED_BY_NODE, expects=expects)
+    return offered(record, **({} if at is None else {"location": at}))

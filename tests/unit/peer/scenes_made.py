@@ -88,7 +88,6 @@ def offered(record: Record, **changes: Any) -> PutItem:
         scene=header.scene,
         space=header.space,
         location=header.location,
-        expect=None,
         signature=record.signature,
         header=record.header_bytes,
         ciphertext=record.ciphertext,

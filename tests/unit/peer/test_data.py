@@ -240,7 +240,7 @@ def test_node_managed_records_find_their_place() -> None:
     async def test(_: Neighbours, one: Node, other: Node) -> None:
         [outcome] = await outcomes(other, managed_item(OBJECT))
         assert (outcome.reason, outcome.location) == (0, wanted_place(OBJECT))
-        for copy in (managed_item(OBJECT), managed_item(OBJECT, at=LEFT.first), managed_item(OBJECT, seq=2, expect=None)):
+        for copy in (managed_item(OBJECT), managed_item(OBJECT, at=LEFT.first), managed_item(OBJECT, seq=2)):
             [outcome] = await outcomes(one, copy)
             assert (outcome.reason, outcome.owner) == (RejectReason.NOT_MY_LOCATION, other.me), "one node decides about an id"
         [outcome] = await outcomes(one, managed_item(OBJECT[::-1]))
@@ -248,7 +248,7 @@ def test_node_managed_records_find_their_place() -> None:
         listed = await query(other, MIDDLE)
         assert isinstance(listed, ReturnRange)
         assert (listed.locations, listed.objects) == ((wanted_place(OBJECT),), (OBJECT,))
-        assert await put(other, managed_item(OBJECT, seq=2, at=wanted_place(OBJECT), expect=None)) == [0]
+        assert await put(other, managed_item(OBJECT, seq=2, at=wanted_place(OBJECT))) == [0]
         assert await outcomes(one, managed_item(OBJECT, seq=3, at=wanted_place(OBJECT))) == [
             PutOutcome(RejectReason.NOT_MY_LOCATION, wanted_place(OBJECT), other.me)
         ]
@@ -264,7 +264,7 @@ def test_node_managed_records_find_their_place() -> None:
         assert listed.objects == (OBJECT[::-1],), "what another node decides about is that one's to list"
         single = managed_item(b"\x81" + OBJECT[1:])
         accepted = await other.ask(
-            ProposeData(single.scene, single.space, single.location, single.signature, single.header, single.ciphertext, b"")
+            ProposeData(single.scene, single.space, single.location, single.signature, single.header, single.ciphertext)
         )
         assert isinstance(accepted, AcceptData) and accepted.location in RIGHT
 

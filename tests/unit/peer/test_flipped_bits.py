@@ -14,7 +14,18 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import SceneIdentity, open_all, writers_of
-from scenefold.crypto import ED25519, RSA3072, SUITES, IllFormedRecord, InvalidSignature, Record, RecordPlace, SigningKey, verify_record
+from scenefold.crypto import (
+    ED25519,
+    HEADER_BYTES,
+    RSA3072,
+    SUITES,
+    IllFormedRecord,
+    InvalidSignature,
+    Record,
+    RecordPlace,
+    SigningKey,
+    verify_record,
+)
 from scenefold.peer.records.verification import KnownScene, verify_all, verify_copies
 from scenefold.scene.log import EpochKeys
 from scenefold.store.layout import pack_record, unpack_record
@@ -50,7 +61,7 @@ class Sealed:
         """Taken apart by position, as disks and wires hold the parts."""
         changed = bytearray(self.whole)
         changed[bit // 8] ^= 1 << bit % 8
-        start, end = 149, 149 + SUITES[self.writer.suite].signature_bytes
+        start, end = HEADER_BYTES, HEADER_BYTES + SUITES[self.writer.suite].signature_bytes
         return Record(bytes(changed[:start]), bytes(changed[start:end]), bytes(changed[end:]))
 
 
@@ -77,7 +88,7 @@ def anything(dice: Random) -> Sealed:
 
 
 def put(record: Record, place: RecordPlace) -> object:
-    [verdict] = verify_all([(PutItem(*place, None, record.signature, record.header_bytes, record.ciphertext), SCENE)])
+    [verdict] = verify_all([(PutItem(*place, record.signature, record.header_bytes, record.ciphertext), SCENE)])
     return verdict
 
 
@@ -106,7 +117,7 @@ def check_refused(answer: object) -> None:
 
 # From which byte on a flipped bit is refused how, by whoever verifies; the last may turn one value that is right into another.
 WORDS: tuple[tuple[int, type[DamagedData], str], ...] = (
-    (0, IllFormedRecord, r"ill-formed record header: version \d+"),
+    (0, IllFormedRecord, r"a record of version \d+"),
     (1, IllFormedRecord, r"ill-formed record header: suite \d+"),
     (2, DamagedData, r"ill-formed record header: placement \d+|the signature is not that of key"),
     (3, IllFormedRecord, r"the record belongs elsewhere"),
@@ -116,8 +127,8 @@ WORDS: tuple[tuple[int, type[DamagedData], str], ...] = (
     (61, InvalidSignature, r"the signature is not that of key"),
     (77, InvalidSignature, r"the record was written by key"),
     (81, InvalidSignature, r"the signature is not that of key"),
-    (113, IllFormedRecord, r"bytes, \d+ were announced|ill-formed record header: a ciphertext of \d+ bytes"),
-    (117, InvalidSignature, r"the signature is not that of key"),
+    (145, IllFormedRecord, r"bytes, \d+ were announced|ill-formed record header: a ciphertext of \d+ bytes"),
+    (149, InvalidSignature, r"the signature is not that of key"),
     (-1, InvalidSignature, r"the ciphertext is not the one that was signed"),
 )
 

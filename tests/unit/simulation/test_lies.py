@@ -103,8 +103,9 @@ def test_what_is_left_out_of_a_list_is_excused_for_that_place_only() -> None:
 def test_a_write_that_was_lied_about_may_have_happened_whatever_it_expects(manner: Manner, reason: int) -> None:
     book = recorder()
     begin = book.histories.moment()
-    book.lies.tells(LIAR, C0, PLACE, manner, digest_of(2))
-    book.written(C0, begin, [replace(item(2), expect=digest_of(1))], [reason])
+    put = item(2, digest_of(1))
+    book.lies.tells(LIAR, C0, PLACE, manner, RecordHeader.decode(put.header).digest)
+    book.written(C0, begin, [put], [reason])
     (event,) = book.histories.of(PLACE)
     assert isinstance(event, Write) and event.outcome is Outcome.MAYBE and event.expect is None
     assert book.lies.reported == {manner.value: 1}

@@ -7,7 +7,7 @@ import pytest
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import SigningKey, seal_record
+from scenefold.crypto import EXPECTS_ANYTHING, SigningKey, seal_record
 from scenefold.simulation.history import NEVER_ENDED, Listing, Outcome, Place, Read, Write
 from scenefold.simulation.lies import Way
 from scenefold.simulation.linearizable import judge
@@ -21,7 +21,7 @@ KEY = SigningKey(bytes(32))
 C0, C1 = (Way("node:9", f"user:c{number}") for number in range(2))
 
 
-def item(seq: int, expect: bytes | None = None) -> PutItem:
+def item(seq: int, expects: bytes = EXPECTS_ANYTHING) -> PutItem:
     record = seal_record(
         b"payload",
         scene=SCENE,
@@ -31,11 +31,12 @@ def item(seq: int, expect: bytes | None = None) -> PutItem:
         epoch=1,
         seq=seq,
         session=1,
+        expects=expects,
         nonce=seq.to_bytes(12, "big"),
         symmetric_key=bytes(24),
         signing_key=KEY,
     )
-    return PutItem(SCENE, SPACE, HERE, expect, record.signature, record.header_bytes, record.ciphertext)
+    return PutItem(SCENE, SPACE, HERE, record.signature, record.header_bytes, record.ciphertext)
 
 
 def recorder() -> Recorder:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -17,10 +17,21 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import WHOLE_LINE, Arc, Location
-from scenefold.crypto import OBJECT_BYTES, PLACED_BY_NODE, Record, RecordPlace, object_of, signed_place, version_key, wanted_place
+from scenefold.crypto import (
+    EXPECTS_ANYTHING,
+    EXPECTS_NOTHING,
+    OBJECT_BYTES,
+    PLACED_BY_NODE,
+    Record,
+    RecordPlace,
+    object_of,
+    signed_place,
+    version_key,
+    wanted_place,
+)
 from scenefold.store import Counts, Outcome, Put, Spot, Store, StoredHolding, open_store
 from scenefold.world.sim import Point, SimNet, run_simulated
-from unit.store.samples import NODE, SCENE, SPACE, record
+from unit.store.samples import NODE, NOWHERE, SCENE, SPACE, record
 
 ADDRESS = "10.0.0.1"
 LENGTH = 40
@@ -73,13 +84,14 @@ class Model:
         self.records[spot] = new
         return True
 
-    def put(self, spot: Spot, new: Record, expect: bytes | None) -> Outcome:
+    def put(self, spot: Spot, new: Record) -> Outcome:
         if not self.owns(spot.place.location):
             return Outcome.NOT_OWNED
         present = self.records.get(spot)
         if present == new:
             return Outcome.STORED
-        if expect is not None and expect != (b"" if present is None else present.header.digest):
+        expects = new.header.expects
+        if expects != EXPECTS_ANYTHING and expects != (EXPECTS_NOTHING if present is None else present.header.digest):
             return Outcome.EXISTS
         return Outcome.STORED if self.merge(spot, new) else Outcome.STALE
 
@@ -117,13 +129,18 @@ class Trial:
         new = record(number, seq=seq, text=b"%d" % self.dice.randrange(3), space=self.dice.choice(SPACES))
         return Spot(RecordPlace(new.header.scene, new.header.space, new.header.location)), new
 
+    def _expecting(self, spot: Spot, new: Record) -> tuple[Spot, Record]:
+        """A record that expects something, or what lies there; sometimes it is the very one that does."""
+        there = self.model.records.get(spot)
+        if there is not None and self.dice.random() < 0.1:
+            return spot, there
+        expects = [EXPECTS_ANYTHING, EXPECTS_NOTHING, NOWHERE, there.header.digest if there else EXPECTS_ANYTHING]
+        return spot, replace(new, header_bytes=new.header._replace(expects=self.dice.choice(expects)).encode())
+
     async def _put(self, store: Store) -> None:
-        wanted = [self._fixed() for _ in range(self.dice.randint(1, 4))]
-        there = [self.model.records.get(spot) for spot, _ in wanted]
-        choices = [[None, b"", b"\xff" * 32, found.header.digest if found else None] for found in there]
-        expects = [self.dice.choice(options) for options in choices]
-        expected = [self.model.put(spot, new, expect) for (spot, new), expect in zip(wanted, expects, strict=True)]
-        results = await store.put([Put(new, expect) for (_, new), expect in zip(wanted, expects, strict=True)])
+        wanted = [self._expecting(*self._fixed()) for _ in range(self.dice.randint(1, 4))]
+        expected = [self.model.put(spot, new) for spot, new in wanted]
+        results = await store.put([Put(new) for _, new in wanted])
         assert [result.outcome for result in results] == expected
 
     def _object(self) -> tuple[Record, dict[Spot, Record]]:

@@ -11,7 +11,7 @@ import trio
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
@@ -44,7 +44,7 @@ KEPT = {
     "arc": (HOLDING, b"arc", bytes(20) + b"\x7f" * 20),
     "no arc": (HOLDING, b"arc", b""),
     "holding note": (HOLDING, b"note", encode_holding(holding())),
-    "format": (IDENTITY, b"format", b"\0\0\0\2"),
+    "format": (IDENTITY, b"format", b"\0\0\0\3"),
     "node": (IDENTITY, b"node", b"\x7f\0\0\2"),
     "incarnation": (IDENTITY, b"incarnation", b"i" * 16),
     "boot": (IDENTITY, b"boot", b"\0\0\0\5"),
@@ -219,21 +219,55 @@ async def test_rotten_counts_follow_from_the_records(tmp_path: Path) -> None:
         assert (await store.statistics()).spaces == after.spaces
 
 
-async def test_what_an_early_version_wrote_plainly_is_sealed_once(tmp_path: Path) -> None:
+def date_back(folder: Path, version: int, *, is_plain: bool) -> None:
+    """Make a folder one of an earlier format, with what lies in it."""
+    now = raw(folder)
+    number = version.to_bytes(4, "big")
+
+    def change(transaction: WriteTransaction) -> None:
+        for (table, key), value in now.items():
+            transaction.put(table, key, value[:-4] if is_plain and table in SEALED else value)
+        transaction.put(IDENTITY, b"format", number if is_plain else sealed(IDENTITY, b"format", number))
+
+    with on_the_disk(folder) as environment:
+        environment.update(change)
+
+
+def forget_records(folder: Path) -> None:
+    def change(transaction: WriteTransaction) -> None:
+        for table in (RECORDS, OBJECTS, STATISTICS):
+            for key in list(transaction.keys(table, *EVERY_KEY)):
+                transaction.delete(table, key)
+
+    with on_the_disk(folder) as environment:
+        environment.update(change)
+
+
+OLDER = pytest.mark.parametrize(("version", "is_plain"), [(1, True), (2, True), (2, False)])
+
+
+@OLDER
+async def test_an_older_folder_without_records_goes_on_and_is_sealed_once(tmp_path: Path, version: int, is_plain: bool) -> None:
     await filled(tmp_path)
-    sealed_values = raw(tmp_path)
-
-    def unseal(transaction: WriteTransaction) -> None:
-        for (table, key), value in sealed_values.items():
-            transaction.put(table, key, value[:-4] if table in SEALED else value)
-        transaction.put(IDENTITY, b"format", b"\0\0\0\1")
-
-    with on_the_disk(tmp_path) as environment:
-        environment.update(unseal)
+    forget_records(tmp_path)
+    before = raw(tmp_path)
+    date_back(tmp_path, version, is_plain=is_plain)
     async with open_store(world(), tmp_path, NODE) as store:
         assert store.identity.boot == 2
         assert await store.get_note("a note") == b"value"
         assert await store.headers() == {SceneId(SCENE): b"header"}
-        assert await store.get_many([place(1)]) != [None]
-    changed = {name for name, value in raw(tmp_path).items() if sealed_values[name] != value}
+    changed = {name for name, value in raw(tmp_path).items() if before[name] != value}
     assert changed == {(IDENTITY, b"boot")}
+
+
+@OLDER
+async def test_records_of_an_earlier_version_are_said_to_be_such_and_not_touched(tmp_path: Path, version: int, is_plain: bool) -> None:
+    await filled(tmp_path)
+    date_back(tmp_path, version, is_plain=is_plain)
+    before = raw(tmp_path)
+    with pytest.raises(LocalFault, match="an earlier scenefold wrote") as caught:
+        async with open_store(world(), tmp_path, NODE):
+            pass
+    assert not isinstance(caught.value, StoreDamaged)
+    assert caught.value.where == str(tmp_path) and "import it again" in caught.value.remedy
+    assert raw(tmp_path) == before

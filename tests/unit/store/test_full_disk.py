@@ -14,14 +14,14 @@ import trio
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, tombstone
-from scenefold.crypto import Record
+from scenefold.crypto import EXPECTS_NOTHING, Record
 from scenefold.store import LmdbDisk, Outcome, Put, open_store
 from scenefold.store.layout import RECORDS, pack_record, record_key
 from scenefold.store.preallocation import AHEAD_BYTES_MIN
 from scenefold.store.statistics import capacity_of
 from scenefold.store.writer import DELETION_BYTES_MAX
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
-from unit.store.samples import NODE, SCENE, arc, managed, place, put, record, whole_store, world
+from unit.store.samples import NODE, NOWHERE, SCENE, arc, managed, place, put, record, whole_store, world
 from unit.store.test_damage import rot
 
 FILLING = """
@@ -137,23 +137,24 @@ async def outcomes_when_full(folder: Path, puts: Sequence[Put]) -> list[Outcome]
 @pytest.mark.expect_log("full but for its reserve")
 async def test_what_is_there_is_acknowledged_again_when_the_disk_has_filled_up(tmp_path: Path) -> None:
     """Its first answer may have been lost, and its writer would take a refusal for the truth."""
+    written = put(1, seq=5, expects=EXPECTS_NOTHING)
     async with whole_store(world(), tmp_path) as store:
-        await store.put([put(1, seq=5)])
+        await store.put([written])
     asked = [
-        put(1, seq=5),
-        put(1, seq=5, expect=b""),
+        written,
+        put(1, seq=5, expects=NOWHERE),
         put(1, seq=4),
-        put(1, seq=6, expect=bytes(32)),
+        put(1, seq=6, expects=NOWHERE),
         put(1, seq=6, size=5_000),
         put(2),
-        put(2, expect=bytes(32)),
+        put(2, expects=NOWHERE),
     ]
-    wanted = [Outcome.STORED, Outcome.STORED, Outcome.STALE, Outcome.EXISTS, Outcome.FULL, Outcome.FULL, Outcome.EXISTS]
+    wanted = [Outcome.STORED, Outcome.EXISTS, Outcome.STALE, Outcome.EXISTS, Outcome.FULL, Outcome.FULL, Outcome.EXISTS]
     assert await outcomes_when_full(tmp_path, asked) == wanted
     async with open_store(world(), tmp_path, NODE) as store:
-        assert await store.get_many([place(1), place(2)]) == [record(1, seq=5), None]
+        assert await store.get_many([place(1), place(2)]) == [written.record, None]
         await store.put_holding(arc(2, 9), b"")
-    assert await outcomes_when_full(tmp_path, [put(1, seq=5), put(2)]) == [Outcome.NOT_OWNED, Outcome.FULL]
+    assert await outcomes_when_full(tmp_path, [written, put(2)]) == [Outcome.NOT_OWNED, Outcome.FULL]
 
 
 @pytest.mark.expect_log("full but for its reserve")
@@ -185,7 +186,7 @@ async def test_what_has_rotted_is_acknowledged_again_only_if_it_could_be_written
     disk = TroubledDisk()
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1)])
-    rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 250)
+    rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 300)
     async with open_store(offline_world(disk=disk), tmp_path, NODE, reserve_bytes=FULL) as store:
         disk.trouble = DiskFull("not a byte")
         assert [result.outcome for result in await store.put([put(1)])] == [Outcome.FULL]
@@ -258,16 +259,16 @@ async def test_what_is_expected_is_judged_alike_with_room_and_without(tmp_path: 
     before = record(1, seq=5).header.digest
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1, seq=5), put(2, seq=5)])
-    rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 250)
+    rot(tmp_path, RECORDS, record_key(place(1)), bit=8 * 300)
     rot(tmp_path, RECORDS, record_key(place(2)), bit=8 * 10)
     asked = [
-        put(1, seq=6, expect=bytes(32)),
-        put(1, seq=6, expect=b""),
+        put(1, seq=6, expects=NOWHERE),
+        put(1, seq=6, expects=EXPECTS_NOTHING),
         put(1, seq=4),
         put(1, seq=5),
-        put(1, seq=6, text=b"new", expect=before),
-        put(2, seq=6, expect=before),
-        put(2, seq=6, expect=b""),
+        put(1, seq=6, text=b"new", expects=before),
+        put(2, seq=6, expects=before),
+        put(2, seq=6, expects=EXPECTS_NOTHING),
     ]
     # What takes the place of a record, and is no larger, may use the reserve. So may what heals one.
     written = Outcome.STORED

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData
+from scenefold.crypto import HEADER_BYTES
 from scenefold.store.layout import location_of, pack_record, record_key, spot_of, stored_header, unpack_record
 from unit.store.samples import place, record
 
@@ -26,25 +27,18 @@ def test_keys_are_ordered_as_the_line_is(one: int, other: int) -> None:
 def test_a_record_survives_its_bytes() -> None:
     sample = record(3, size=1000)
     packed = memoryview(pack_record(sample))
-    assert bytes(packed[:4]) == bytes([0x80, 149, 0, 64])
+    assert bytes(packed[:4]) == bytes([0x80, HEADER_BYTES, 0, 64])
     assert unpack_record(packed) == sample
     assert stored_header(packed) == sample.header
 
 
-@pytest.mark.parametrize("kept", [0, 3, 100, 149 + 64 + 3])
+@pytest.mark.parametrize("kept", [0, 3, 100, HEADER_BYTES + 64 + 3])
 def test_a_cut_record_is_damage(kept: int) -> None:
     with pytest.raises(DamagedData, match="shorter"):
         unpack_record(memoryview(pack_record(record(3))[:kept]))
 
 
-def test_a_record_of_format_1_is_still_read() -> None:
-    sample = record(3, size=100)
-    old = bytes([0, 149, 0, 64]) + sample.encode()
-    assert unpack_record(memoryview(old)) == sample
-    assert stored_header(memoryview(old)) == sample.header
-
-
-@given(st.integers(0, 8 + 149 + 64 + 64 - 1), st.integers(1, 255))
+@given(st.integers(0, 8 + HEADER_BYTES + 64 + 64 - 1), st.integers(1, 255))
 def test_no_changed_byte_is_taken_for_a_record(place_of_change: int, change: int) -> None:
     packed = bytearray(pack_record(record(3, size=64)))
     packed[place_of_change] ^= change

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
-from scenefold.crypto import RecordPlace, wanted_place
+from scenefold.crypto import EXPECTS_NOTHING, RecordPlace, wanted_place
 from scenefold.store import Outcome, Put, Spot, Store
 from unit.store.samples import SCENE, SPACE, arc, managed, object_id, put, whole_store, world
 
@@ -59,19 +59,19 @@ async def test_only_the_owner_of_its_home_takes_an_object(tmp_path: Path) -> Non
 
 async def test_a_retry_changes_nothing(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
-        first = await placed(store, Put(managed(1), b""))
-        assert await placed(store, Put(managed(1), b"")) == first
+        first = await placed(store, Put(managed(1, expects=EXPECTS_NOTHING)))
+        assert await placed(store, Put(managed(1, expects=EXPECTS_NOTHING))) == first
         assert (await store.statistics()).records == 1
 
 
 async def test_a_newer_version_replaces_the_object_where_it_is(tmp_path: Path) -> None:
-    newer = managed(1, seq=2, text=b"newer")
+    newer = managed(1, seq=2, text=b"newer", expects=managed(1).header.digest)
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(wanted_place(object_id(1)).number)])
         first = await placed(store, Put(managed(1)))
-        assert await placed(store, Put(newer, managed(1).header.digest)) == first
+        assert await placed(store, Put(newer)) == first
         assert await store.read([spot(1, first)]) == [newer]
-        [result] = await store.put([Put(managed(1, seq=3), b"")])
+        [result] = await store.put([Put(managed(1, seq=3, expects=EXPECTS_NOTHING))])
         assert (result.outcome, result.current, result.location) == (Outcome.EXISTS, newer.header.digest, first)
 
 
@@ -97,9 +97,9 @@ async def test_an_object_that_was_given_away_is_placed_anew(tmp_path: Path) -> N
     async with whole_store(world(), tmp_path) as store:
         first = await placed(store, Put(managed(1)))
         assert await store.remove([(spot(1, first), managed(1).header.digest)]) == 1
-        [result] = await store.put([Put(managed(1), managed(1).header.digest)])
+        [result] = await store.put([Put(managed(1, expects=managed(1).header.digest))])
         assert result.outcome is Outcome.EXISTS
-        assert await placed(store, Put(managed(1), b"")) == first
+        assert await placed(store, Put(managed(1, expects=EXPECTS_NOTHING))) == first
 
 
 async def test_a_space_of_both_kinds_is_still_listed(tmp_path: Path) -> None:

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
+from scenefold.crypto import EXPECTS_NOTHING, HEADER_BYTES
 from scenefold.store import Counts, LmdbDisk, Manifest, Outcome, Put, Spot, Store
 from scenefold.store.layout import RECORDS, TABLES, record_key
 from scenefold.store.walking import outside
 from scenefold.world.ports import WriteTransaction
 from unit.store.samples import SCENE, SPACE, arc, managed, place, put, record, whole_store, world
 
-STORED_BYTES = 64 + 8 + 149 + 64
+STORED_BYTES = 64 + 8 + HEADER_BYTES + 64
 LOADED = arc(0, 60)
 
 
@@ -56,11 +57,12 @@ async def test_only_the_very_version_is_removed(tmp_path: Path) -> None:
 
 
 async def test_copies_are_merged_by_version_wherever_they_lie(tmp_path: Path) -> None:
-    old, new = record(1, seq=1, text=b"old"), record(1, seq=2, text=b"new")
+    """Whatever they expect: that was judged where they were put."""
+    old, new = (record(1, seq=seq, text=b"%d" % seq, expects=EXPECTS_NOTHING) for seq in (1, 2))
     async with whole_store(world(), tmp_path) as store:
         await store.put_holding(None, b"")
         for copy, outcome in ((old, Outcome.STORED), (new, Outcome.STORED), (old, Outcome.STALE), (new, Outcome.STORED)):
-            [result] = await store.merge([Put(copy, expect=b"")])
+            [result] = await store.merge([Put(copy)])
             assert result.outcome is outcome
         assert await store.get_many([place(1)]) == [new]
 

@@ -10,7 +10,7 @@ import trio
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Record
+from scenefold.crypto import EXPECTS_NOTHING, HEADER_BYTES, Record
 from scenefold.store import Counts, Outcome, Put, PutResult
 from unit.store.samples import SCENE, SPACE, arc, place, put, record, whole_store, world
 
@@ -33,15 +33,17 @@ async def test_what_is_put_is_there_after_opening_again(tmp_path: Path) -> None:
 
 
 async def test_versions_and_expectations(tmp_path: Path) -> None:
-    first, second = record(1, seq=1, text=b"a"), record(1, seq=2, text=b"b")
+    first, hasty = record(1, seq=1, text=b"a", expects=EXPECTS_NOTHING), record(1, seq=2, text=b"b", expects=EXPECTS_NOTHING)
+    second = record(1, seq=2, text=b"b", expects=first.header.digest)
     async with whole_store(world(), tmp_path) as store:
-        results = await store.put([Put(first, b""), Put(second, b""), Put(second, first.header.digest), Put(first), Put(second, b"")])
+        results = await store.put([Put(new) for new in (first, hasty, second, record(1, seq=1, text=b"c"), second, hasty)])
         assert [result.outcome for result in results] == [
             Outcome.STORED,
             Outcome.EXISTS,
             Outcome.STORED,
             Outcome.STALE,
             Outcome.STORED,
+            Outcome.EXISTS,
         ]
         assert results[1].current == first.header.digest
         assert await store.get_many([place(1)]) == [second]
@@ -53,7 +55,7 @@ async def test_of_many_who_expect_nothing_there_one_wins(tmp_path: Path) -> None
     async with whole_store(world(), tmp_path) as store:
 
         async def try_one(number: int) -> None:
-            [result] = await store.put([Put(record(1, text=b"%d" % number), b"")])
+            [result] = await store.put([put(1, text=b"%d" % number, expects=EXPECTS_NOTHING)])
             outcomes.append(result.outcome)
 
         async with trio.open_nursery() as nursery:
@@ -80,7 +82,7 @@ async def test_range_is_in_order_and_says_what_it_covers(tmp_path: Path) -> None
 
 
 async def test_statistics_follow_every_change(tmp_path: Path) -> None:
-    overhead = 8 + 149 + 64
+    overhead = 8 + HEADER_BYTES + 64
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1, size=100), put(2, size=200), put(1, space=5, size=50)])
         await store.put([put(1, seq=2, size=1000)])

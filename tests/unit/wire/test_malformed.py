@@ -129,7 +129,7 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
         ([12, 0, None, 21, 0, None], "RejectData.reason", "21 is no RejectReason"),
         ([11, 0, None, bytes(65), bytes(20)], "AcceptData.signature", "64 or 384"),
         (
-            [32, 0, None, [[1, 1, bytes(20), b"", bytes(64), b"", b""], [1, 0, bytes(20), b"", bytes(64), b"", b""]]],
+            [32, 0, None, [[1, 1, bytes(20), bytes(64), b"", b""], [1, 0, bytes(20), bytes(64), b"", b""]]],
             "PutMany.items[1].space",
             "",
         ),

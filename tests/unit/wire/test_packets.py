@@ -92,7 +92,7 @@ def test_any_buffer_can_be_sent(buffer: type) -> None:
         (GetData(1, 1, FIRST, 0, request_id=1 << 32), "GetData.request_id"),
         (GetData(1, 1, FIRST, 0, mini_status=(1, 2)), "GetData.mini_status"),
         (PingBroadcast((), mini_status=STATUS), "PingBroadcast.mini_status"),
-        (PutMany((PutItem(1, 1, FIRST, b"", b"s" * 63, b"", b""),)), "PutMany.items[0].signature"),
+        (PutMany((PutItem(1, 1, FIRST, b"s" * 63, b"", b""),)), "PutMany.items[0].signature"),
         (PutMany("text"), "PutMany.items"),
         (PutMany(item for item in ()), "PutMany.items"),
         (ProposeData(1, 1, FIRST, b"s" * 64, b"", b"x" * (CIPHERTEXT_BYTES_MAX + 1)), "ProposeData.ciphertext"),
@@ -116,7 +116,7 @@ def test_what_we_would_not_accept_we_do_not_send(packet: Packet, field: str) -> 
 def test_a_full_part_fits_a_frame_and_a_fuller_packet_does_not() -> None:
     part = FilmPart(1, 0, 1, bytes(BULK_BYTES_MAX), mini_status=STATUS)
     assert decode_packet(encode_packet(part)) == part
-    item = PutItem(1, 1, FIRST, None, bytes(64), bytes(149), bytes(60_000))
+    item = PutItem(1, 1, FIRST, bytes(64), bytes(181), bytes(60_000))
     with pytest.raises(LocalFault, match="exceeds a frame"):
         encode_packet(PutMany((item,) * (FRAME_BYTES_MAX // 60_000 + 1)))
 

@@ -105,7 +105,7 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
     if header.key_epoch < scene.public.key_epoch:
         raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
     _check_has_come(header, scene)
-    return Claim(Put(record, item.expect), key)
+    return Claim(Put(record), key)
 
 
 def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
