@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import KnownLog
 from scenefold.crypto import (
@@ -39,7 +40,6 @@ from scenefold.wire.enrol_packets import (
 )
 from scenefold.wire.log_entries import SingleEntry
 from scenefold.wire.orders import Order
-from scenefold.wire.scene_log_packets import Member
 from scenefold.world import Priority
 from scenefold.world.keyring import checked_name
 from scenefold.world.log_view import LogView, NodeKeys
@@ -152,11 +152,19 @@ class Membership:
         await self._order(RevokeUser(card.name, card.signing_id))
 
     async def revoke_node(self, node: NodeId) -> None:
-        """Let a node's key count no longer, and take it off the line."""
-        await self._order(RevokeNode(node, (await self._keys_of(node)).signing_id))
-        for status in (await self._calls.refresh(self._profile.voters[0])).statuses:
-            if status.node == node:
-                await self._order(RemoveNode(Member(node, status.incarnation), "its key was revoked"))
+        """Let a node's key count no longer, and take it off the line, in the incarnation that the cluster's log gives it by then."""
+        position = await self._order(RevokeNode(node, (await self._keys_of(node)).signing_id))
+
+        async def shown() -> LogView:
+            view = await self._cluster_log.newest()
+            if view.position < position:
+                what = "the node's key counts no longer, but no node shows the cluster's log so far: it may stand on the line still"
+                raise Refused(RejectReason.NOT_READY, what, where=address_of(node), remedy="see `scenectl cluster status`")
+            return view
+
+        member = (await self._calls.patiently(shown, refresh=False)).on_line(node)
+        if member is not None:
+            await self._order(RemoveNode(member, "its key was revoked"))
 
     async def trust(self, node: NodeId, *, trusted: bool = True) -> None:
         """Trust a node with the authority's key, or no longer. Who has that key seals it to the node; else a trusted node will."""

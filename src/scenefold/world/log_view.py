@@ -14,9 +14,12 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import LOG_DOMAIN, Card, PublicKey, key_id_of
-from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, RemoveNode, RevokeNode, SignedRecord, hash_of_record
+from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode, SignedRecord, hash_of_record
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.roll import Roll
+
+NO_INCARNATION = bytes(16)
+"""Of a founder that never came."""
 
 
 class NodeKeys(NamedTuple):
@@ -42,7 +45,12 @@ class LogView:
     """Where in the log keys ceased to count."""
     order: tuple[NodeId, ...] = ()
     """The line, founders that have not registered yet included."""
-    registered: frozenset[NodeId] = frozenset()
+    registered: Mapping[NodeId, bytes] = field(default_factory=dict)
+    """The nodes that came, each with its incarnation."""
+
+    def on_line(self, node: NodeId) -> Member | None:
+        """A node as it stands on the line; with no incarnation a founder that never came, None for one that does not stand there."""
+        return Member(node, self.registered.get(node, NO_INCARNATION)) if node in self.order else None
 
     @property
     def members(self) -> tuple[NodeId, ...]:
@@ -90,11 +98,12 @@ class LogView:
                 roll, order = roll.after(Trust(entry.voters[0], True, nodes[entry.voters[0]].sealing)), tuple(nodes)
             case AddNode():
                 node = entry.member.node
-                nodes, registered = {**nodes, node: NodeKeys(entry.key, entry.sealing_key)}, registered | {node}
+                nodes, registered = {**nodes, node: NodeKeys(entry.key, entry.sealing_key)}, {**registered, node: entry.member.incarnation}
                 # A founder that registers stands there already.
                 order = order if node in order else _with(order, node, entry.left_of)
             case RemoveNode(member):
-                order, registered = tuple(node for node in order if node != member.node), registered - {member.node}
+                order = tuple(node for node in order if node != member.node)
+                registered = {node: incarnation for node, incarnation in registered.items() if node != member.node}
             case RevokeNode(node, key):
                 roll = roll.without(f"node:{node}", key)
             case Trust() | Invite() | Enrol() | RenewCard() | RevokeUser() | Withdraw():

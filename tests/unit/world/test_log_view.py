@@ -13,10 +13,10 @@ from scenefold.base.errors import DamagedData, LocalFault, PeerFault
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.wire import LogEntry, RevokeNode, SignedRecord
+from scenefold.wire import LogEntry, Member, RevokeNode, SignedRecord
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser
 from scenefold.world.log_file import LOG_FILE, LogFile
-from scenefold.world.log_view import LogView
+from scenefold.world.log_view import NO_INCARNATION, LogView
 from unit.peer.logs_made import LOG_KEY, add, found, key_of, node, record, remove, signed
 from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
 from unit.world.test_roll import YEAR
@@ -90,6 +90,10 @@ def test_the_line_and_its_members_are_those_that_a_node_knows_after_each_record(
         registry = registry.apply(one)
         view, _ = view.after([signed(one)], KEY)
         assert (view.order, view.members) == (registry.order, registry.members)
+        for number in range(5):
+            registered = registry.current(node(number))
+            standing = Member(node(number), NO_INCARNATION if registered is None else registered.incarnation)
+            assert view.on_line(node(number)) == (standing if node(number) in registry.order else None)
 
 
 def test_whoever_shows_it_nobody_leaves_out_changes_or_adds_a_record() -> None:
