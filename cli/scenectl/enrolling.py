@@ -99,7 +99,7 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
             return await enrol(folder, token, suite=suite_named(suite).number), NodeId(0)
         found = await located(token)
         node = await own_address(found) if address is None else node_id_of(address)
-        return await enrol(folder, found, node), node
+        return await enrol(folder, token, node, near=found.addresses), node
 
     profile, node = run(work)
     own = address_of(node) if node else None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scenefold.base.errors import DamagedData, PeerFault, Refused, TurnedAway, Unreachable, UsageFault
+from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.hedging import more_telling
@@ -21,11 +21,24 @@ from scenefold.world.knocking import look_around, request_enrolment
 from scenefold.world.newcomer import USER_AT, Newcomer
 from scenefold.world.profile import ClusterProfile
 
+LOOKS_MAX = 3
+"""Looks around the local network, each of some seconds, as long as they bring nodes that were not asked yet."""
+WORDS_MAX = 160
+"""Of each node that is told with its words, if there are several."""
+
 
 async def enrol(
-    profile: Path, token: Token, node: NodeId = USER_AT, *, suite: int = DEFAULT_SUITE, world: World | None = None
+    profile: Path,
+    token: Token,
+    node: NodeId = USER_AT,
+    *,
+    near: Sequence[NodeId] = (),
+    suite: int = DEFAULT_SUITE,
+    world: World | None = None,
 ) -> ClusterProfile:
     """Make keys for a user, or for a node at its address, and have them certified; the profile, with those keys in it.
+
+    `near`: nodes that answered on the local network, if the token names none and somebody looked already.
 
     Errors: UsageFault if the token is for the other kind, Refused in the cluster's words, Unreachable if no node answers, OutOfDate if this
     computer's clock is wrong; whatever it was, the same token may be tried again here.
@@ -34,17 +47,25 @@ async def enrol(
         what, remedy = ("user", "leave --address out") if token.kind is InvitedKind.USER else ("node", "run it on the node's computer")
         raise UsageFault(f"the token is for a {what}", where="token", remedy=remedy)
     world = world or _world_of(token)
-    token = await located(token, world)
+    if not token.addresses and not near:
+        near = (await located(token, world)).addresses
     newcomer = await world.workers.run("import", lambda: Newcomer.at(profile, token, node, suite=suite))
     now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
-    try:
-        answer = await _ask(world, newcomer, token.addresses, now)
-    except Unreachable:
-        # Those that the token names may be gone, and others be near.
-        nearby = tuple(address for address in await _nearby(token, world) if address not in token.addresses)
-        if not nearby:
-            raise
-        answer = await _ask(world, newcomer, nearby, now)
+    asking = _Asking(world, newcomer, now)
+    answer = await asking.of(token.addresses or near)
+    looks = 0
+    # Whom the token names speaks for the cluster. Who was only found here may be anybody, and have answered first on purpose.
+    while answer is None and looks < LOOKS_MAX and not (token.addresses and asking.is_refused_by(token.addresses)):
+        looks += 1
+        found = await _nearby(token, world, asking.asked)
+        if not found:
+            break
+        answer = await asking.of(found)
+    if answer is None:
+        raise asking.error()
+    # Where to look for the cluster from now on: not where liars are.
+    first = dict.fromkeys((asking.asked[-1], *token.addresses))
+    newcomer = replace(newcomer, token=replace(token, addresses=tuple(first)[:ADDRESSES_MAX]))
     return await world.workers.run("import", newcomer.admitted, answer, now)
 
 
@@ -66,42 +87,70 @@ async def own_address(token: Token) -> NodeId:
     return await own_address_towards(token.addresses[0], token.high)
 
 
-async def _nearby(token: Token, world: World) -> list[NodeId]:
-    return await look_around(world.network, token.key, world.entropy.token(NONCE_BYTES))
+async def _nearby(token: Token, world: World, asked: Sequence[NodeId] = ()) -> list[NodeId]:
+    return await look_around(world.network, token.key, world.entropy.token(NONCE_BYTES), passed=asked)
 
 
 def _world_of(token: Token) -> World:
     return newcomer_world(Ports(token.low, token.high))
 
 
-async def _ask(world: World, newcomer: Newcomer, addresses: Sequence[NodeId], now: datetime.datetime) -> Enrolled:
-    """The first answer that is to be believed: a node that lies, or errs, speaks for itself only.
+class _Asking:
+    """What nodes say to a newcomer, one after the other: a node that lies, or errs, speaks for itself only."""
 
-    Else what the first refusal, or answer that is not believed, said; Unreachable, in the words of the last, if none of them answers.
-    """
-    token = newcomer.token
-    first: Refused | DamagedData | None = None
-    last: Unreachable | PeerFault | Refused | None = None
-    for address in addresses:
-        if address == newcomer.node:
-            continue
-        try:
-            answer = await request_enrolment(world.network, address, token.mark, newcomer.request())
-            newcomer.check(answer, now)
-            return answer
-        except Unreachable as problem:
-            last = more_telling(last, problem) if isinstance(last, Unreachable) else problem
-        except PeerFault as problem:
-            last = last if isinstance(last, Unreachable) else problem
-        except (Refused, DamagedData) as refusal:
-            if isinstance(refusal, Refused) and refusal.reason is RejectReason.NOT_READY:
-                last = refusal
-            else:
-                first = first or refusal
-    if first is not None:
-        raise first
-    why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
-    where = ", ".join(map(address_of, addresses))
-    remedy = (last.remedy if last is not None else "") or "see that one of them runs, then try again"
-    kind = TurnedAway if isinstance(last, TurnedAway) else Unreachable
-    raise kind(f"no node of the cluster takes the token{why}", where=where, remedy=remedy)
+    def __init__(self, world: World, newcomer: Newcomer, now: datetime.datetime) -> None:
+        self._world, self._newcomer, self._now = world, newcomer, now
+        self.asked: list[NodeId] = []
+        self._refusals: dict[NodeId, Refused | DamagedData] = {}
+        self._last: Unreachable | PeerFault | Refused | None = None
+
+    def is_refused_by(self, nodes: Sequence[NodeId]) -> bool:
+        """Whether one of these said no, or what is not to be believed."""
+        return any(node in self._refusals for node in nodes)
+
+    async def of(self, nodes: Sequence[NodeId]) -> Enrolled | None:
+        """The first answer that is to be believed; of the node that was asked last."""
+        newcomer = self._newcomer
+        for node in nodes:
+            if node == newcomer.node or node in self.asked:
+                continue
+            self.asked.append(node)
+            try:
+                answer = await request_enrolment(self._world.network, node, newcomer.token.mark, newcomer.request())
+                newcomer.check(answer, self._now)
+                return answer
+            except Unreachable as problem:
+                self._last = more_telling(self._last, problem) if isinstance(self._last, Unreachable) else problem
+            except PeerFault as problem:
+                self._last = self._last if isinstance(self._last, Unreachable) else problem
+            except (Refused, DamagedData) as refusal:
+                if isinstance(refusal, Refused) and refusal.reason is RejectReason.NOT_READY:
+                    self._last = refusal
+                else:
+                    self._refusals[node] = refusal
+        return None
+
+    def error(self) -> ScenefoldError:
+        """Why none admits the newcomer: what each of those said that turned it down; Unreachable, in the words of the last, if none answers."""
+        if self._refusals:
+            return _told(self._refusals)
+        last = self._last
+        why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
+        where = ", ".join(map(address_of, self.asked))
+        remedy = (last.remedy if last is not None else "") or "see that one of them runs, then try again"
+        kind = TurnedAway if isinstance(last, TurnedAway) else Unreachable
+        return kind(f"no node of the cluster takes the token{why}", where=where, remedy=remedy)
+
+
+def _told(refusals: Mapping[NodeId, Refused | DamagedData]) -> Refused | DamagedData:
+    """The first of these, which says who said what."""
+    first = next(iter(refusals.values()))
+    by_words: dict[str, list[str]] = {}
+    for node, refusal in refusals.items():
+        by_words.setdefault(refusal.what[:WORDS_MAX], []).append(address_of(node))
+    if len(by_words) > 1:
+        first.what = "the nodes turned the token down: " + "; ".join(f"{', '.join(said)}: {words}" for words, said in by_words.items())
+        first.where = ""
+    else:
+        first.where = ", ".join(map(address_of, refusals))
+    return first

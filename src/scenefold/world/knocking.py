@@ -6,6 +6,7 @@ that has this mark, and has itself the certificate of a node that this authority
 
 from __future__ import annotations
 
+from collections.abc import Container
 from itertools import zip_longest
 
 import trio
@@ -84,8 +85,8 @@ async def _next(connection: Connection, frames: FrameReader) -> Packet:
             return decode_packet(whole[0])
 
 
-async def look_around(network: Network, key: SigningKey, nonce: bytes) -> list[NodeId]:
-    """Nodes nearby that know the invitation with this key, so they say. Empty if none answers within some seconds.
+async def look_around(network: Network, key: SigningKey, nonce: bytes, *, passed: Container[NodeId] = ()) -> list[NodeId]:
+    """Nodes nearby that know the invitation with this key, so they say, but for those `passed` over. Empty if none answers within some seconds.
 
     The first to answer comes first, but one address names a second node only after every other one has named its first: who is near
     can answer for as many nodes as it likes, and none of them need be there.
@@ -101,7 +102,7 @@ async def look_around(network: Network, key: SigningKey, nonce: bytes) -> list[N
                 while True:
                     data, source = await datagrams.receive()
                     node = read_answer(data, nonce)
-                    if node is None or (source.address not in found and len(found) == SOURCES_MAX):
+                    if node is None or node in passed or (source.address not in found and len(found) == SOURCES_MAX):
                         continue
                     named = found.setdefault(source.address, {})
                     if len(named) < FOUND_MAX:

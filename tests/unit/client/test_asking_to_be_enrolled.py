@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import trio
@@ -13,6 +16,7 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldErro
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import enrolling
+from scenefold.client.enrolling import LOOKS_MAX
 from scenefold.crypto import InvitedKind, Token
 from scenefold.wire.enrol_packets import Enrolled
 from unit.peer.members_made import NOW
@@ -46,7 +50,11 @@ async def asked(answers: Sequence[Enrolled | ScenefoldError], monkeypatch: pytes
         return answer
 
     monkeypatch.setattr("scenefold.client.enrolling.request_enrolment", request_enrolment)
-    return await enrolling._ask(SimpleNamespace(network=None), Someone(), HERE[: len(answers)], NOW)  # type: ignore[arg-type]
+    asking = enrolling._Asking(SimpleNamespace(network=None), Someone(), NOW)  # type: ignore[arg-type]
+    answer = await asking.of(HERE[: len(answers)])
+    if answer is None:
+        raise asking.error()
+    return answer
 
 
 LIES = [Refused(RejectReason.NOT_AUTHORISED, "the token was used already"), Refused(RejectReason.ILL_FORMED, "no"), BAD]
@@ -75,3 +83,92 @@ async def test_a_node_of_another_cluster_is_told_rather_than_a_closed_port(monke
 async def test_nobody_there_is_not_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(Unreachable, match="no node of the cluster takes the token: later"):
         await asked([NEUTRAL[0], NEUTRAL[3]], monkeypatch)
+
+
+async def test_it_is_told_who_refused_with_which_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    used, no = (Refused(RejectReason.NOT_AUTHORISED, words) for words in ("the token was used already", "no"))
+    with pytest.raises(Refused) as alone:
+        await asked([used, NEUTRAL[0]], monkeypatch)
+    assert str(alone.value) == "the token was used already (127.0.0.2)"
+    with pytest.raises(Refused) as several:
+        await asked([used, no, Refused(RejectReason.BUSY, "no")], monkeypatch)
+    assert several.value.reason is RejectReason.NOT_AUTHORISED
+    words = "127.0.0.2: the token was used already; 127.0.0.3, 127.0.0.4: no"
+    assert str(several.value) == f"the nodes turned the token down: {words}"
+
+
+class Town:
+    """Nodes on the local network, found in looks around; all but GOOD_NODE turn every token down."""
+
+    GOOD_NODE = NodeId(500)
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *looks: list[NodeId]) -> None:
+        self.looks, self.passed, self.asked = list(looks), list[list[NodeId]](), list[NodeId]()
+        self.admitted: list[Token] = []
+        monkeypatch.setattr(enrolling, "look_around", self.look_around)
+        monkeypatch.setattr(enrolling, "request_enrolment", self.request_enrolment)
+        monkeypatch.setattr(enrolling, "Newcomer", SimpleNamespace(at=self.newcomer))
+
+    def newcomer(self, _profile: Path, token: Token, *_: object, **__: object) -> Guest:
+        return Guest(token=token, town=self)
+
+    async def look_around(self, _network: object, _key: object, _nonce: object, *, passed: Sequence[NodeId]) -> list[NodeId]:
+        await trio.lowlevel.checkpoint()
+        self.passed.append(list(passed))
+        return self.looks.pop(0) if self.looks else []
+
+    async def request_enrolment(self, _network: object, node: NodeId, *_: object) -> Enrolled:
+        await trio.lowlevel.checkpoint()
+        self.asked.append(node)
+        if node == self.GOOD_NODE:
+            return GOOD
+        raise Refused(RejectReason.NOT_AUTHORISED, f"lie {node}")
+
+    async def run(self, _lane: str, function: Any, *args: object) -> Any:
+        await trio.lowlevel.checkpoint()
+        return function(*args)
+
+    async def enrol(self, *named: NodeId) -> object:
+        clock, entropy = SimpleNamespace(wall=NOW.timestamp), SimpleNamespace(token=bytes)
+        world: Any = SimpleNamespace(network=None, workers=self, clock=clock, entropy=entropy)
+        token = Token(InvitedKind.USER, bytes(32), bytes(16), 0, 1, 2, named)
+        return await enrolling.enrol(Path("profile"), token, world=world)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guest(Someone):
+    token: Token
+    town: Town
+
+    def admitted(self, _answer: Enrolled, _now: datetime.datetime) -> None:
+        self.town.admitted.append(self.token)
+
+
+def liars(*numbers: int) -> list[NodeId]:
+    return [NodeId(number) for number in numbers]
+
+
+async def test_liars_that_answer_first_do_not_keep_a_newcomer_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    town = Town(monkeypatch, liars(1, 2, 3), liars(4), [NodeId(5), Town.GOOD_NODE])
+    await town.enrol()
+    assert town.asked == [*liars(1, 2, 3, 4, 5), Town.GOOD_NODE]
+    assert town.passed == [[], liars(1, 2, 3), liars(1, 2, 3, 4)], "who was asked takes no place in the next look"
+    assert [token.addresses for token in town.admitted] == [(Town.GOOD_NODE,)], "and nobody looks for the cluster where liars are"
+
+
+async def test_the_looks_are_bounded_and_end_when_nobody_new_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    always = Town(monkeypatch, *(liars(number) for number in range(1, 100)))
+    with pytest.raises(Refused, match=r"0\.0\.0\.1: lie 1; 0\.0\.0\.2: lie 2"):
+        await always.enrol()
+    assert len(always.passed) == 1 + LOOKS_MAX
+    once = Town(monkeypatch, liars(1))
+    with pytest.raises(Refused, match="lie 1"):
+        await once.enrol()
+    assert len(once.passed) == 2
+
+
+async def test_whom_the_token_names_speaks_for_the_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
+    town = Town(monkeypatch, [Town.GOOD_NODE])
+    with pytest.raises(Refused, match="lie 7"):
+        await town.enrol(NodeId(7))
+    assert town.passed == []

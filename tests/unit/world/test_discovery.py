@@ -107,5 +107,11 @@ async def test_who_answers_for_many_nodes_hides_no_other(autojump_clock: trio.te
     assert found[:3] == [1_000, 2, 3] and len(found) == FOUND_MAX
 
 
+async def test_whom_one_has_asked_already_hides_nobody_who_answers_later(autojump_clock: trio.testing.MockClock) -> None:
+    liars = [(f"10.0.1.{number}", 1_000 + number) for number in range(FOUND_MAX)]
+    room: Any = Room(*liars, ("10.0.0.2", 2), *liars)
+    assert await look_around(room, KEY, NONCE, passed=[NodeId(number) for _, number in liars]) == [2]
+
+
 async def test_where_nobody_answers_nobody_is_found() -> None:
     assert await look_around(newcomer_world(free_ports(("127.0.0.2",))).network, KEY, NONCE) == []
