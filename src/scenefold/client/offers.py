@@ -8,7 +8,7 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused
 from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log import check_decided
-from scenefold.wire import AcceptSceneProposal, Ballot, Phase, ProposalId, ProposeSceneLog, SceneLogPublic
+from scenefold.wire import AcceptSceneProposal, Ballot, Phase, ProposalId, ProposeSceneLog, RejectSceneProposal, SceneLogPublic
 
 
 def proposal_of(header: SceneLogPublic, private: bytes) -> ProposeSceneLog:
@@ -28,13 +28,18 @@ def proposal_of(header: SceneLogPublic, private: bytes) -> ProposeSceneLog:
 
 
 def as_decided(packet: ProposeSceneLog, reply: AcceptSceneProposal) -> SceneLogPublic:
-    """The header that was proposed, with its decision; PeerFault if the answer shows none, for it may be that of a relay that lies."""
-    header = replace(packet.public, decision=reply.decision)
+    """The header that was proposed, with the decision of an answer that `check_answer` has let pass."""
+    return replace(packet.public, decision=reply.decision)
+
+
+def check_answer(packet: ProposeSceneLog, reply: AcceptSceneProposal | RejectSceneProposal) -> None:
+    """PeerFault if an answer says that a proposal was accepted and does not show it, for it may be that of a relay that lies."""
+    if isinstance(reply, RejectSceneProposal):
+        return
     try:
-        check_decided(header)
+        check_decided(as_decided(packet, reply))
     except DamagedData as problem:
         raise PeerFault(f"a proposal is said to be accepted: {problem.what}", where=problem.where) from problem
-    return header
 
 
 def refusal_of(reason: RejectReason, name: str) -> Refused:

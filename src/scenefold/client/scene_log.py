@@ -19,7 +19,7 @@ from scenefold.base.limits import CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
-from scenefold.client.offers import as_decided, proposal_of, refusal_of
+from scenefold.client.offers import as_decided, check_answer, proposal_of, refusal_of
 from scenefold.client.patience import Patience, is_passing
 from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import key_withheld
@@ -224,7 +224,8 @@ class LogAccess:
             answers,
             first=packet.public.origin,
             around=lambda: doubt.trying(offered),
-            judged=lambda reply: as_decided(packet, reply) if isinstance(reply, AcceptSceneProposal) else None,
+            # Whatever comes out of this round has passed it.
+            judged=partial(check_answer, packet),
         )
         if isinstance(reply, AcceptSceneProposal):
             return as_decided(packet, reply)

@@ -10,6 +10,7 @@ import pytest
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.client import offers
 from scenefold.client.scene import Scene
 from scenefold.crypto import SigningKey
 from scenefold.scene.log import Followed, Undecided, decided, follow, open_private, seal_private
@@ -123,6 +124,16 @@ async def test_who_calls_a_change_decided_has_to_show_it(signer: SigningKey | No
     studio.nodes.away = set()
     assert (await scene.rotate_key()).key_epoch == 1
     assert (await studio.scenes(1).create("garden")).name == "garden", "its keys were kept"
+
+
+async def test_a_decision_is_verified_once(autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By who asked for it; that it is verified at all is the test before."""
+    studio = Studio(tmp_path)
+    scene = await studio.scenes(1).create("kitchen")
+    verified: list[int] = []
+    monkeypatch.setattr(offers, "check_decided", lambda header: verified.append(header.position))
+    await scene.grant(card_of(2), Role.WRITER)
+    assert verified == [scene.access.identity.position]
 
 
 async def test_an_old_decision_decides_nothing_new(autojump_clock: MockClock, tmp_path: Path) -> None:
