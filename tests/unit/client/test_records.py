@@ -19,7 +19,7 @@ from scenefold.client.reading import open_scene_with_keys
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity, WriterKey
 from scenefold.client.space import ABSENT
-from scenefold.crypto import SigningKey
+from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, RecordHeader, SigningKey
 from scenefold.scene.log import EpochKeys, decided
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import GetMany, PutMany
@@ -115,6 +115,39 @@ async def test_expectations_are_judged(autojump_clock: MockClock) -> None:
     with pytest.raises(Refused, match="another version"):
         await space.put(FIRST, b"four", expect=digest)
     assert await space.get(FIRST) == b"three"
+
+
+async def test_what_is_expected_is_signed(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    first = await space.put(FIRST, b"one", expect=ABSENT)
+    gone = await space.delete(FIRST, expect=first)
+    await space.put(FIRST, b"two")
+    sent = [RecordHeader.decode(packet.items[0].header) for _, packet in nodes.asked if isinstance(packet, PutMany)]
+    assert [header.expects for header in sent] == [EXPECTS_NOTHING, first, EXPECTS_ANYTHING]
+    assert [header.digest for header in sent[:2]] == [first, gone]
+
+
+async def test_another_expectation_is_another_record(autojump_clock: MockClock) -> None:
+    """What was deleted counts as nothing: the second try names it."""
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    await space.put(FIRST, b"one")
+    gone = await space.delete(FIRST)
+    before = len(nodes.asked)
+    await space.put(FIRST, b"two", expect=ABSENT)
+    sent = [RecordHeader.decode(packet.items[0].header) for _, packet in nodes.asked[before:] if isinstance(packet, PutMany)]
+    assert [header.expects for header in sent] == [EXPECTS_NOTHING, gone]
+    assert len({(header.seq, header.nonce, header.digest) for header in sent}) == 2
+
+
+@pytest.mark.parametrize("expect", [bytes(32), b"", b"short"])
+async def test_what_is_no_expectation_replaces_nothing(autojump_clock: MockClock, expect: bytes) -> None:
+    space = _scene(FakeNodes()).space(FILES)
+    await space.put(FIRST, b"one")
+    with pytest.raises(LocalFault):
+        await space.put(FIRST, b"two", expect=expect)
+    assert await space.get(FIRST) == b"one"
 
 
 async def test_an_expected_version_is_replaced_whatever_the_clock_says(autojump_clock: MockClock) -> None:

@@ -15,6 +15,8 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.limits import PAYLOAD_BYTES_MAX
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.crypto import (
+    EXPECTS_ANYTHING,
+    EXPECTS_NOTHING,
     HEADER_BYTES,
     IllFormedRecord,
     InvalidSignature,
@@ -115,6 +117,32 @@ def test_a_record_cannot_be_moved(place: RecordPlace) -> None:
         verify_record(replace(RECORD, header_bytes=moved), WRITER.public, place)
 
 
+@given(
+    st.sampled_from([EXPECTS_ANYTHING, EXPECTS_NOTHING, b"e" * 32]),
+    st.one_of(st.just(EXPECTS_ANYTHING), st.binary(min_size=32, max_size=32)),
+)
+def test_what_a_record_expects_cannot_be_changed(expects: bytes, other: bytes) -> None:
+    record = seal(expects=expects)
+    assert verify_record(record, WRITER.public, PLACE).expects == expects
+    bent = replace(record, header_bytes=record.header._replace(expects=other).encode())
+    if other == expects:
+        assert bent == record
+        return
+    with pytest.raises(InvalidSignature):
+        verify_record(bent, WRITER.public, PLACE)
+    with pytest.raises(DamagedData):
+        open_record(bent, KEY)
+
+
+def test_a_record_of_the_version_before_is_said_to_be_one() -> None:
+    before = b"\x01" + RECORD.header_bytes[1:89] + RECORD.header_bytes[121:]
+    for data in (before, before + RECORD.signature + RECORD.ciphertext):
+        with pytest.raises(IllFormedRecord, match="a record of version 1, and this program knows version 2"):
+            Record.decode(data)
+    with pytest.raises(IllFormedRecord, match="version 1"):
+        verify_record(replace(RECORD, header_bytes=before), WRITER.public)
+
+
 def test_cutting_or_lengthening_the_ciphertext() -> None:
     for ciphertext in (b"", RECORD.ciphertext[:-1], RECORD.ciphertext + b"\0"):
         with pytest.raises(IllFormedRecord, match="announced"):
@@ -169,7 +197,7 @@ def test_any_bytes_as_a_header(data: bytes) -> None:
 
 @given(st.binary(min_size=HEADER_BYTES, max_size=HEADER_BYTES))
 def test_any_header_of_the_right_length(data: bytes) -> None:
-    data = b"\x01\x01\x00" + data[3:]
+    data = b"\x02\x01\x00" + data[3:]
     try:
         header = RecordHeader.decode(data)
     except IllFormedRecord:
@@ -182,6 +210,8 @@ def test_any_header_of_the_right_length(data: bytes) -> None:
     [
         {"genesis": b"short"},
         {"nonce": b"n" * 11},
+        {"expects": b""},
+        {"expects": b"e" * 31},
         {"place": PLACE._replace(scene=SceneId(0))},
         {"place": PLACE._replace(scene=SceneId(1 << 32))},
         {"place": PLACE._replace(space=SpaceId(8192))},
