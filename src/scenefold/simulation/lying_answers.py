@@ -147,8 +147,8 @@ class LyingAnswers:
                 case _:
                     refused.add(index)
         outcomes = await self._others(honest, items, lies, peer)
-        for index, item in enumerate(items):
-            self._judge.has_judged(item, 0 if index in lies else outcomes[index].reason)
+        for item in items:
+            self._judge.has_judged(item)
         for index in sorted(refused):
             if outcomes[index].reason == 0:
                 place, version = named(items[index])

@@ -6,7 +6,6 @@ history of the place: whoever takes it over what it does not expect makes that h
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,12 +15,11 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.peer import NodeContext
 from scenefold.simulation.liar import Liar
 from scenefold.simulation.lies import Way
-from scenefold.simulation.recording import Recorder, expected_by, named
+from scenefold.simulation.recording import Recorder, named
 from scenefold.store import Outcome, Put, PutResult
 from scenefold.wire import PutItem, PutMany, PutManyReply
 from scenefold.world import Priority
 
-REFUSED_MAX = 64
 AGAIN_S_MAX = 2.0
 
 
@@ -32,7 +30,6 @@ class LyingJudge:
         self._liar = liar
         self._recorder = recorder
         self._overruled: set[bytes] = set()
-        self._refused: deque[PutItem] = deque(maxlen=REFUSED_MAX)
         self._context: NodeContext | None = None
 
     def possess(self, context: NodeContext) -> None:
@@ -56,22 +53,21 @@ class LyingJudge:
         """From now on this record is stored whatever it expects."""
         self._overruled.add(named(item)[1].digest)
 
-    def has_judged(self, item: PutItem, reason: int) -> None:
-        """A record was judged, honestly or not; one that was refused for what it expects is worth another try."""
+    def has_judged(self, item: PutItem) -> None:
         self._overruled.discard(named(item)[1].digest)
-        if reason and expected_by(item) is not None and item not in self._refused:
-            self._refused.append(item)
 
     async def offer_again(self) -> None:
-        """Offer some refused record, as any member can, to whoever owns its place by now."""
-        context = self._context
-        if context is None or context is not self._liar.node.context or not self._refused:
+        """Offer some write that was refused, as any member can, to whoever owns its place by now. The bytes it has from who wrote them."""
+        context, refused = self._context, self._recorder.refused
+        if context is None or context is not self._liar.node.context or not refused:
             return
-        item = self._liar.dice.choice(self._refused)
+        item = self._liar.dice.choice(refused)
         place, _ = named(item)
         try:
             owner = context.routing.owner_of(place.home)
         except Refused:
+            return
+        if owner == context.me:
             return
         begin, outcomes = self._recorder.histories.moment(), None
         self._liar.lies.told["offered again"] += 1

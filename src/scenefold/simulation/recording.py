@@ -8,7 +8,7 @@ whether the write happened, except where the node says that it did not even look
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
 from scenefold.base.errors import DamagedData
@@ -37,6 +37,7 @@ from scenefold.wire import (
 from scenefold.world import Links, Priority
 
 _WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL})
+REFUSED_MAX = 64
 Tell = Callable[[str, Place, str], None]
 """Who, where, what: for the story."""
 
@@ -68,6 +69,8 @@ class Recorder:
         self._damaged_until: dict[Place, int] = {}
         self.nonsense_heard = Counter[str]()
         """How many answers with nonsense each client was given."""
+        self.refused: deque[PutItem] = deque(maxlen=REFUSED_MAX)
+        """What clients were refused although it expected something: the last ones, for whoever wants to offer them again."""
         self.places: dict[tuple[int, int], set[bytes]] = {}
         self._offered: dict[Place, set[bytes]] = {}
         self._now = now
@@ -108,6 +111,8 @@ class Recorder:
                 if outcome is not Outcome.MAYBE:
                     self.lies.report(place, lie, f"{who} is told that {name} is {outcome.value}")
                 outcome, expect = Outcome.MAYBE, None
+            if outcome is Outcome.REFUSED and expect is not None and item not in self.refused:
+                self.refused.append(item)
             if reason not in _WITHOUT_EFFECT:
                 ended = NEVER_ENDED if outcome is Outcome.MAYBE else end
                 self.histories.add(place, Write(begin, ended, version, expect, outcome, who, self._now()))

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from collections.abc import Sequence
 
 import pytest
 
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import RecordHeader
+from scenefold.simulation import laws
 from scenefold.simulation.faults import Kind
 from scenefold.simulation.liar import flipped
-from scenefold.simulation.outcome import Order
+from scenefold.simulation.lies import Way
+from scenefold.simulation.outcome import Order, Result
+from scenefold.simulation.recording import Recorder
 from scenefold.simulation.run import run
+from scenefold.store import Outcome, PutResult, record_changes
+from scenefold.store.judging import judge, judge_copy
+from scenefold.wire import PutItem
 
 
 @pytest.mark.parametrize("size", [1, 16, 1400])
@@ -28,3 +37,43 @@ def test_lies_are_told_and_datagrams_played_again_and_nothing_breaks() -> None:
         seen.update(outcome.counts)
         seen.update(outcome.faults)
     assert seen["lies"] > 0 and seen["lying node"] > 1 and seen["replayed datagrams"] > 1
+
+
+def refused_once(monkeypatch: pytest.MonkeyPatch) -> Counter[int | None]:
+    """What liars are answered to writes that were refused before."""
+    heard, written = Counter[int | None](), Recorder.written
+
+    def look(self: Recorder, way: Way, begin: int, items: Sequence[PutItem], outcomes: Sequence[int] | None) -> None:
+        if way.to.startswith("node:"):
+            heard[None if outcomes is None else outcomes[0]] += 1
+        written(self, way, begin, items, outcomes)
+
+    monkeypatch.setattr(Recorder, "written", look)
+    return heard
+
+
+def lying(seed: int) -> Result:
+    return run(Order(seed, kinds=(Kind.LIAR,), storm_s=20.0))
+
+
+def test_a_liar_offers_again_what_was_refused_and_it_is_refused_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = refused_once(monkeypatch)
+    for seed in range(2):
+        assert not lying(seed).violations
+    assert heard[RejectReason.STALE_VERSION] > 5
+
+
+def test_that_a_node_takes_what_it_has_refused_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if whoever offers it again could leave out what it expects."""
+    seen: set[bytes] = set()
+
+    def forgetful(new: RecordHeader, present: RecordHeader | None) -> PutResult:
+        result = judge(new, present)
+        if result.outcome is Outcome.EXISTS and new.digest in seen:
+            return judge_copy(new, present)
+        seen.add(new.digest)
+        return result
+
+    monkeypatch.setattr(record_changes, "judge", forgetful)
+    found = {violation.law for seed in range(2) for violation in lying(seed).violations}
+    assert laws.LINEARIZABLE in found
