@@ -23,7 +23,7 @@ from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.context import NodeContext
-from scenefold.peer.enrolment.card_rules import is_user_key
+from scenefold.peer.enrolment.card_rules import is_administrator, is_user_key
 from scenefold.peer.enrolment.discovery import Discovery
 from scenefold.peer.enrolment.door import Door
 from scenefold.peer.enrolment.enrolling import Enrolling
@@ -100,7 +100,17 @@ class PeerServices:
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
         sharing = Sharing(store, line, cluster_log, own)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
-        draining = Draining(world, store, line, roster, cluster_log, own, lambda: scenes.decided_by(me), has_lease=lease.holds)
+        draining = Draining(
+            world,
+            store,
+            line,
+            roster,
+            cluster_log,
+            own,
+            lambda: scenes.decided_by(me),
+            has_lease=lease.holds,
+            may_order=lambda user: is_administrator(user, registry(), facts),
+        )
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
         public_keys = PublicKeys(facts, registry, scenes)

@@ -16,7 +16,15 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Authority, Card, SigningKey
 from scenefold.peer.cluster_log.log_rules import check_proposer
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.peer.enrolment.card_rules import check_issued, check_renewable, credential_of, is_user_key, not_due, refusal_of
+from scenefold.peer.enrolment.card_rules import (
+    check_issued,
+    check_renewable,
+    credential_of,
+    is_administrator,
+    is_user_key,
+    not_due,
+    refusal_of,
+)
 from scenefold.peer.enrolment.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
 from scenefold.wire import AddNode, LogEntry, MalformedPacket, Member, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
@@ -61,6 +69,19 @@ def refusal_text(registry: Registry, asked: EnrolForm, **how: float) -> str:
     with pytest.raises(Refused) as caught:
         judged(registry, asked, **how)  # type: ignore[arg-type]
     return str(caught.value)
+
+
+def test_only_administrators_may_give_orders_to_nodes() -> None:
+    registry = log(*member("user:ada", 0, admin=True), *member("user:eve", 1, number=2))
+    assert [is_administrator(user, registry, FACTS) for user in ("user:owner", "user:ada", "user:eve", "user:nobody")] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    gone = registry.apply(record(registry, RevokeUser("user:ada", NEWCOMERS[0].signing.key_id)))
+    assert not is_administrator("user:ada", gone, FACTS)
+    assert is_administrator("user:anybody", registry, replace(FACTS, authority=b""))
 
 
 def test_an_invited_user_gets_the_name_and_the_rights_that_the_invitation_gives() -> None:

@@ -68,8 +68,9 @@ class Draining:
         decides: Callable[[], Sequence[SceneId]],
         *,
         has_lease: Callable[[], bool] = lambda: True,
+        may_order: Callable[[str], bool] = lambda _user: True,
     ) -> None:
-        """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away."""
+        """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may."""
         self._world = world
         self._store = store
         self._line = line
@@ -77,6 +78,7 @@ class Draining:
         self._own = own
         self._decides = decides
         self._has_lease = has_lease
+        self._may_order = may_order
         self._ordered = trio.Event()
         self._leaving = False
         self._request: bytes | None = None
@@ -101,7 +103,9 @@ class Draining:
 
     # --------------------------------------------------------------------------------------------------- the order
 
-    async def _on_drain(self, packet: DrainNode, _peer: str) -> NodeReport:
+    async def _on_drain(self, packet: DrainNode, peer: str) -> NodeReport:
+        if not packet.check_only and not self._may_order(peer):
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is no administrator of this cluster", remedy="ask one who is")
         if packet.cancel:
             await self._cancel()
         elif not packet.check_only and not self._ordered.is_set():

@@ -41,6 +41,12 @@ def administrators(registry: Registry, facts: ClusterFacts) -> list[str]:
     return [card.name for card in cards if card is not None and card.keys.is_administrator]
 
 
+def is_administrator(user: str, registry: Registry, facts: ClusterFacts) -> bool:
+    """Whether a user may give orders. In a cluster in memory, which has no authority, anybody may."""
+    card = card_of(user, registry, facts) if facts.authority else None
+    return not facts.authority or (card is not None and card.keys.is_administrator)
+
+
 def is_user_key(key: PublicKey, registry: Registry, facts: ClusterFacts) -> bool:
     """Whether some user signs with this key. In a cluster in memory, which has no authority, nobody can tell, and any may be."""
     if not facts.authority:

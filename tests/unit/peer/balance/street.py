@@ -32,9 +32,12 @@ from unit.peer.logs_made import add, folded, found, member, node, record, secret
 
 KIB = 1024
 SETTLING_S = 10.0
+ADMINISTRATOR = "user:ada"
 
 
 class TrioClock:
+    stopwatch = None
+
     def now(self) -> float:
         return trio.current_time()
 
@@ -78,7 +81,17 @@ class House:
         self.balancer = Balancer(self.world, store, line, roster, log, self.own)
         self.sharing = Sharing(store, line, log, self.own)
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
-        self.draining = Draining(self.world, store, line, roster, log, self.own, lambda: self.decides, has_lease=lambda: self.has_lease)
+        self.draining = Draining(
+            self.world,
+            store,
+            line,
+            roster,
+            log,
+            self.own,
+            lambda: self.decides,
+            has_lease=lambda: self.has_lease,
+            may_order=lambda user: user == ADMINISTRATOR,
+        )
         for service in (self.sharing, self.draining):
             service.register(self.handlers)
 

@@ -16,7 +16,7 @@ from scenefold.peer.balance import NodeDrained
 from scenefold.peer.balance.draining import DRAINED
 from scenefold.peer.line.ends import Side
 from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
-from unit.peer.balance.street import KIB, House, Street
+from unit.peer.balance.street import ADMINISTRATOR, KIB, House, Street
 from unit.peer.logs_made import member, node
 
 MIB = 1024 * KIB
@@ -41,7 +41,7 @@ async def run_until_drained(house: House) -> None:
 
 
 async def tell(house: House, packet: DrainNode) -> dict[str, object]:
-    reply = await house.handlers.handle(packet, "user:ada")
+    reply = await house.handlers.handle(packet, ADMINISTRATOR)
     assert isinstance(reply, NodeReport)
     document = unpack_value(reply.document)
     assert isinstance(document, dict)
@@ -222,6 +222,16 @@ async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_let
         assert cancelled["state"] == "serving" and leaving.refuses == ""
     assert street.records() == everything
     street.check()
+
+
+@pytest.mark.parametrize("cancel", [False, True])
+async def test_only_administrators_have_a_node_leave_or_stay(cancel: bool) -> None:
+    house = Street([64 * MIB] * 2).houses[1]
+    with pytest.raises(Refused, match="user:eve is no administrator") as refused:
+        await house.handlers.handle(DrainNode(check_only=False, cancel=cancel), "user:eve")
+    assert refused.value.reason is RejectReason.NOT_AUTHORISED
+    report = await house.handlers.handle(CHECK, "user:eve")
+    assert isinstance(report, NodeReport)
 
 
 async def test_a_node_that_cannot_leave_says_what_it_waits_for(autojump_clock: trio.testing.MockClock) -> None:
