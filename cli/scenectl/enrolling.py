@@ -23,12 +23,12 @@ AN_HOUR = Duration(3600)
 
 def invite(
     *,
-    node: Annotated[bool, Parameter(negative="")] = False,
+    node: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     address: AddressOption | None = None,
     user: str | None = None,
-    admin: Annotated[bool, Parameter(negative="")] = False,
+    admin: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     expires: DurationOption = AN_HOUR,
-    find: Annotated[bool, Parameter(negative="")] = False,
+    find: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     withdraw: str | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -64,8 +64,10 @@ def invite(
         _withdraw(withdraw, output)
         return
     is_node = node or address is not None
-    if is_node == (user is not None) or (admin and is_node):
+    if is_node == (user is not None):
         raise UsageFault("a token is for a node or for a user", where="scenectl cluster invite", remedy="give --node, or --user NAME")
+    if admin and is_node:
+        raise UsageFault("only a user can be an administrator", where="--admin", remedy="leave it out, or give --user NAME")
     name = f"user:{user}" if user is not None else ANY_NODE if address is None else f"node:{node_id_of(address.text)}"
 
     async def work() -> Token:
@@ -85,7 +87,7 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
     from scenefold.base.errors import UsageFault
     from scenefold.base.ids import NodeId, address_of, node_id_of
     from scenefold.client.connecting import profile_place
-    from scenefold.client.enrolling import enrol, located, own_address
+    from scenefold.client.enrolling import check_is_here, enrol, located, own_address
     from scenefold.crypto import InvitedKind, Token, suite_named
     from scenefold.world.profile import ClusterProfile
 
@@ -97,6 +99,8 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
     async def work() -> tuple[ClusterProfile, NodeId]:
         if is_user:
             return await enrol(folder, token, suite=suite_named(suite).number), NodeId(0)
+        if address is not None:
+            check_is_here(node_id_of(address), token.high)
         found = await located(token)
         node = await own_address(found) if address is None else node_id_of(address)
         return await enrol(folder, token, node, near=found.addresses), node
@@ -201,8 +205,7 @@ def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> 
 def renew(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Issue new certificates for all keys in a profile that has the authority's key. No node need run.
 
-    Needed only after the cluster was off for so long that certificates ran out, or a clock was wrong: else they are renewed by
-    themselves. The first node's profile has that key, too, sealed to the node. Copy each node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
+    Needed only after the cluster was off for so long that certificates ran out, or a clock was wrong: else they are renewed by themselves. The first node's profile has that key, too, sealed to the node. Copy each node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
 
     Example: scenectl cluster renew --profile studio
     """

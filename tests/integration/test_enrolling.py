@@ -102,6 +102,13 @@ def test_a_node_joins_by_a_token_and_owns_a_part_of_the_line(profile: str, tmp_p
         process.communicate(timeout=LIMIT_S)
 
 
+def test_an_address_that_this_machine_does_not_have_uses_up_no_token(profile: str, tmp_path: Path) -> None:
+    token = token_for(profile, "--node")
+    refused = scenectl("cluster", "join", token, "--address", "192.0.2.77", profile=tmp_path / "node")
+    assert refused.code == 1 and "this machine does not have that address (192.0.2.77:" in refused.err
+    assert not list(tmp_path.iterdir()), "nobody was asked"
+
+
 def test_a_token_for_one_address_admits_no_other(profile: str, tmp_path: Path) -> None:
     token = token_for(profile, "--node", "--address", LATER)
     refused = scenectl("cluster", "join", token, "--address", NEWCOMER, profile=tmp_path / "node")

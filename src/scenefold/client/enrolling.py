@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -85,6 +86,18 @@ async def own_address(token: Token) -> NodeId:
     from scenefold.world.real.newcomers import own_address_towards
 
     return await own_address_towards(token.addresses[0], token.high)
+
+
+def check_is_here(node: NodeId, high: int) -> None:
+    """LocalFault if this computer does not have that address: a token that is used for it serves nobody."""
+    from scenefold.world.real.binding import bind_fault
+
+    where = address_of(node)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((where, 0))
+        except OSError as problem:
+            raise bind_fault(problem, "UDP", where, high) from problem
 
 
 async def _nearby(token: Token, world: World, asked: Sequence[NodeId] = ()) -> list[NodeId]:
