@@ -34,7 +34,7 @@ def init(
     name: str | None = None,
     ports: PortsOption | None = None,
     suite: SuiteOption = DEFAULT_SUITE,
-    trust_all: Annotated[bool, Parameter(negative="")] = False,
+    trust_all: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: Output = PLAIN,
 ) -> None:
     """Make the authority and the keys of a new cluster.
@@ -58,8 +58,7 @@ def init(
     suite
         Algorithms of the keys of the user who makes the cluster; nodes' keys are always of the first.
     trust_all
-        Trust all these nodes, spares too, so that they render: for machines that are all your own. Else only the first is
-        trusted, the others store what they cannot read, and `cluster trust` changes that later.
+        Trust all these nodes, spares too, so that they render: for machines that are all your own. Else only the first is trusted, the others store what they cannot read, and `cluster trust` changes that later.
     """
     from scenefold.base.ids import address_of
     from scenefold.client import create_cluster
@@ -71,7 +70,7 @@ def init(
     document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more), "trusted": trusted}
     first = nodes.all[0]
     text = (
-        f"Cluster {profile.name} with {len(nodes.all)} nodes is in {profile.folder}.\n"
+        f"Cluster {profile.name} with {len(nodes.all)} node{'s' if len(nodes.all) > 1 else ''} is in {profile.folder}.\n"
         f"Start each node, for example: scenectl node run --address {first} --profile {profile.folder}"
     )
     if len(trusted) < len(nodes.all) + len(more):
@@ -96,9 +95,7 @@ def join(
 ) -> None:
     """Join a cluster by the token of an invitation (`cluster invite`), as the node or the user that it is for.
 
-    The profile is made, with new keys; a user is done then. A node runs, says how it gets its part, and goes on until it is told to
-    stop; later starts use `node run`, which knows more options. A node whose keys `cluster init --spares` made joins by the address
-    of one that runs.
+    The profile is made, with new keys; a user is done then. A node runs, says how it gets its part, and goes on until it is told to stop; later starts use `node run`, which knows more options. A node whose keys `cluster init --spares` made joins by the address of one that runs.
 
     Example: scenectl cluster join 4myt6q2a-... --profile studio
 
@@ -107,13 +104,11 @@ def join(
     token
         The token, or - to read it from standard input; or the IPv4 address of a node of the cluster that runs.
     address
-        The joining node's own IPv4 address; by default the one by which this computer reaches the cluster, or, without a
-        token, that of the one spare whose keys are in the profile.
+        The joining node's own IPv4 address; by default the one by which this computer reaches the cluster, or, without a token, that of the one spare whose keys are in the profile.
     data
         Folder for what the node stores; by default one in the user's data folder.
     place
-        Where it stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in
-        hexadecimal, 80 for the middle.
+        Where it stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in hexadecimal, 80 for the middle.
     capacity
         Bytes that the node may store; 0: what its disk holds.
     seed_wait
@@ -186,7 +181,7 @@ def nodes(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 
 
 @app.command
-def top(*, once: Annotated[bool, Parameter(negative="")] = False, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def top(*, once: Annotated[bool, Parameter(negative="", show_default=False)] = False, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Show every second what the nodes hold, gain and trace, and what is on its way between them, until Ctrl-C.
 
     Example: scenectl cluster top --profile studio

@@ -37,7 +37,7 @@ def show(*, user: str | None = None, output: ProfileOutput = DEFAULT_PROFILE) ->
 @app.command
 def passphrase(
     *,
-    remove: Annotated[bool, Parameter(negative="")] = False,
+    remove: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     passphrase_file: Path | None = None,
     user: str | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,

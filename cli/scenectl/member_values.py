@@ -95,6 +95,14 @@ class MemberName:
         return f"user:{self.user}" if self.node is None else f"node:{address_of(self.node)}"
 
 
+def shown_member(name: str) -> str:
+    """A member as logs name it, for people: nodes by their address, as they are named to us."""
+    from scenefold.crypto import node_named
+
+    node = node_named(name)
+    return name if node is None else f"node:{address_of(node)}"
+
+
 DurationOption = Annotated[Duration, ONE_WORD]
 MemberOption = Annotated[MemberName, ONE_WORD]
 TokenOption = Annotated[TokenOrAddress, ONE_WORD]

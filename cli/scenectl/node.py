@@ -71,8 +71,7 @@ def run_(
     blacklist
         Addresses of nodes that must not hold copies of this node's data: in the same rack, say.
     join_at
-        Where a newcomer stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in
-        hexadecimal, 80 for the middle.
+        Where a newcomer stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in hexadecimal, 80 for the middle.
     balance
         Whether the node evens out its load with its neighbours'.
     log_level
@@ -125,8 +124,8 @@ def drain(
     address: AddressOption,
     /,
     *,
-    check: Annotated[bool, Parameter(negative="")] = False,
-    cancel: Annotated[bool, Parameter(negative="")] = False,
+    check: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    cancel: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Have a node hand everything over and leave the cluster; ends when it has left, and its process with it.
@@ -202,8 +201,7 @@ def local(
     ports
         Ports for low and high priority, LOW,HIGH; by default 17349,17350.
     trust
-        A cluster that is made now trusts all these nodes, so that they render what it holds. With --no-trust only the first one: the
-        others store what they cannot read.
+        A cluster that is made now trusts all these nodes, so that they render what it holds. With --no-trust only the first one: the others store what they cannot read.
     """
     import trio
 

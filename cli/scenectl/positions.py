@@ -13,6 +13,7 @@ from typing import Annotated, Any, Self
 
 from cyclopts import Parameter, Token
 
+from scenectl.values import shown_default
 from scenefold.base.errors import UsageFault
 from scenefold.base.limits import SPACE_DIMENSIONS_MAX
 
@@ -94,7 +95,9 @@ def _convert(kind: type[Position] | type[Box], tokens: Sequence[Token]) -> Any:
     return kind.parse(tokens[0].value)
 
 
-_ONE_WORD = Parameter(converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=str, allow_leading_hyphen=True)
+_ONE_WORD = Parameter(
+    converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=shown_default, allow_leading_hyphen=True
+)
 
 PositionOption = Annotated[Position, _ONE_WORD]
 BoxOption = Annotated[Box, _ONE_WORD]

@@ -19,7 +19,7 @@ from scenefold.base.kernel_cache import use_kernel_cache
 GROUPS = {
     "cluster": "Make a cluster, join it, and look at it.",
     "node": "Run nodes, and let them leave.",
-    "scene": "Make scenes and fill them.",
+    "scene": "Make scenes, fill them, and say who may use them.",
     "space": "Make, move and query the spaces of a scene.",
     "data": "Read and write single records of a scene.",
     "key": "Look at your keys, lock them, back them up, and take them along.",
@@ -98,7 +98,8 @@ def _usage_ending(error: CycloptsError) -> Ending:
         many = len(error.unused_tokens) > 1
         what = f"{', '.join(map(repr, error.unused_tokens))} {'are arguments' if many else 'is an argument'} too many"
     else:
-        what = " ".join(str(error).split()).rstrip(".")
+        # The list of commands is cut at some length; the help has all of them.
+        what = " ".join(str(error).partition("Available commands:")[0].split()).rstrip(".")
     return Ending("usage", WRONG_USAGE, what, where=command, remedy=f"see `{command} --help`")
 
 

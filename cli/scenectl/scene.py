@@ -183,8 +183,7 @@ def access(scene: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 def revoke(scene: str, who: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """End somebody's access to a scene. Only owners of the scene can; the last owner stays.
 
-    From now on everything is sealed under a new key. What lies there already was open to the member, and stays under the key that
-    the member may have kept, until `scene rotate-key --resume` has sealed it anew.
+    From now on everything is sealed under a new key. What lies there already was open to the member, and stays under the key that the member may have kept, until `scene rotate-key --resume` has sealed it anew.
 
     Example: scenectl scene revoke kitchen user:ada --profile studio
 
@@ -214,7 +213,7 @@ def rotate_key(
     scene: str,
     /,
     *,
-    resume: bool = False,
+    resume: Annotated[bool, Parameter(show_default=False)] = False,
     rate: float | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
@@ -260,7 +259,10 @@ def rotate_key(
 
 
 def _members(access: Access) -> str:
-    return table(("member", "role", "since"), [(row["name"], row["role"], str(row["since"])) for row in access.document()["members"]])
+    from scenectl.member_values import shown_member
+
+    rows = [(shown_member(row["name"]), row["role"], str(row["since"])) for row in access.document()["members"]]
+    return table(("member", "role", "since"), rows)
 
 
 def _plain(value: object) -> str:

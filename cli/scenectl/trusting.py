@@ -17,8 +17,8 @@ def trust(
     address: AddressOption | None = None,
     /,
     *,
-    everybody: Annotated[bool, Parameter(name="--all", negative="")] = False,
-    withdraw: Annotated[bool, Parameter(negative="")] = False,
+    everybody: Annotated[bool, Parameter(name="--all", negative="", show_default=False)] = False,
+    withdraw: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Trust a node: it may render every scene, enrol newcomers and renew certificates. Others only store, and read nothing.
@@ -36,8 +36,7 @@ def trust(
     everybody
         All nodes that are on the line now, by the cluster's log: of a cluster whose machines are all your own.
     withdraw
-        Trust it no longer: it gets no keys of scenes any more. What it was given it may have kept: if its owner turned against you,
-        make the cluster anew.
+        Trust it no longer: it gets no keys of scenes any more. What it was given it may have kept: if its owner turned against you, make the cluster anew.
     """
     from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault

@@ -47,7 +47,12 @@ def _convert(kind: type[_Value], tokens: Sequence[Token]) -> Any:
     return kind.parse(tokens[0].value)
 
 
-ONE_WORD = Parameter(converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=str)
+def shown_default(value: object) -> str | None:
+    """How help shows a default: not at all, if it is that nothing is given."""
+    return None if value is None or value is False else str(value)
+
+
+ONE_WORD = Parameter(converter=_convert, n_tokens=1, accepts_keys=False, negative="", show_default=shown_default)
 
 
 @dataclass(frozen=True)

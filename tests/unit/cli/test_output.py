@@ -12,6 +12,7 @@ import pytest
 
 import scenectl
 from scenectl.errors import ending_of
+from scenectl.member_values import shown_member
 from scenectl.output import Output, emit, emit_error, emit_event, note, size_text, table
 from scenectl.progress import Progress
 from scenectl.values import SPACE_NAMES, Place, Size
@@ -121,3 +122,7 @@ def test_all_that_verbs_say_leaves_by_one_door() -> None:
     """A `print` elsewhere would pass on whatever a peer said."""
     folder = Path(scenectl.__file__).parent
     assert [path.name for path in sorted(folder.glob("*.py")) if "print(" in path.read_text()] == ["output.py"]
+
+
+def test_nodes_are_named_by_their_address_as_users_name_them() -> None:
+    assert [shown_member(name) for name in ("user:ada", "node:2130706435", "node:x")] == ["user:ada", "node:127.0.0.3", "node:x"]

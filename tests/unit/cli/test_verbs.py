@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -65,6 +66,26 @@ def test_every_verb_has_help_with_an_example_and_json(verb: str, capsys: pytest.
     assert f"Example: scenectl {verb}" in text
     assert "--json" in text
     assert "--debug" in text
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_breaks_lines_where_the_terminal_ends_and_nowhere_else(
+    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "2000")
+    assert main([*verb.split(), "--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert not [line for line in lines if re.match("│ {8}", line)], "a description goes on in a second line"
+    prose = [bool(line) and line[0] not in "│╭╰" and not line.startswith("Example:") for line in lines]
+    assert not [line for line, one, next_one in zip(lines, prose, prose[1:], strict=False) if one and next_one]
+    assert "default: None" not in "".join(lines) and "default: False" not in "".join(lines)
+
+
+def test_an_unknown_verb_is_answered_by_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cluster", "statsu"]) == 2
+    assert capsys.readouterr().err == (
+        'error: Unknown command "statsu". Did you mean "status"? (scenectl cluster): see `scenectl cluster --help`\n'
+    )
 
 
 @pytest.mark.parametrize("group", sorted({verb.split()[0] for verb in VERBS}))
