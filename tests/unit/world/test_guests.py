@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
-
 import pytest
 import trio
 import trio.testing
@@ -92,170 +90,147 @@ def large(size: int) -> bytes:
     return encode_frame(SendRays(1, 0, 0, 0, 0, 0, (), 0, bytes(size), request_id=1))
 
 
-async def quietly(look: Callable[[Port], Awaitable[None]]) -> None:
-    async with trio.open_nursery() as nursery:
-        port = Port(nursery)
-        await look(port)
-        nursery.cancel_scope.cancel()
+@pytest.fixture
+def port(nursery: trio.Nursery) -> Port:
+    """It closes when the test ends."""
+    return Port(nursery)
 
 
 @pytest.mark.expect_log("its oldest connection is closed: it has too many")
-async def test_too_many_connections_push_out_the_peers_own_oldest(autojump_clock: trio.testing.MockClock) -> None:
-    async def look(port: Port) -> None:
-        honest = port.connect("user:honest")
-        lines = [port.connect("user:pushy") for _ in range(10 * CONNECTIONS_PER_PEER_MAX)]
+async def test_too_many_connections_push_out_the_peers_own_oldest(port: Port, autojump_clock: trio.testing.MockClock) -> None:
+    honest = port.connect("user:honest")
+    lines = [port.connect("user:pushy") for _ in range(10 * CONNECTIONS_PER_PEER_MAX)]
+    await trio.testing.wait_all_tasks_blocked()
+    kept = [line for line in lines if not line.ended.is_set()]
+    assert len(kept) == CONNECTIONS_PER_PEER_MAX
+    port.may_answer.set()
+    for line in (honest, kept[0]):
+        line.feed(QUESTION)
         await trio.testing.wait_all_tasks_blocked()
-        kept = [line for line in lines if not line.ended.is_set()]
-        assert len(kept) == CONNECTIONS_PER_PEER_MAX
-        port.may_answer.set()
-        for line in (honest, kept[0]):
-            line.feed(QUESTION)
-            await trio.testing.wait_all_tasks_blocked()
-            assert len(line.answers) == 1
-        for line in (honest, *kept):
-            line.close()
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.peers == 0, "nothing is kept of who has gone"
-
-    await quietly(look)
+        assert len(line.answers) == 1
+    for line in (honest, *kept):
+        line.close()
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.peers == 0, "nothing is kept of who has gone"
 
 
-async def test_requests_of_all_connections_of_a_peer_are_counted_together(autojump_clock: trio.testing.MockClock) -> None:
-    async def look(port: Port) -> None:
-        for line in [port.connect("user:pushy") for _ in range(20)]:
-            line.feed(QUESTION * 50)
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled == {"user:pushy": PEER_REQUESTS_HANDLED_MAX}
-        honest = port.connect("user:honest")
-        honest.feed(QUESTION)
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:honest"] == 1
-        port.may_answer.set()
-        await trio.sleep(10.0)
-        assert port.handled["user:pushy"] == 20 * 50, "who waits gets its turn"
-
-    await quietly(look)
+async def test_requests_of_all_connections_of_a_peer_are_counted_together(port: Port, autojump_clock: trio.testing.MockClock) -> None:
+    for line in [port.connect("user:pushy") for _ in range(20)]:
+        line.feed(QUESTION * 50)
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled == {"user:pushy": PEER_REQUESTS_HANDLED_MAX}
+    honest = port.connect("user:honest")
+    honest.feed(QUESTION)
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:honest"] == 1
+    port.may_answer.set()
+    await trio.sleep(10.0)
+    assert port.handled["user:pushy"] == 20 * 50, "who waits gets its turn"
 
 
 async def test_beside_others_a_peer_begins_a_few_requests_at_a_time_over_all_its_connections(
-    autojump_clock: trio.testing.MockClock,
+    port: Port, autojump_clock: trio.testing.MockClock
 ) -> None:
-    async def look(port: Port) -> None:
-        honest = port.connect("user:honest")
-        honest.feed(QUESTION)
-        await trio.testing.wait_all_tasks_blocked()
-        for line in [port.connect("user:pushy") for _ in range(5)]:
-            line.feed(QUESTION * 10)
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled == {"user:honest": 1, "user:pushy": TURNS_MAX}
-        await trio.sleep(TURN_S)
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:pushy"] == 2 * TURNS_MAX, "what takes long keeps nobody waiting"
-        honest.feed(QUESTION)
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:honest"] == 2
-        port.may_answer.set()
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:pushy"] == 50
-
-    await quietly(look)
+    honest = port.connect("user:honest")
+    honest.feed(QUESTION)
+    await trio.testing.wait_all_tasks_blocked()
+    for line in [port.connect("user:pushy") for _ in range(5)]:
+        line.feed(QUESTION * 10)
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled == {"user:honest": 1, "user:pushy": TURNS_MAX}
+    await trio.sleep(TURN_S)
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:pushy"] == 2 * TURNS_MAX, "what takes long keeps nobody waiting"
+    honest.feed(QUESTION)
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:honest"] == 2
+    port.may_answer.set()
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:pushy"] == 50
 
 
 async def test_a_connection_that_breaks_while_its_requests_wait_for_their_turn_binds_nothing(
-    autojump_clock: trio.testing.MockClock,
+    port: Port, autojump_clock: trio.testing.MockClock
 ) -> None:
-    async def look(port: Port) -> None:
-        honest = port.connect("user:honest")
-        honest.feed(QUESTION)
-        await trio.testing.wait_all_tasks_blocked()
-        for _ in range(3 * PEER_REQUESTS_HANDLED_MAX // 50):
-            line = port.connect("user:pushy")
-            line.feed(QUESTION * 50)
-            await trio.testing.wait_all_tasks_blocked()
-            line.close()
-            await line.ended.wait()
+    honest = port.connect("user:honest")
+    honest.feed(QUESTION)
+    await trio.testing.wait_all_tasks_blocked()
+    for _ in range(3 * PEER_REQUESTS_HANDLED_MAX // 50):
         line = port.connect("user:pushy")
-        await trio.sleep(TURN_S)
-        before = port.handled["user:pushy"]
-        line.feed(QUESTION)
+        line.feed(QUESTION * 50)
         await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:pushy"] == before + 1
+        line.close()
+        await line.ended.wait()
+    line = port.connect("user:pushy")
+    await trio.sleep(TURN_S)
+    before = port.handled["user:pushy"]
+    line.feed(QUESTION)
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:pushy"] == before + 1
 
-    await quietly(look)
 
-
-async def test_large_frames_that_have_begun_count_together_with_those_that_are_handled(autojump_clock: trio.testing.MockClock) -> None:
-    async def look(port: Port) -> None:
-        frame = large(FRAME_BYTES_MAX - 70_000)
-        lines = [port.connect("user:pushy") for _ in range(3 * PEER_REQUEST_BYTES_HANDLED_MAX // FRAME_BYTES_MAX)]
-        for line in lines:
-            line.feed(frame[:100])
-            for start in range(100, len(frame), 1 << 20):
-                line.feed(frame[start : start + (1 << 20)])
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:pushy"] <= PEER_REQUEST_BYTES_HANDLED_MAX // (FRAME_BYTES_MAX - 70_000)
-        waiting = [line for line in lines if line.unread]
-        assert len(waiting) == 2 * len(lines) // 3 and all(line.unread == 8 for line in waiting), "nothing more of them is read"
-        port.may_answer.set()
-        await trio.testing.wait_all_tasks_blocked()
-        assert all(sum(map(len, line.answers)) == len(frame) for line in lines)
-
-    await quietly(look)
+async def test_large_frames_that_have_begun_count_together_with_those_that_are_handled(
+    port: Port, autojump_clock: trio.testing.MockClock
+) -> None:
+    frame = large(FRAME_BYTES_MAX - 70_000)
+    lines = [port.connect("user:pushy") for _ in range(3 * PEER_REQUEST_BYTES_HANDLED_MAX // FRAME_BYTES_MAX)]
+    for line in lines:
+        line.feed(frame[:100])
+        for start in range(100, len(frame), 1 << 20):
+            line.feed(frame[start : start + (1 << 20)])
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:pushy"] <= PEER_REQUEST_BYTES_HANDLED_MAX // (FRAME_BYTES_MAX - 70_000)
+    waiting = [line for line in lines if line.unread]
+    assert len(waiting) == 2 * len(lines) // 3 and all(line.unread == 8 for line in waiting), "nothing more of them is read"
+    port.may_answer.set()
+    await trio.testing.wait_all_tasks_blocked()
+    assert all(sum(map(len, line.answers)) == len(frame) for line in lines)
 
 
 @pytest.mark.expect_log("the connection ended within a frame")
-async def test_a_frame_that_was_begun_and_given_up_is_not_counted_for_ever(autojump_clock: trio.testing.MockClock) -> None:
-    async def look(port: Port) -> None:
-        port.may_answer.set()
-        for _ in range(5 * PEER_REQUESTS_HANDLED_MAX):
-            line = port.connect("user:pushy")
-            keeps = port.connect("user:pushy")
-            line.feed(large(1 << 20)[:1000])
-            await trio.testing.wait_all_tasks_blocked()
-            line.close()
-            await line.ended.wait()
-            keeps.feed(QUESTION)
-            await trio.testing.wait_all_tasks_blocked()
-            assert len(keeps.answers) == 1
-            keeps.close()
-
-    await quietly(look)
+async def test_a_frame_that_was_begun_and_given_up_is_not_counted_for_ever(port: Port, autojump_clock: trio.testing.MockClock) -> None:
+    port.may_answer.set()
+    for _ in range(5 * PEER_REQUESTS_HANDLED_MAX):
+        line = port.connect("user:pushy")
+        keeps = port.connect("user:pushy")
+        line.feed(large(1 << 20)[:1000])
+        await trio.testing.wait_all_tasks_blocked()
+        line.close()
+        await line.ended.wait()
+        keeps.feed(QUESTION)
+        await trio.testing.wait_all_tasks_blocked()
+        assert len(keeps.answers) == 1
+        keeps.close()
 
 
 @pytest.mark.expect_log(f"a frame did not arrive whole within {FRAME_S_MAX:g} s")
-async def test_a_byte_a_second_is_too_slow(autojump_clock: trio.testing.MockClock) -> None:
-    async def look(port: Port) -> None:
-        port.may_answer.set()
-        slow, idle = port.connect("user:slow"), port.connect("user:idle")
-        frame = large(1000)
-        began_at = trio.current_time()
-        for at in range(len(frame)):
-            if slow.ended.is_set():
-                break
-            slow.feed(frame[at : at + 1])
-            await trio.sleep(1.0)
-        assert FRAME_S_MAX - 1 <= trio.current_time() - began_at <= FRAME_S_MAX + 2
-        assert not idle.ended.is_set(), "who has begun nothing may be silent"
-        idle.feed(QUESTION)
-        await trio.testing.wait_all_tasks_blocked()
-        assert not isinstance(decode_packet(idle.answers[0][4:]), Fault)
-
-    await quietly(look)
+async def test_a_byte_a_second_is_too_slow(port: Port, autojump_clock: trio.testing.MockClock) -> None:
+    port.may_answer.set()
+    slow, idle = port.connect("user:slow"), port.connect("user:idle")
+    frame = large(1000)
+    began_at = trio.current_time()
+    for at in range(len(frame)):
+        if slow.ended.is_set():
+            break
+        slow.feed(frame[at : at + 1])
+        await trio.sleep(1.0)
+    assert FRAME_S_MAX - 1 <= trio.current_time() - began_at <= FRAME_S_MAX + 2
+    assert not idle.ended.is_set(), "who has begun nothing may be silent"
+    idle.feed(QUESTION)
+    await trio.testing.wait_all_tasks_blocked()
+    assert not isinstance(decode_packet(idle.answers[0][4:]), Fault)
 
 
-async def test_time_in_which_we_do_not_read_is_not_the_peers(autojump_clock: trio.testing.MockClock) -> None:
-    async def look(port: Port) -> None:
-        line = port.connect("user:busy")
-        line.feed(QUESTION * 64 + QUESTION[:5])
-        line.feed(QUESTION[5:] + QUESTION[:5])
-        await trio.sleep(10 * FRAME_S_MAX)
-        assert not line.ended.is_set()
-        port.may_answer.set()
-        line.feed(QUESTION[5:])
-        await trio.testing.wait_all_tasks_blocked()
-        assert port.handled["user:busy"] == 66
-
-    await quietly(look)
+async def test_time_in_which_we_do_not_read_is_not_the_peers(port: Port, autojump_clock: trio.testing.MockClock) -> None:
+    line = port.connect("user:busy")
+    line.feed(QUESTION * 64 + QUESTION[:5])
+    line.feed(QUESTION[5:] + QUESTION[:5])
+    await trio.sleep(10 * FRAME_S_MAX)
+    assert not line.ended.is_set()
+    port.may_answer.set()
+    line.feed(QUESTION[5:])
+    await trio.testing.wait_all_tasks_blocked()
+    assert port.handled["user:busy"] == 66
 
 
 @pytest.mark.expect_log("it was cut")
