@@ -12,8 +12,8 @@ import statistics
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
-from contextlib import AsyncExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -125,10 +125,13 @@ async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, hones
     seen, seconds, cpu_s = Counter[str](), 0.0, 0.0
     attacked: list[float] = []
     beside: list[float] = []
+    cores: list[float] = []
+    """Of the node that is attacked: beside the attack, less those beside the burner."""
     for _ in range(bench.rounds):
         async with attacking(settings) as report:
             await trio.sleep(REST_S)
-            attacked.append(await honest.rate(bench.seconds))
+            with _cores_of(nodes) as under_attack:
+                attacked.append(await honest.rate(bench.seconds))
             grown = max(grown, memory_bytes(nodes) - before)
         seen.update(report.seen)
         seconds, cpu_s = seconds + report.seconds, cpu_s + report.cpu_s
@@ -136,8 +139,11 @@ async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, hones
         async with trio.open_nursery() as nursery:
             nursery.start_soon(partial(trio.run_process, [sys.executable, "-c", _BURN, str(share)], check=False))
             await trio.sleep(REST_S)
-            beside.append(await honest.rate(bench.seconds))
+            with _cores_of(nodes) as at_work:
+                beside.append(await honest.rate(bench.seconds))
             nursery.cancel_scope.cancel()
+        cores.append(under_attack[0] - at_work[0])
+    ratios = [one / other if other else 0.0 for one, other in zip(attacked, beside, strict=True)]
     return {
         "attack": name,
         "seen": dict(sorted(seen.items())),
@@ -145,10 +151,29 @@ async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, hones
         "attacker_cores": cpu_s / seconds,
         "records_per_second": statistics.median(attacked),
         "beside_a_burner": statistics.median(beside),
-        "relative": statistics.median(one / other if other else 0.0 for one, other in zip(attacked, beside, strict=True)),
+        "relative": statistics.median(ratios),
+        "relative_range": [min(ratios), max(ratios)],
+        "node_cores": statistics.median(cores),
         "memory_growth_bytes": grown,
         "failed_calls": honest.failed - failed,
     }
+
+
+@contextmanager
+def _cores_of(nodes: LocalCluster) -> Iterator[list[float]]:
+    """How many the first node used within this, in the end; 0 where the system does not say."""
+    found: list[float] = []
+    began, spent = time.monotonic(), _processor_s(nodes)
+    yield found
+    found.append((_processor_s(nodes) - spent) / (time.monotonic() - began))
+
+
+def _processor_s(nodes: LocalCluster) -> float:
+    stat = Path(f"/proc/{nodes.pid(nodes.addresses[0])}/stat")
+    if not stat.exists():
+        return 0.0
+    user, system = stat.read_text().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def memory_bytes(nodes: LocalCluster) -> int:
@@ -167,9 +192,10 @@ def bench_text(report: dict[str, Any]) -> str:
     for row in report["attacks"]:
         did = ", ".join(f"{what} {rate:,.0f}/s" for what, rate in row["per_second"].items())
         growth = f"{row['memory_growth_bytes'] / (1 << 20):+.0f} MiB"
-        rows.append(
-            (row["attack"], did, f"{row['attacker_cores']:.2f}", f"{row['records_per_second']:,.0f}", f"{row['relative']:.0%}", growth)
-        )
-    heads = ("attack", "what happened", "cores", "honest records/s", "of beside a burner", "memory")
+        low, high = row["relative_range"]
+        relative = f"{row['relative']:.0%} ({low * 100:.0f} to {high * 100:.0f})"
+        honest = f"{row['records_per_second']:,.0f}"
+        rows.append((row["attack"], did, f"{row['attacker_cores']:.2f}", honest, relative, f"{row['node_cores']:.2f}", growth))
+    heads = ("attack", "what happened", "cores", "honest records/s", "of beside a burner", "the node's cores", "memory")
     end = f"wrong bytes: {report['wrong_bytes']}; calls that failed: {report['failed_calls']}"
     return f"{table(heads, rows)}\n{end}"

@@ -2,7 +2,7 @@
 
 A member may open as many connections as it likes, so a bound for each connection is none for the peer. Connections beyond the
 number that a peer may have push out its own oldest, which may be one that its machine has forgotten; nobody else's. Beside
-others it begins only a few requests at a time, and takes only a share of the time (turns.py).
+others it begins only a few requests at a time, and takes only a share of the time (turns.py), of which it pays what each costs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ from scenefold.base.limits import (
     PEER_REQUEST_BYTES_HANDLED_MAX,
     PEER_REQUESTS_HANDLED_MAX,
 )
+from scenefold.world.metering import Bill, Stopwatch
 from scenefold.world.turns import Guest, Turns
+
+REQUEST_S = 0.0004
+BYTE_S = 5e-6 / 1024
+"""What a request costs at least, and each byte of it and of its answer. What it really costs is measured."""
 
 
 class Budget:
@@ -45,9 +50,10 @@ class Budget:
 class Share:
     """One peer's."""
 
-    def __init__(self, guest: Guest, turns: Turns) -> None:
+    def __init__(self, guest: Guest, turns: Turns, stopwatch: Stopwatch | None) -> None:
         self._guest = guest
         self._turns = turns
+        self._stopwatch = stopwatch
         self._line = trio.Lock()
         self._turn_ended = trio.lowlevel.ParkingLot()
         self.budget = Budget(PEER_REQUESTS_HANDLED_MAX, PEER_REQUEST_BYTES_HANDLED_MAX)
@@ -65,23 +71,33 @@ class Share:
                         await self._turn_ended.park()
         return self._turns.begin(self._guest, trio.current_time())
 
-    def end_turn(self, number: int, answer_bytes: int) -> None:
-        self._turns.end(self._guest, number, answer_bytes, trio.current_time())
+    def end_turn(self, number: int) -> None:
+        self._turns.end(self._guest, number)
         self._turn_ended.unpark()
+
+    def bill(self, estimate_s: float = 0.0) -> Bill:
+        """For something that is done for this peer. Who may take all is not measured."""
+        return Bill(self._pay, None if self._turns.is_free(self._guest[0]) else self._stopwatch, estimate_s)
+
+    def _pay(self, work_s: float) -> None:
+        self._turns.pay(self._guest, work_s, trio.current_time())
 
 
 class Guests:
-    """The peers that are connected to one port. `turns`: those of all ports of a node, whose numbers tell them apart."""
+    """The peers that are connected to one port. `turns`: those of all ports of a node, whose numbers tell them apart.
+    `stopwatch`: the clock that measures what they cost, if there is one.
+    """
 
-    def __init__(self, turns: Turns | None = None, port: int = 0) -> None:
+    def __init__(self, turns: Turns | None = None, port: int = 0, stopwatch: Stopwatch | None = None) -> None:
         self._shares: dict[str, Share] = {}
         self._turns = turns or Turns()
         self._port = port
+        self._stopwatch = stopwatch
 
     @contextmanager
     def admitted(self, peer: str) -> Iterator[tuple[Share, trio.CancelScope]]:
         """Serve a connection of a peer within this; the scope is cancelled when the peer opens too many after it."""
-        share = self._shares.setdefault(peer, Share((peer, self._port), self._turns))
+        share = self._shares.setdefault(peer, Share((peer, self._port), self._turns, self._stopwatch))
         if len(share.connections) >= CONNECTIONS_PER_PEER_MAX:
             oldest = next(iter(share.connections))
             del share.connections[oldest]

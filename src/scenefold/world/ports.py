@@ -80,6 +80,11 @@ class Clock(Protocol):
         """Seconds since 1970, for people and for file names; it may jump."""
         ...
 
+    @property
+    def stopwatch(self) -> Callable[[], float] | None:
+        """Seconds as in `now`, but cheap, for what lasts moments. None where computing takes no time: in a simulation."""
+        ...
+
     async def sleep(self, seconds: float) -> None: ...
 
 

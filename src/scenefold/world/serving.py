@@ -19,7 +19,8 @@ from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, S
 from scenefold.base.limits import BULK_ANSWERS_MAX, FRAME_S_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, UnsupportedPacket, decode_packet, encode_frame
-from scenefold.world.guests import Budget, Guests, Share
+from scenefold.world.guests import BYTE_S, REQUEST_S, Budget, Guests, Share
+from scenefold.world.metering import FORGED_S, charge
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost, DiskFailed
 from scenefold.world.quiet import QuietLog
@@ -66,6 +67,8 @@ class _Serving:
         self._budget = Budget(REQUESTS_HANDLED_MAX, REQUEST_BYTES_HANDLED_MAX)
         self._bulk_slots = trio.CapacityLimiter(BULK_ANSWERS_MAX)
         self._share = share
+        self._bill = share.bill()
+        """What reading and sending cost."""
         self._malformed = 0
         self._patience_s = FRAME_S_MAX
         self._begun_bytes = 0
@@ -76,7 +79,7 @@ class _Serving:
             everything.start_soon(self._send, everything.cancel_scope)
             async with trio.open_nursery() as requests:
                 try:
-                    await self._receive(requests)
+                    await self._bill.metered(self._receive(requests))
                 except ConnectionLost as error:
                     self._complain("lost", str(error))
                     everything.cancel_scope.cancel()
@@ -88,7 +91,7 @@ class _Serving:
 
     async def _send(self, everything: trio.CancelScope) -> None:
         try:
-            await self._outbox.run()
+            await self._bill.metered(self._outbox.run())
         except ConnectionLost as error:
             self._complain("lost", str(error))
             everything.cancel()
@@ -143,14 +146,21 @@ class _Serving:
             held.callback(self._budget.give_back, len(frame))
             held.callback(self._share.budget.give_back, len(frame))
             turn, answer_bytes = await self._share.take_turn(), 0
+            bill = self._share.bill(REQUEST_S + len(frame) * BYTE_S)
             try:
-                answer = await self._answer_to(frame, held)
-                if answer is not None:
-                    answer_frame = self._frame_of(answer)
-                    answer_bytes = len(answer_frame)
-                    await self._put(answer_frame)
+                answer_bytes = await bill.metered(self._respond(frame, held))
             finally:
-                self._share.end_turn(turn, answer_bytes)
+                bill.close(answer_bytes * BYTE_S)
+                self._share.end_turn(turn)
+
+    async def _respond(self, frame: bytes, held: AsyncExitStack) -> int:
+        """Handle a request and send the answer, which has so many bytes."""
+        answer = await self._answer_to(frame, held)
+        if answer is None:
+            return 0
+        answer_frame = self._frame_of(answer)
+        await self._put(answer_frame)
+        return len(answer_frame)
 
     async def _answer_to(self, frame: bytes, held: AsyncExitStack) -> Packet | None:
         """The answer to a packet. `held` keeps what must stay taken until the answer has left."""
@@ -164,7 +174,9 @@ class _Serving:
             answer = await self._handler(packet, self._connection.peer)
         except MalformedPacket as error:
             # A packet of a later version is no sign of a broken peer.
-            self._malformed += not isinstance(error, UnsupportedPacket)
+            if not isinstance(error, UnsupportedPacket):
+                self._malformed += 1
+                charge(FORGED_S)
             self._complain("malformed", str(error))
             # Id 0 would end the connection at the other side; but whoever waits there has a timeout.
             number = number or error.request_id or 0

@@ -64,6 +64,8 @@ ORIGIN = Decider(node_id_of("127.0.0.2"), KEEPER_KEY.public.raw)
 
 
 class PlainClock:
+    stopwatch = None
+
     def now(self) -> float:
         return trio.current_time()
 

@@ -68,6 +68,8 @@ class Log:
 
 
 class Clock:
+    stopwatch = None
+
     def now(self) -> float:
         return trio.current_time()
 

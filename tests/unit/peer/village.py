@@ -85,6 +85,8 @@ class Box:
 
 
 class TrioClock:
+    stopwatch = None
+
     def now(self) -> float:
         return trio.current_time()
 

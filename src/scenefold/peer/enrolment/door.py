@@ -44,7 +44,7 @@ class Door:
         links.refusal_of = self._refusal_now
         self._quiet = QuietLog(_log)
         turns = Turns(self._is_member)
-        self._at = {priority: Guests(turns, int(priority)) for priority in Priority}
+        self._at = {priority: Guests(turns, int(priority), world.clock.stopwatch) for priority in Priority}
         # Of their own: they come under a member's name, and shall take nothing of its share.
         self._refused = Guests()
         self._guests: dict[trio.CancelScope, tuple[str, KeyId | None]] = {}

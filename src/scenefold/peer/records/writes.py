@@ -24,9 +24,14 @@ from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Outcome, Put, PutResult, Store
 from scenefold.wire import AcceptData, Packet, ProposeData, PutItem, PutMany, PutManyReply, PutOutcome, RejectData
 from scenefold.world import World
+from scenefold.world.metering import FORGED_S, charge
 
 VERIFY_BATCH = 128
 """Records that one call in a worker thread verifies: some 10 ms."""
+NEVER_HONEST = (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED)
+"""Why no record of an honest program is refused."""
+FORGED_MAX = 64
+"""Such records of one write, after which the rest of it is not looked at."""
 FROZEN_S_MAX = 2.0
 """How long a write waits for a frozen place: the last copy of a handover takes less, or the client asks again."""
 
@@ -53,15 +58,22 @@ class Writes:
         outcomes: list[PutOutcome | None] = [self._refused_unseen(item, scenes[item.scene]) for item in items]
         open_ones = [index for index, outcome in enumerate(outcomes) if outcome is None]
         puts: list[tuple[int, Put]] = []
+        forged = 0
         for start in range(0, len(open_ones), VERIFY_BATCH):
             batch = open_ones[start : start + VERIFY_BATCH]
+            if forged > FORGED_MAX:
+                for index in batch:
+                    outcomes[index] = _outcome(items[index], RejectReason.LIMIT_EXCEEDED)
+                continue
             claims = [(items[index], scenes[items[index].scene]) for index in batch]
             verdicts = await self._world.workers.run("crypto", verify_all, claims)
             for index, verdict in zip(batch, verdicts, strict=True):
                 if isinstance(verdict, Refused):
                     outcomes[index] = _outcome(items[index], verdict.reason)
+                    forged += verdict.reason in NEVER_HONEST
                 else:
                     puts.append((index, verdict))
+        charge(forged * FORGED_S)
         results = await self._store_all([put for _, put in puts])
         for (index, _), result in zip(puts, results, strict=True):
             outcomes[index] = self._judged(items[index], result)

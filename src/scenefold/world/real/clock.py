@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import trio
 
@@ -18,6 +19,10 @@ class RealClock:
 
     def wall(self) -> float:
         return time.time()
+
+    @property
+    def stopwatch(self) -> Callable[[], float]:
+        return time.monotonic
 
     async def sleep(self, seconds: float) -> None:
         await trio.sleep(seconds)

@@ -1,7 +1,8 @@
 """Worker threads in lanes (port `Workers`).
 
 Each lane has a limiter of its own over Trio's cache of threads: a render that takes every thread of its lane leaves
-the store's writer alone. Waiters are tasks of callers that are bounded themselves, so a lane keeps no queue.
+the store's writer alone. Waiters are tasks of callers that are bounded themselves, so a lane keeps no queue. What a
+call costs is on the bill of the request that it serves.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import trio
+
+from scenefold.world.metering import running_bill
 
 T = TypeVar("T")
 
@@ -29,4 +32,7 @@ class RealWorkers:
         return self._limiters[lane]
 
     async def run(self, lane: str, function: Callable[..., T], *args: object) -> T:
+        bill = running_bill()
+        if bill is not None:
+            return await trio.to_thread.run_sync(bill.in_thread, function, *args, limiter=self._limiter(lane))
         return await trio.to_thread.run_sync(function, *args, limiter=self._limiter(lane))

@@ -46,6 +46,10 @@ class SimClock:
     def wall(self) -> float:
         return self._wall_offset + self._virtual_now()
 
+    @property
+    def stopwatch(self) -> None:
+        return None
+
     async def sleep(self, seconds: float) -> None:
         await current_time_of_simulation().sleep(max(0.0, seconds) / self._rate)
         while (end := self.paused_until()) > trio.current_time():  # noqa: ASYNC110 - it may be lengthened meanwhile
