@@ -245,6 +245,8 @@ def test_trust_in_the_last_node_that_has_the_authoritys_key_cannot_be_withdrawn(
     assert caught.value.reason is RejectReason.NOT_READY, "nobody could seal the key to it any more"
     both = log(TRUST, replace(TRUST, sealed=b"sealed"))
     assert ordered(both, order(Trust(node(0), False)))
+    gone = both.apply(record(both, RemoveNode(add(1).member, "drained")))
+    assert "only trusted node" in forbidden(gone, order(Trust(node(0), False))), "who has left the line helps nobody"
     other = log(TRUST, replace(TRUST, sealed=b"sealed"), Trust(node(0), False))
     for entry in (Trust(node(1), False), RevokeNode(node(1), key_of(1).key_id)):
         assert "only trusted node" in forbidden(other, order(entry))

@@ -141,6 +141,13 @@ class Draining:
                 "this node decides the cluster's log, and the cluster cannot do without it",
                 remedy="drain any other node",
             )
+        issuers = self._log.registry.issuers
+        if self._own.me in issuers and not any(self._log.registry.stands(node) for node in issuers - {self._own.me}):
+            return Refused(
+                RejectReason.NOT_AUTHORISED,
+                "this is the only trusted node that has the authority's key, and without one nobody can join",
+                remedy="trust another one first: scenectl cluster trust ADDRESS",
+            )
         scenes = self._decides()
         if scenes:
             names = ", ".join(f"{scene:08x}" for scene in scenes[:4]) + (" and others" if len(scenes) > 4 else "")

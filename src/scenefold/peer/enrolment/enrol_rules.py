@@ -169,10 +169,10 @@ def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts:
 
 
 def _check_others_issue(node: NodeId, registry: Registry) -> None:
-    """Refused if nobody could be enrolled any more, and no certificate renewed, without this node."""
-    if registry.issuers == {node}:
+    """Refused if nobody could be enrolled any more, and no certificate renewed, without this node. Who has left the line helps nobody."""
+    if node in registry.issuers and not any(registry.stands(other) for other in registry.issuers - {node}):
         what = f"{address_of(node)} is the only trusted node that has the authority's key"
-        waiting = ", ".join(map(address_of, sorted(registry.roll.trusted - {node})))
+        waiting = ", ".join(address_of(other) for other in sorted(registry.roll.trusted - {node}) if registry.stands(other))
         if waiting:
             raise Refused(RejectReason.NOT_READY, what, remedy=f"wait until it was sealed to {waiting}")
         raise _forbidden(what, "trust another one first: scenectl cluster trust ADDRESS")

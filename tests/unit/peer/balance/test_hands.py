@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import pytest
 import trio
@@ -16,8 +17,9 @@ from scenefold.peer.balance import NodeDrained
 from scenefold.peer.balance.draining import DRAINED
 from scenefold.peer.line.ends import Side
 from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
+from scenefold.wire.enrol_entries import Trust
 from unit.peer.balance.street import ADMINISTRATOR, KIB, House, Street
-from unit.peer.logs_made import member, node
+from unit.peer.logs_made import member, node, record, secrets_of
 
 MIB = 1024 * KIB
 ORDER = DrainNode(check_only=False, cancel=False)
@@ -232,6 +234,17 @@ async def test_only_administrators_have_a_node_leave_or_stay(cancel: bool) -> No
     assert refused.value.reason is RejectReason.NOT_AUTHORISED
     report = await house.handlers.handle(CHECK, "user:eve")
     assert isinstance(report, NodeReport)
+
+
+async def test_the_last_trusted_node_with_the_authoritys_key_stays() -> None:
+    street = Street([64 * MIB] * 3)
+    given = Trust(node(1), True, secrets_of(1).sealing.public.raw)
+    for entry in (given, replace(given, sealed=b"sealed"), Trust(node(0), False)):
+        street.registry = street.registry.apply(record(street.registry, entry))
+    with pytest.raises(Refused, match="only trusted node"):
+        await tell(street.houses[1], ORDER)
+    street.registry = street.registry.apply(record(street.registry, Trust(node(0), True, secrets_of(0).sealing.public.raw)))
+    assert (await tell(street.houses[1], ORDER))["state"] == "draining"
 
 
 async def test_a_node_that_cannot_leave_says_what_it_waits_for(autojump_clock: trio.testing.MockClock) -> None:
