@@ -7,6 +7,7 @@ Python's `isprintable` is false for all of these: controls, marks of format and 
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Any
 
@@ -27,8 +28,20 @@ def printable_lines(text: str) -> str:
 
 
 def printable_json(document: Any, *, indent: int | None = None) -> str:
-    """The document as JSON that says the same, and steers no terminal either."""
-    return _IN_JSON.sub(_escaped, json.dumps(document, indent=indent, ensure_ascii=False))
+    """The document as JSON that says the same, and steers no terminal either. Numbers that JSON has none for are null."""
+    try:
+        shown = json.dumps(document, indent=indent, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        shown = json.dumps(_finite(document), indent=indent, ensure_ascii=False, allow_nan=False)
+    return _IN_JSON.sub(_escaped, shown)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _written_out(text: str) -> str:

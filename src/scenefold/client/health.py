@@ -153,7 +153,8 @@ class ClusterStatus:
     @property
     def best_informed(self) -> NodeId:
         """The node that knows the cluster's log furthest."""
-        return NodeId(max((node.report.log_position, node.report.node) for node in self.nodes if node.report is not None)[1])
+        # By where it was asked: what it calls itself is nobody's id, perhaps.
+        return max((node.report.log_position, node_id_of(node.address)) for node in self.nodes if node.report is not None)[1]
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""

@@ -1,7 +1,7 @@
 """What nodes say of themselves (packets 75 and 76; specs/11-peers.md, Report), read into values. Pure.
 
-A report is a document of another machine: whatever does not fit is a PeerFault, and fields that are not known here are passed over,
-so that nodes of a later version can say more.
+A report is a document of another machine: whatever does not fit is a PeerFault of that machine alone. Fields that are not known
+here are passed over, so that nodes of a later version can say more.
 """
 
 from __future__ import annotations
@@ -12,7 +12,12 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.location import Arc, Location
+from scenefold.base.plain_values import number, whole
 from scenefold.wire import unpack_value
+
+COUNT_MAX = 2**63 - 1
+AMOUNT_MAX = 1e30
+"""No time is longer, and no line of a table either."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +55,6 @@ class NodeReport:
     """A node at the moment of answering."""
 
     address: str
-    node: int
     incarnation: str
     boot: int
     seconds_up: float
@@ -121,27 +125,26 @@ def read_report(packed: bytes, address: str) -> NodeReport:
         stalls = found["stalls"]
         return NodeReport(
             address=address,
-            node=int(found["node"]),
             incarnation=str(found["incarnation"]),
-            boot=int(found["boot"]),
-            seconds_up=float(found["seconds_up"]),
+            boot=_count(found["boot"]),
+            seconds_up=_amount(found["seconds_up"]),
             role=str(found["role"]),
             trusted=bool(found.get("trusted", False)),
-            lease_s=float(found["lease_s"]),
-            log_position=int(found["log_position"]),
+            lease_s=_amount(found["lease_s"]),
+            log_position=_count(found["log_position"]),
             arc=_arc(found["arc"]),
             gap=_arc(found["gap"]),
             handovers=tuple(map(_handover, found["handovers"])),
-            strays=int(found["strays"]),
-            damaged=int(found["damaged"]),
-            records=int(found["records"]),
-            bytes=int(found["bytes"]),
-            used_bytes=int(found["used_bytes"]),
-            capacity_bytes=int(found["capacity_bytes"]),
-            memory_fraction=float(found["memory_fraction"]),
-            rays_per_second=int(found["rays_per_second"]),
-            stalls=int(stalls["count"]),
-            stall_last_s=float(stalls["last_s"]),
+            strays=_count(found["strays"]),
+            damaged=_count(found["damaged"]),
+            records=_count(found["records"]),
+            bytes=_count(found["bytes"]),
+            used_bytes=_count(found["used_bytes"]),
+            capacity_bytes=_count(found["capacity_bytes"]),
+            memory_fraction=_amount(found["memory_fraction"]),
+            rays_per_second=_count(found["rays_per_second"]),
+            stalls=_count(stalls["count"]),
+            stall_last_s=_amount(stalls["last_s"]),
             stall_ago_s=_seconds(stalls["ago_s"]),
             peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
             blacklist=tuple(map(str, found.get("blacklist", ()))),
@@ -157,8 +160,8 @@ def read_drain_report(packed: bytes, address: str) -> DrainReport:
         found = unpack_value(packed)
         return DrainReport(
             state=str(found["state"]),
-            records=int(found["records"]),
-            bytes=int(found["bytes"]),
+            records=_count(found["records"]),
+            bytes=_count(found["bytes"]),
             seconds_left=_seconds(found["seconds_left"]),
             may_switch_off=bool(found["may_switch_off"]),
             obstacles=tuple(map(str, found["obstacles"])),
@@ -176,9 +179,9 @@ def _handover(found: Mapping[str, Any]) -> HandoverReport:
         peer=str(found["peer"]),
         piece=Arc(_location(found["first"]), _location(found["last"])),
         open=bool(found["open"]),
-        seconds=float(found["seconds"]),
-        records=int(found["records"]),
-        bytes=int(found["bytes"]),
+        seconds=_amount(found["seconds"]),
+        records=_count(found["records"]),
+        bytes=_count(found["bytes"]),
         peer_removed=bool(found.get("peer_removed", False)),
     )
 
@@ -191,5 +194,17 @@ def _location(text: str) -> Location:
     return Location(bytes.fromhex(text))
 
 
-def _seconds(value: float | None) -> float | None:
-    return None if value is None else float(value)
+def _seconds(value: object) -> float | None:
+    return None if value is None else _amount(value)
+
+
+def _count(value: object) -> int:
+    return whole(value, 0, COUNT_MAX)
+
+
+def _amount(value: object) -> float:
+    """A time, or a part of something: what can be laid out in a table and counted with."""
+    amount = number(value)
+    if abs(amount) > AMOUNT_MAX:
+        raise ValueError(f"a number up to {AMOUNT_MAX:g} is expected")
+    return amount

@@ -15,9 +15,9 @@ from typing import Any
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import POOL_NODES_MAX
+from scenefold.base.plain_values import exactly, text, whole
 from scenefold.partition import Partition
 from scenefold.render.passes import PassPlan
-from scenefold.render.plain_values import exactly, text, whole
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value, unpack_value

@@ -12,10 +12,10 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.limits import POOL_NODES_MAX
+from scenefold.base.plain_values import number, text, whole
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.job import RenderOptions
 from scenefold.render.passes import PassPlan
-from scenefold.render.plain_values import number, text, whole
 from scenefold.render.pool.organiser import LAYERS
 from scenefold.wire import MalformedPacket, unpack_value
 

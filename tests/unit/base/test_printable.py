@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,3 +48,10 @@ def test_json_says_the_same_and_steers_no_terminal(document: object) -> None:
     shown = printable_json(document, indent=2)
     assert json.loads(shown) == document
     assert shown.replace("\n", "").isprintable()
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_what_json_has_no_number_for_is_null(value: float) -> None:
+    """`Infinity` is no JSON: `jq` would end, and so would whatever reads all of the output for one number of it."""
+    shown = printable_json({"a": [1.5, value, {"b": (value,)}], "c": "\x1b"})
+    assert json.loads(shown, parse_constant=pytest.fail) == {"a": [1.5, None, {"b": [None]}], "c": "\x1b"}

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import json
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -11,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import PeerFault
+from scenefold.base.ids import node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
 from scenefold.client.health import ClusterStatus, NodeState, judged, line_warnings
 from scenefold.client.moving import movements, rates
@@ -33,7 +38,7 @@ def arc_document(piece: Arc | None) -> dict[str, str] | None:
     return None if piece is None else {"first": piece.first.hex(), "last": piece.last.hex()}
 
 
-def report(address: str, piece: Arc | None, **changes: Any) -> NodeReport:
+def report_document(address: str, piece: Arc | None, **changes: Any) -> dict[str, Any]:
     document: dict[str, Any] = {
         "node": 1,
         "incarnation": "ab" * 16,
@@ -57,7 +62,11 @@ def report(address: str, piece: Arc | None, **changes: Any) -> NodeReport:
         "peers": [{"address": other, "heard_s": 1.0, "alive": True} for other in ADDRESSES if other != address],
         "something newer": [1, 2],
     }
-    return read_report(pack_value({**document, **changes}), address)
+    return {**document, **changes}
+
+
+def report(address: str, piece: Arc | None, **changes: Any) -> NodeReport:
+    return read_report(pack_value(report_document(address, piece, **changes)), address)
 
 
 def handover(piece: Arc, peer: str, *, step: str = "offered", seconds: float = 3.0, records: int = 0) -> dict[str, Any]:
@@ -212,6 +221,56 @@ def test_a_report_that_is_none_is_its_senders_fault(document: Any) -> None:
             read(pack_value(document), ADDRESSES[0])
     with pytest.raises(PeerFault, match="cannot be read"):
         read_report(b"\xc1", ADDRESSES[0])
+
+
+MADE_UP = (None, True, -1, 2**64 - 1, -(2**63), math.inf, -math.inf, 1e308, 0.5, "", "x", "9" * 30, "1e400", b"ab", [], {}, [1], {"a": 1})
+
+
+def _places(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    yield path
+    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
+        yield from _places(value[key], (*path, key))
+
+
+def _with(document: Any, path: tuple[str | int, ...], value: Any) -> Any:
+    if not path:
+        return value
+    changed = copy.deepcopy(document)
+    inner = changed
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    return changed
+
+
+def test_whatever_one_node_reports_the_others_are_shown() -> None:
+    """Each value of a report replaced by what it cannot be: that node's fault alone, and what is printed stays JSON."""
+    moving = [handover(arc(0.4, 0.5), ADDRESSES[1], records=9)]
+    honest = report_document(ADDRESSES[0], arc(0, 0.5), handovers=moving)
+    other = node(ADDRESSES[1], arc(0.5, 1), handovers=moving)
+    for path in _places(honest):
+        for value in MADE_UP:
+            try:
+                said = read_report(pack_value(_with(honest, path, value)), ADDRESSES[0])
+            except PeerFault:
+                continue
+            liar = NodeState(ADDRESSES[0], bytes(16), True, None, 1.0, said)
+            found = judged(
+                "c", ADDRESSES[1], [liar, replace(other, heard_s=said.peers[ADDRESSES[1]].heard_s if ADDRESSES[1] in said.peers else None)]
+            )
+            changes, moves = rates([other], found.nodes, 1.0), movements(found.nodes)
+            shown = [found.document(), *(one.document() for one in (*changes, *moves))]
+            json.dumps(shown, allow_nan=False)
+            assert found.best_informed in (node_id_of(ADDRESSES[0]), node_id_of(ADDRESSES[1])), (path, value)
+
+
+@pytest.mark.parametrize("seconds", [math.inf, -math.inf, "9", 1e308, True])
+def test_how_far_a_leaving_node_is_is_told_in_numbers(seconds: Any) -> None:
+    said = {"state": "draining", "records": 1, "bytes": 9, "seconds_left": 3, "may_switch_off": False, "obstacles": [], "text": ""}
+    assert read_drain_report(pack_value(said), ADDRESSES[0]).seconds_left == 3
+    for key in ("seconds_left", "records", "bytes"):
+        with pytest.raises(PeerFault, match="cannot be read"):
+            read_drain_report(pack_value({**said, key: seconds}), ADDRESSES[0])
 
 
 def test_the_ends_of_the_line_count() -> None:

@@ -8,9 +8,9 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.render.job import HASH_BYTES, RenderOptions
 from scenefold.render.passes import place_of
-from scenefold.render.plain_values import exactly, number, text, whole
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.scene.head import NO_HEAD, SceneHead
