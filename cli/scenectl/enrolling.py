@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from scenectl.member_values import Duration, DurationOption, MemberOption
+from scenectl.member_values import Duration, DurationOption, MemberOption, shown_member
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, emit_event, table
 from scenectl.values import DEFAULT_SUITE, AddressOption, SuiteOption
 
@@ -215,7 +215,7 @@ def renew(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 
     cards = reissue(ClusterProfile.load(profile_folder(output.profile)))
     documents = [{"name": card.name, "not_after": f"{card.not_after:%Y-%m-%d}"} for card in cards]
-    rows = [(one["name"], one["not_after"]) for one in documents]
+    rows = [(shown_member(one["name"]), one["not_after"]) for one in documents]
     emit(output, {"renewed": documents}, table(("member", "certificate until"), rows))
 
 

@@ -63,7 +63,7 @@ def profile_folder(profile: str | Path | None) -> Path:
     if named.is_dir():
         return named
     where = str(named) if profile is None else f"{wanted} and {named}"
-    remedy = "make one with `scenectl cluster init`, and name it with --profile or SCENEFOLD_PROFILE"
+    remedy = "make one with `scenectl cluster init`, or join a cluster with `scenectl cluster join`, and name it with --profile or SCENEFOLD_PROFILE"
     raise LocalFault("there is no cluster profile", where=where, remedy=remedy)
 
 

@@ -89,7 +89,7 @@ def _read(path: Path, exposed_mask: int) -> bytes:
             mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
             data = file.read(SECRET_BYTES_MAX + 1)
     except FileNotFoundError:
-        raise LocalFault("a key file is missing", where=str(path), remedy="restore it from a backup, or run cluster init anew") from None
+        raise LocalFault("a key file is missing", where=str(path), remedy="restore it from a backup") from None
     except OSError as error:
         raise LocalFault(
             f"cannot read the key file: {error.strerror or error}", where=str(path), remedy="check its owner and rights"

@@ -180,7 +180,11 @@ def _profile(folder: Path, count: int, spares: int, name: str, ports: Ports | No
     first = node_id_of(first_address)
     addresses = [address_of(NodeId(first + index)) for index in range(count + spares)]
     where = folder / _PROFILE
-    (folder / "logs").mkdir(parents=True, exist_ok=True)
+    try:
+        (folder / "logs").mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        words = problem.strerror or str(problem)
+        raise LocalFault(f"the folder cannot be used: {words}", where=str(folder), remedy="choose another folder") from problem
     if not where.exists():
         return ClusterProfile.create(where, name, addresses[:count], spares=addresses[count:], ports=ports, trust_all=trust)
     known = ClusterProfile.load(where)

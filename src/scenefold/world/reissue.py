@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scenefold.base.errors import LocalFault
 from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, write_secret
 from scenefold.crypto.authority import CERTIFICATE_FILE, KEY_FILE
 from scenefold.crypto.secrets_on_disk import read_certificate
@@ -36,6 +37,8 @@ def read_authority(profile: ClusterProfile) -> Authority:
             if sealed is not None:
                 key = profile.node_secrets(member.address).sealing.open(sealed, AUTHORITY_PURPOSE, profile.cluster_id)
                 return Authority.from_key(profile.authority_certificate(), key)
+        where, remedy = str(profile.folder), "call this where the cluster was made, or with the first node's profile"
+        raise LocalFault("the profile does not hold the authority's key", where=where, remedy=remedy)
     return profile.authority()
 
 
