@@ -59,7 +59,7 @@ class Newcomer:
         """With new keys, or those that were made for this token before. LocalFault if the profile is another cluster's, or another user's."""
         known = _known_profile(profile, token)
         if known is not None and address == USER_AT and known.user_folder().exists() and not _draft_of(profile, token).exists():
-            remedy = "name another folder with --profile"
+            remedy = "nothing is left to do if that is you; else name another folder with --profile"
             raise LocalFault(f"the profile is that of user {known.user}", where=str(profile), remedy=remedy)
         folder = _draft_of(profile, token)
         if not (folder / _TLS_KEY).exists():
