@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trio
+import trio.testing
 
 from render.pool_in_memory import CLUSTER, GENESIS, SCENE_KEY, MemoryPool, memory_pool, records_of
 from scenefold.base.errors import PeerFault, Refused
@@ -18,6 +20,7 @@ from scenefold.render.job import Job, RenderOptions
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool import keeping, share
 from scenefold.render.pool.own_passes import pass_owner
+from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_USER_MAX
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.log import EpochKeys
@@ -86,6 +89,19 @@ async def test_jobs_that_failed_take_no_places_at_their_organiser_and_say_why() 
             assert "empty" in (await pool.until(number, owner, "failed"))["failure"]
         with pytest.raises(Refused, match="organises no such job"):
             await pool.state(1, pool.nodes[0])
+
+
+async def test_jobs_that_failed_leave_few_tasks_and_no_requests() -> None:
+    async with memory_pool(offline_world(), {}, 1) as pool:
+        (node,) = pool.nodes
+        few = trio.lowlevel.current_statistics().tasks_living + 3 * JOBS_OF_A_USER_MAX
+        for number in range(1, 6 * JOBS_OF_A_USER_MAX):
+            await pool.start(number, TINY)
+            await pool.until(number, node, "failed")
+        await trio.testing.wait_all_tasks_blocked()
+        assert trio.lowlevel.current_statistics().tasks_living < few
+        gc.collect()
+        assert not any(type(one) is RenderRequest for one in gc.get_objects())
 
 
 async def test_no_key_outlives_what_it_was_for() -> None:

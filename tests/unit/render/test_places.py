@@ -15,7 +15,10 @@ PEERS = ["user:ada", "user:ben", "user:eve", "node:own"]
 
 
 class Job:
-    has_failed = False
+    has_failed = is_forgotten = False
+
+    def forget(self) -> None:
+        self.is_forgotten = True
 
 
 def places() -> Places[Job]:
@@ -39,6 +42,16 @@ def test_what_failed_takes_no_place_and_its_words_are_kept() -> None:
     for number in range(1, OF_ONE + 1):
         kept.take(number, "user:eve", Job)
     assert kept.get(0) is first
+
+
+def test_whose_words_are_kept_no_longer_is_ended() -> None:
+    kept = places()
+    jobs = [kept.take(number, "user:eve", Job) for number in range(OF_ONE)]
+    for number in range(OF_ONE, 10 * OF_ONE):
+        jobs[-1].has_failed = True
+        jobs.append(kept.take(number, "user:eve", Job))
+    remaining = [job for _, job in kept.jobs()]
+    assert all(job.is_forgotten != (job in remaining) for job in jobs) and len(remaining) < 3 * OF_ONE
 
 
 def test_a_node_takes_part_in_as_many_of_its_own_as_there_are_places() -> None:

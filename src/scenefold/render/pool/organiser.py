@@ -44,8 +44,10 @@ class Organiser:
     """One job, from the request to the image."""
 
     def __init__(self, host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, own_part: Callable[[int], Part]) -> None:
-        """`keys`: those of the request, opened; dropped as soon as the job is made. `own_part(job)`: this node's own part in a job."""
-        self._host, self._renderer, self._request, self._own_part = host, renderer, request, own_part
+        """`keys`: those of the request, opened; both dropped as soon as the job is made. `own_part(job)`: this node's own part in a job."""
+        self._host, self._renderer, self._own_part = host, renderer, own_part
+        self._id = request.job
+        self._request: RenderRequest | None = request
         self._keys: EpochKeys | None = keys
         self._job: Job | None = None
         self._phase = "preparing"
@@ -64,11 +66,11 @@ class Organiser:
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
-                self._phase, self._failure = "failed", failure_of(group, self._request.job)
+                self._phase, self._failure = "failed", failure_of(group, self._id)
             finally:
-                self._keys = None
+                self._keys = self._request = None
             await self._free()
-            if self.has_failed:
+            if self._failure is not None:
                 # The place is free, and only the words are kept.
                 self._job, self._states = None, {}
             await self._host.world.clock.sleep(KEEP_S)
@@ -77,7 +79,12 @@ class Organiser:
 
     @property
     def has_failed(self) -> bool:
-        return self._failure is not None
+        """Until all nodes have let go of the job it counts: it still speaks to them."""
+        return self._failure is not None and self._job is None
+
+    def forget(self) -> None:
+        """Keep the words no longer."""
+        self.cancel()
 
     def cancel(self) -> None:
         """Nobody wants the image any more."""
@@ -102,10 +109,10 @@ class Organiser:
         }
 
     async def _render(self) -> None:
-        assert self._keys is not None
+        assert self._keys is not None and self._request is not None
         with _Timed(self, "plan"):
-            job, tables = await self._plan(self._keys)
-        self._job, self._keys = job, None
+            job, tables = await self._plan(self._request, self._keys)
+        self._job, self._keys, self._request = job, None, None
         async with trio.open_nursery() as nursery:
             nursery.start_soon(keep_places, self._host, job)
             await self._make_image(job, tables)
@@ -123,20 +130,20 @@ class Organiser:
         with _Timed(self, "merge"):
             await self._gather(job, tables)
 
-    async def _plan(self, keys: EpochKeys) -> tuple[Job, SceneTables]:
-        host, request = self._host, self._request
+    async def _plan(self, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
+        host = self._host
         reader = host.reader(request.scene, request.genesis, keys, request.head)
         tables = await read_tables(reader, host.world.workers)
-        job = await host.world.workers.run(LANE, self._make_job, tables)
+        job = await host.world.workers.run(LANE, self._make_job, request, tables)
         return job, tables
 
-    def _make_job(self, tables: SceneTables) -> Job:
-        request, options = self._request, self._request.options
+    def _make_job(self, request: RenderRequest, tables: SceneTables) -> Job:
+        options = request.options
         camera = tables.camera(options.camera)
         if camera is None:
             names = ", ".join(repr(known.name) for known in tables.cameras)
             raise LocalFault(f"the scene has no camera {options.camera!r}", remedy=f"choose one of: {names}")
-        nodes = self._nodes()
+        nodes = self._nodes(request)
         _, groups, low, high = pair_boxes(tables)
         rotation = np.asarray(camera.matrix, np.float64)
         partition = make_partition(
@@ -169,9 +176,9 @@ class Organiser:
             head=request.head,
         )
 
-    def _nodes(self) -> tuple[NodeId, ...]:
+    def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:
         """Of those that the client named, the members. Nobody else: only for them are the keys, in what we hand on as in what we have."""
-        named = self._request.keys.nodes
+        named = request.keys.nodes
         nodes = tuple(node for node in self._host.nodes() if node in named)
         if self._host.node_id not in nodes:
             raise Refused(RejectReason.NOT_READY, "this node is no member of the cluster at the moment", remedy="start the render again")

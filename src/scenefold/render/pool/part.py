@@ -88,6 +88,9 @@ class Part:
     def has_failed(self) -> bool:
         return self.failure is not None
 
+    def forget(self) -> None:
+        """Nothing to end: what failed has freed everything, and no task waits."""
+
     @property
     def was_ready(self) -> bool:
         """Whether it held its share at some time."""

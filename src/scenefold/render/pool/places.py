@@ -19,6 +19,9 @@ class Job(Protocol):
     @property
     def has_failed(self) -> bool: ...
 
+    def forget(self) -> None:
+        """It has no place, and nobody will ask for it: end what is left of it. Called once it has failed."""
+
 
 J = TypeVar("J", bound=Job)
 
@@ -71,7 +74,7 @@ class Places(Generic[J]):
         self._places[number] = _Place(peer, job)
         failed = [known for known, place in self._places.items() if place.peer == peer and place.job.has_failed]
         for oldest in failed[: -self._most_of_one]:
-            del self._places[oldest]
+            self._places.pop(oldest).job.forget()
         return job
 
     def drop(self, number: int, job: J) -> None:
