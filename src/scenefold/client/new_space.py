@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from types import NoneType
 from typing import NamedTuple, Self, TypeAlias, TypedDict
 
+from scenefold.base.arguments import as_floats, as_whole
 from scenefold.base.errors import UsageFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
-from scenefold.base.location import FIRST, Location
+from scenefold.base.location import FIRST, LOCATION_BYTES, Location
 from scenefold.curve import CurveKind
 from scenefold.scene.log import LoggedSpace, SceneLog
 from scenefold.scene.log.space import NO_SPACE
@@ -60,6 +62,8 @@ def new_space(
     copies_min: int | None = None,
 ) -> Callable[[SceneLog], CreateSpace]:
     """The entry that creates the space, once it is known what the log says. UsageFault for what cannot be."""
+    if not isinstance(name, str):
+        raise UsageFault(f"a {type(name).__name__} cannot be the name of a space", where="space name", remedy="give a text")
     where = f"space {name[:SPACE_NAME_BYTES_MAX]}"
     if not name or len(name.encode("utf-8", "surrogatepass")) > SPACE_NAME_BYTES_MAX or not name.isprintable() or name.isdecimal():
         remedy = f"use 1 to {SPACE_NAME_BYTES_MAX} printable characters, not all of them digits"
@@ -69,7 +73,16 @@ def new_space(
         raise UsageFault(what, where=where, remedy="leave them out")
     if parent is None and offset is not None:
         raise UsageFault("only a shadow has an offset", where=where, remedy="name its parent, or leave the offset out")
-    least = min(2, copies) if copies_min is None else copies_min
+    for option, flag in (("node_managed", node_managed), ("render_output", render_output)):
+        if not isinstance(flag, (bool, NoneType)):
+            raise UsageFault(f"{option} is true or false, not a {type(flag).__name__}", where=where)
+    if parent is not None and not isinstance(parent, str):
+        parent = _whole(where, "parent", parent)
+    if space_id is not None:
+        space_id = _whole(where, "space_id", space_id)
+    at = FIRST if offset is None else _location(where, offset)
+    copies = _whole(where, "copies", copies)
+    least = min(2, copies) if copies_min is None else _whole(where, "copies_min", copies_min)
     if not 1 <= least <= copies <= COPIES_MAX:
         what = f"a space has 1 to {COPIES_MAX} copies, and from 1 to all of them must be there, not {least} of {copies}"
         raise UsageFault(what, where=where, remedy="choose copies_min no larger than copies")
@@ -83,7 +96,7 @@ def new_space(
             curve=_NUMBERS[of.curve],
             node_managed=of.node_managed,
             parent=of.id,
-            offset=offset or FIRST,
+            offset=at,
             copies=copies,
             copies_min=least,
             render_output=render_output,
@@ -111,17 +124,20 @@ class _Shape(NamedTuple):
 
     @classmethod
     def of(cls, where: str, box: Box | None, dimensions: int | None, curve: CurveKind | None, *, node_managed: bool) -> Self:
-        curve = curve or "hilbert"
-        if curve not in _NUMBERS:
-            raise UsageFault(f"there is no curve {curve!r}", where=where, remedy="use hilbert or z-order")
+        curve = "hilbert" if curve is None else curve
+        if not isinstance(curve, str) or curve not in _NUMBERS:
+            raise UsageFault(f"there is no curve {curve!r:.40}", where=where, remedy="use hilbert or z-order")
         if box is not None and node_managed:
             what = "where the nodes choose the places there are no positions, and no box"
             raise UsageFault(what, where=where, remedy="leave the box out, or let the space be managed by its users")
-        count = dimensions if dimensions is not None else 3 if box is None else len(box[0])
+        corners = None if box is None else _corners(where, box)
+        count = 3 if corners is None else len(corners[0])
+        if dimensions is not None:
+            count = _whole(where, "dimensions", dimensions)
         if not 1 <= count <= SPACE_DIMENSIONS_MAX:
             what = f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {count}"
             raise UsageFault(what, where=where, remedy="choose as many as positions have coordinates")
-        low, high = ((0.0,) * count, (1.0,) * count) if box is None else (tuple(map(float, corner)) for corner in box)
+        low, high = corners or ((0.0,) * count, (1.0,) * count)
         if not len(low) == len(high) == count:
             what = f"a corner of the box has {count} coordinates, not {len(low)} and {len(high)}"
             raise UsageFault(what, where=where, remedy="give one for each dimension")
@@ -132,3 +148,25 @@ class _Shape(NamedTuple):
                 what = f"the box ends at {last:g} where it begins at {first:g} on axis {axis}"
                 raise UsageFault(what, where=where, remedy="give its low corner first, and some extent along every axis")
         return cls(count, curve, node_managed, low, high)
+
+
+def _whole(where: str, option: str, value: object) -> int:
+    try:
+        return as_whole(value)
+    except ValueError as problem:
+        raise UsageFault(f"{option} is a whole number: {problem}", where=where) from problem
+
+
+def _location(where: str, value: object) -> Location:
+    if not isinstance(value, bytes) or len(value) != LOCATION_BYTES:
+        raise UsageFault(f"an offset is a location, {LOCATION_BYTES} bytes", where=where, remedy="give a Location")
+    return Location(value)
+
+
+def _corners(where: str, box: Box) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    try:
+        low, high = box
+        return as_floats(low), as_floats(high)
+    except (TypeError, ValueError) as problem:
+        remedy = "give two corners, with one number for each dimension"
+        raise UsageFault(f"a box consists of numbers: {problem}", where=where, remedy=remedy) from problem

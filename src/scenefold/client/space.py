@@ -156,7 +156,7 @@ class Space:
         if not items:
             return []
         space = await self.info()
-        wanted = await self._access.in_crypto_lane(space.locations_of, [list(position) for position, _ in items])
+        wanted = await self._access.in_crypto_lane(space.locations_of, [position for position, _ in items])
         return await self.put_fresh([(location, payload) for location, (_, payload) in zip(wanted, items, strict=True)])
 
     async def query_box(self, low: Sequence[float], high: Sequence[float], *, deleted: bool = False) -> AsyncIterator[Found]:

@@ -174,14 +174,9 @@ class LoggedSpace:
     def _corner(self, corner: Sequence[float]) -> Points:
         import numpy as np
 
-        try:
-            row = np.asarray(corner, np.float64)
-        except (TypeError, ValueError) as problem:
-            raise SpaceFault(
-                f"a corner consists of numbers: {problem}", where=self._where, remedy="give one for each dimension"
-            ) from problem
+        row = self._numbers("a corner consists of numbers", corner, "give one for each dimension")
         if row.shape != (self.dimensions,):
-            count = len(corner) if row.ndim == 1 else f"shape {row.shape}"
+            count = len(row) if row.ndim == 1 else f"shape {row.shape}"
             what = f"a corner has {self.dimensions} coordinates here, not {count}"
             raise SpaceFault(what, where=self._where, remedy="give one for each dimension")
         if np.isnan(row).any():
@@ -191,16 +186,21 @@ class LoggedSpace:
     def _rows(self, points: npt.ArrayLike) -> Points:
         import numpy as np
 
-        try:
-            rows = np.asarray(points, np.float64)
-        except (TypeError, ValueError) as problem:
-            raise SpaceFault(f"positions are numbers: {problem}", where=self._where, remedy=self._extent) from problem
+        rows = self._numbers("positions are numbers", points, self._extent)
         if rows.ndim != 2 or rows.shape[1] != self.dimensions:
             what = f"positions have {self.dimensions} coordinates here, not shape {rows.shape}"
             raise SpaceFault(what, where=self._where, remedy="give rows, one number for each dimension")
         if np.isnan(rows).any():
             raise SpaceFault("a position is not a number (NaN)", where=self._where, remedy=self._extent)
         return rows
+
+    def _numbers(self, what: str, given: npt.ArrayLike, remedy: str) -> Points:
+        import numpy as np
+
+        try:
+            return np.asarray(given, np.float64)
+        except (TypeError, ValueError, OverflowError) as problem:
+            raise SpaceFault(f"{what}: {problem}", where=self._where, remedy=remedy) from problem
 
     @property
     def _where(self) -> str:
