@@ -30,13 +30,12 @@ from scenefold.peer.membership.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
 from scenefold.peer.membership.pages import Pages
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import TELL_S, OwnStatus, arc_of_status, is_news
+from scenefold.peer.membership.throws import ROUND_S
 from scenefold.peer.waiters import Waiters
 from scenefold.wire import MalformedPacket, PingBroadcast, RequestPublicKey, RequestState, RespondPublicKey, Status, encode_packet
 from scenefold.world import Priority, World
 from scenefold.world.facts import ClusterFacts
 
-ROUND_S = 1.0
-"""Time between two throws of the dice (thesis B.2.2)."""
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
 ANSWER_S_MIN = 0.05

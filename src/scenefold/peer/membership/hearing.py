@@ -19,6 +19,7 @@ from scenefold.peer.enrolment.card_rules import credential_of
 from scenefold.peer.membership.claims import claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.membership.throws import Throws
 from scenefold.wire import Packet, PingBroadcast, Status, decode_packet
 from scenefold.world import QuietLog, World
 from scenefold.world.buckets import Buckets
@@ -64,6 +65,7 @@ class Hearing:
         self._quiet_claims = QuietLog(_log, logging.INFO)
         self._claimed_since: dict[NodeId, float] = {}
         self._verifications = Buckets(STATUSES_BURST, STATUSES_PER_S)
+        self._throws = Throws()
         self._early: dict[NodeId, Early] = {}
         """The newest status of each peer that names a log position above ours."""
         self.is_contested = False
@@ -96,7 +98,7 @@ class Hearing:
 
     def hear(self, packet: PingBroadcast, sender: NodeId) -> None:
         """Take what rises of a broadcast, or of an answer like one."""
-        heard = []
+        heard, now = [], self._world.clock.now()
         for status in packet.statuses:
             if status.node == sender:
                 # It has sealed the datagram, so this is news even of one that we do not know as a member.
@@ -107,8 +109,9 @@ class Hearing:
                 self._hear_of_myself(status, sender)
             if self._judge(status, sender):
                 heard.append(status.node)
-        if packet.request_id == 0 and heard:
-            # Answers to RequestState are no throw of the dice, so they say nothing about who stayed silent.
+        # Answers to RequestState are no throw of the dice, so they say nothing about who stayed silent. Nor does who is
+        # no member, or speaks more often than the dice let it.
+        if packet.request_id == 0 and heard and self._roster.is_peer(sender) and self._throws.take(sender, self._roster.count, now):
             self._roster.count_broadcast(heard)
 
     def _has_time_for(self, status: Status, sender: NodeId) -> bool:
@@ -161,6 +164,7 @@ class Hearing:
 
     def log_grew(self) -> None:
         """The roster has taken a newer log: what was early may be judged now."""
+        self._throws.keep(self._roster.is_peer)
         due = [heard for heard in self._early.values() if not is_early(heard.status, self._roster.position)]
         self._early = {node: heard for node, heard in self._early.items() if is_early(heard.status, self._roster.position)}
         for heard in due:
