@@ -125,9 +125,9 @@ assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 PENDING_HANDSHAKES_MAX = 64
 """Connections that have not shown a certificate yet; the oldest of the source that would have most makes room."""
 KNOCKS_BURST = 1_024
-"""Connections that one address may open at a port at once, good or not: a thousand clients behind it that come back together."""
-KNOCKS_PER_S = 512.0
-"""And this many more each second; one that says nothing costs a quarter of a millisecond, which makes an eighth of a core."""
+"""Connections that one address may open at a port at once and that lead to nothing, or have not yet: a thousand clients behind it come back together."""
+KNOCKS_PER_S = 128.0
+"""And this many more each second; one that says nothing costs a quarter of a millisecond, which makes a thirtieth of a core."""
 HANDSHAKES_BURST = 128
 """TLS handshakes of one address that may fail at once: those that end well are given back, and the nodes of one machine start together."""
 HANDSHAKES_PER_S = 16.0

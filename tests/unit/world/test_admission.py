@@ -10,12 +10,13 @@ from scenefold.base.limits import (
     HANDSHAKES_BURST,
     HANDSHAKES_PER_S,
     KNOCKS_BURST,
+    KNOCKS_PER_S,
     NEWCOMERS_BURST,
     NEWCOMERS_PER_S,
     PEER_HANDSHAKES_BURST,
     PEER_HANDSHAKES_PER_S,
 )
-from scenefold.world.real.admission import HELLO_BYTES, Admission, begins_tls
+from scenefold.world.real.admission import HELLO_BYTES, PAUSE_S_MAX, Admission, Pauses, begins_tls
 
 OFFICE, ELSEWHERE = "10.0.0.1", "10.0.0.2"
 
@@ -61,6 +62,30 @@ def test_a_crowd_of_connections_is_cut() -> None:
     admission = Admission()
     assert sum(admission.may_knock(OFFICE, 0.0) for _ in range(10 * KNOCKS_BURST)) == KNOCKS_BURST
     assert admission.may_knock(ELSEWHERE, 0.0)
+
+
+def test_a_crowd_that_comes_in_well_is_not_cut() -> None:
+    admission = Admission()
+    for number in range(10 * KNOCKS_BURST):
+        assert admission.may_knock(OFFICE, 0.0)
+        assert came_in(admission, f"user:{number % 500}", 1, 0.0) == 1
+    assert sum(admission.may_knock(OFFICE, 0.0) for _ in range(2 * KNOCKS_BURST)) == KNOCKS_BURST
+    assert sum(admission.may_knock(OFFICE, 1.0) for _ in range(2 * KNOCKS_BURST)) == KNOCKS_PER_S
+
+
+def test_while_nearly_all_is_refused_the_queue_is_looked_at_less_and_less_often_but_never_for_long() -> None:
+    pauses = Pauses()
+    assert pauses.next_s() == 0.0
+    found = []
+    for _ in range(10):
+        for _ in range(9):
+            pauses.refused()
+        pauses.let_in()
+        found.append(pauses.next_s())
+    assert found == sorted(found) and 0 < found[0] < found[-1] == PAUSE_S_MAX
+    pauses.refused()
+    pauses.let_in()
+    assert pauses.next_s() == 0.0
 
 
 @pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3])

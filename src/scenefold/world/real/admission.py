@@ -1,8 +1,8 @@
 """How often a source may knock and shake hands at one port (specs/03-wire.md, Limits). Pure.
 
 A connection that says nothing is cheap, so many may come; a handshake costs a millisecond and more of the thread that does all
-else. One that ends well is given back to its source: only those that fail count against an address, behind which many honest
-ones may be. And a peer that comes in again and again gets back only so many.
+else. Both are given back to their source if the handshake ends well: only those that lead to nothing count against an address,
+behind which many honest ones may be. And a peer that comes in again and again gets back only so many.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from scenefold.base.limits import (
 from scenefold.world.buckets import Buckets
 
 HELLO_BYTES = 6
+PAUSE_S_MIN, PAUSE_S_MAX = 0.005, 0.1
+REFUSED_PER_WELCOME = 8
 _HANDSHAKE, _MAJOR, _CLIENT_HELLO = 22, 3, 1
 
 
@@ -44,6 +46,7 @@ class Admission:
         """The handshake has shown who it is."""
         if self._peers.take(peer, now):
             self._handshakes.give_back(source, now)
+            self._knocks.give_back(source, now)
 
     def may_ask(self, source: str, now: float) -> bool:
         """Whether a newcomer may stay, after its handshake."""
@@ -52,6 +55,27 @@ class Admission:
     def was_expected(self, source: str, now: float) -> None:
         """A newcomer has shown an open invitation."""
         self._newcomers.give_back(source, now)
+
+
+class Pauses:
+    """How long a listener leaves what comes in the system's queue, once it has taken all that was there."""
+
+    def __init__(self) -> None:
+        self._pause_s = 0.0
+        self._refused = self._let_in = 0
+
+    def refused(self) -> None:
+        self._refused += 1
+
+    def let_in(self) -> None:
+        self._let_in += 1
+
+    def next_s(self) -> float:
+        """The queue is empty: twice the pause before if nearly all was refused since then, else none."""
+        is_pointless = self._refused > REFUSED_PER_WELCOME * self._let_in
+        self._pause_s = min(PAUSE_S_MAX, max(PAUSE_S_MIN, 2 * self._pause_s)) if is_pointless else 0.0
+        self._refused = self._let_in = 0
+        return self._pause_s
 
 
 def begins_tls(first: bytes) -> bool:

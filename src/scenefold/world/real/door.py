@@ -43,11 +43,8 @@ class Door:
         self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
         self._open = 0
 
-    def may_knock(self, stream: trio.SocketStream) -> bool:
-        """Whether a connection that has just come is received at all; cheap."""
-        source = _source_of(stream)
-        if not source:
-            return False
+    def may_knock(self, source: str) -> bool:
+        """Whether a connection that has just come from an address is received at all; cheap."""
         if self._admission.may_knock(source, time.monotonic()):
             return True
         self._say(source, "knocks", "connections are closed: too many come, or their TLS handshakes fail, or are of one peer")
@@ -129,24 +126,6 @@ class Door:
 
     def _say(self, source: str, kind: str, text: str) -> None:
         self._quiet.say(time.monotonic(), source, kind, text)
-
-
-class GuardedListener(trio.abc.Listener[trio.SocketStream]):
-    """Connections that may knock; the others are closed without a task of their own."""
-
-    def __init__(self, listener: trio.SocketListener, door: Door) -> None:
-        self._listener = listener
-        self._door = door
-
-    async def accept(self) -> trio.SocketStream:
-        while True:
-            stream = await self._listener.accept()
-            if self._door.may_knock(stream):
-                return stream
-            stream.socket.close()
-
-    async def aclose(self) -> None:
-        await self._listener.aclose()
 
 
 def _source_of(stream: trio.SocketStream) -> str:

@@ -19,7 +19,8 @@ from scenefold.world.real.binding import bind_fault
 from scenefold.world.real.broadcasts import hear_broadcasts, open_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams, open_datagrams
 from scenefold.world.real.dialling import dial
-from scenefold.world.real.door import Door, GuardedListener
+from scenefold.world.real.door import Door
+from scenefold.world.real.listening import GuardedListener
 from scenefold.world.real.newcomers import approach
 from scenefold.world.real.tls import TlsConnection, shake_hands
 from scenefold.world.versions import NEWCOMER, TAKEN, NoCommonVersion, Versions
@@ -65,7 +66,7 @@ class RealNetwork:
         context = server_context(self._identity, self._authority_cert, newcomers=newcomers is not None)
         context.set_alpn_protocols([*self._versions.names, *([NEWCOMER] if newcomers is not None else [])])
         door = Door(context, serve, newcomers, self._versions, self._handshake_s_max)
-        guarded = [GuardedListener(listener, door) for listener in listeners]
+        guarded = [GuardedListener(listener, door.may_knock) for listener in listeners]
         self._contexts.append(context)
         try:
             async with trio.open_nursery() as nursery:
