@@ -2,6 +2,9 @@
 
 What a log adds up to must not depend on how far a space was away meanwhile: 0.3 + 1e15 - 1e15 is 0.3, and not 0.25.
 Fractions would do, but reducing one takes a greatest common divisor each time; here a shift does it.
+
+Every scale adds its own bits, so a number has an end (BITS_MAX), or a log would fold the slower the longer it is. It lies
+far beyond what sums of float64 need, which are exact for ever.
 """
 
 from __future__ import annotations
@@ -9,9 +12,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+BITS_MAX = 8_192
+"""Of a numerator. Sums of float64 take 2,098, and one more each time that their number doubles."""
+
 
 class Dyadic(NamedTuple):
-    """numerator · 2^exponent; the numerator is odd, or 0 with exponent 0."""
+    """numerator · 2^exponent; the numerator is odd and has at most BITS_MAX bits, or is 0 with exponent 0."""
 
     numerator: int
     exponent: int
@@ -43,5 +49,15 @@ class Dyadic(NamedTuple):
 def _reduced(numerator: int, exponent: int) -> Dyadic:
     if not numerator:
         return Dyadic(0, 0)
+    surplus = numerator.bit_length() - BITS_MAX
+    if surplus > 0:
+        numerator, exponent = _halved(numerator, surplus), exponent + surplus
     zeros = (numerator & -numerator).bit_length() - 1
     return Dyadic(numerator >> zeros, exponent + zeros)
+
+
+def _halved(numerator: int, times: int) -> int:
+    """The nearest whole number to numerator / 2^times, ties to even."""
+    below, rest = numerator >> times, numerator & ((1 << times) - 1)
+    half = 1 << times - 1
+    return below + (rest > half or (rest == half and below & 1))
