@@ -128,12 +128,15 @@ KNOCKS_BURST = 1_024
 """Connections that one address may open at a port at once and that lead to nothing, or have not yet: a thousand clients behind it come back together."""
 KNOCKS_PER_S = 128.0
 """And this many more each second; one that says nothing costs a quarter of a millisecond, which makes a thirtieth of a core."""
-HANDSHAKES_BURST = 128
-"""TLS handshakes of one address that may fail at once: those that end well are given back, and the nodes of one machine start together."""
+HANDSHAKES_BURST = 64
+"""TLS handshakes of one address that may fail at once: as many as are under way when the nodes of one machine start together; those that
+end well are given back."""
+HANDSHAKE_GAP_S = 0.005
+"""Between the beginnings of two handshakes at a port: each holds up all else for a millisecond or two, and many at once would in a row."""
 HANDSHAKES_PER_S = 16.0
 """And this many more each second: each costs some two milliseconds."""
-PEER_HANDSHAKES_BURST = 64
-"""Handshakes that end well and are given back to the address, of one peer at once: as many connections as it may have."""
+PEER_HANDSHAKES_BURST = 32
+"""Handshakes that end well and are given back to the address, of one peer at once: with those that count against it, more than it may have connections."""
 PEER_HANDSHAKES_PER_S = 8.0
 """And this many more each second: a program that is started again and again has one connection each time."""
 HANDSHAKE_S_MAX = 10.0
