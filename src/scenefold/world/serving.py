@@ -22,8 +22,9 @@ from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, Unsuppor
 from scenefold.world.guests import BYTE_S, REQUEST_S, Budget, Guests, Share
 from scenefold.world.metering import FORGED_S, charge
 from scenefold.world.outbox import Outbox
-from scenefold.world.ports import Connection, ConnectionLost, DiskFailed
+from scenefold.world.ports import Connection, ConnectionLost
 from scenefold.world.quiet import QuietLog
+from scenefold.world.surviving import BUG, ends_the_node, say_bug
 
 Handler = Callable[[Packet, str], Awaitable[Packet | None]]
 """`handler(packet, peer name)` returns the answer, or None for none. What it raises becomes a Fault, but for DiskFailed."""
@@ -37,8 +38,6 @@ MALFORMED_MAX = 8
 """Malformed packets on one connection before it is closed."""
 DRAIN_S_MAX = 1.0
 FAULT_TEXT_CHARACTERS_MAX = 400
-BUG = LocalFault("the node failed over this request", remedy="its log says more")
-"""What a peer hears of a bug: what an exception says may be nobody else's business."""
 
 _log = logging.getLogger("scenefold.world.serving")
 
@@ -186,9 +185,9 @@ class _Serving:
                 self._complain(type(error).__name__, str(error))
             return _fault(number, _reason(error), error) if number else None
         except Exception as error:  # whatever it is: the one who sent this is no reason to be away for all others
-            if _ends_the_node(error):
+            if ends_the_node(error):
                 raise
-            self._say_bug(error)
+            say_bug(self._quiet, trio.current_time(), self._connection.peer, error)
             return _fault(number, RejectReason.NOT_READY, BUG) if number else None
         return replace(answer, request_id=number) if answer is not None and number else None
 
@@ -206,19 +205,8 @@ class _Serving:
         except ConnectionLost:
             return  # The sender has said so already, and is ending this connection.
 
-    def _say_bug(self, bug: Exception) -> None:
-        kind = type(bug).__name__
-        self._quiet.say(trio.current_time(), self._connection.peer, kind, f"an internal error, {kind}, in answering it", bug)
-
     def _complain(self, kind: str, text: str) -> None:
         self._quiet.say(trio.current_time(), self._connection.peer, kind, text)
-
-
-def _ends_the_node(error: Exception) -> bool:
-    """Whether no node may go on after this, whoever met it: what its disk still takes is not known."""
-    if isinstance(error, ExceptionGroup):
-        return any(map(_ends_the_node, error.exceptions))
-    return isinstance(error, DiskFailed)
 
 
 def _reason(error: ScenefoldError) -> RejectReason:

@@ -6,9 +6,13 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+import trio
+
 from scenefold.peer.enrolment.discovery import ANSWERS_OF_QUESTION, ANSWERS_PER_S_MAX, CHECKS_OF_SOURCE, CHECKS_PER_S_MAX, Discovery
 from scenefold.wire.enrol_entries import Withdraw
 from scenefold.world.discovery import Question, pack_question, read_question
+from scenefold.world.ports import Endpoint
 from scenefold.world.roll import Roll
 from unit.peer.members_made import NOW, invitation_key
 from unit.world.test_roll import enrol, invite
@@ -48,6 +52,33 @@ def test_only_who_has_a_token_that_counts_is_answered() -> None:
     used = OPEN.after(enrol(1, "user:ada"))
     assert Node(used).answers(question()), "its holder may not have heard the answer"
     assert not Node(used, EXPIRES + 1).answers(question())
+
+
+@pytest.mark.expect_log("an internal error, KeyError")
+async def test_a_broadcast_over_which_a_node_fails_ends_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    node, answers = Node(OPEN), list[bytes]()
+    data, why_not = pack_question(invitation_key(1), bytes(16)), node.discovery.why_not
+    arriving = [data, data]
+
+    def failing(*_: object) -> str:
+        monkeypatch.setattr(node.discovery, "why_not", why_not)
+        raise KeyError
+
+    class Speaker:
+        async def receive(self) -> tuple[bytes, Endpoint]:
+            await trio.lowlevel.checkpoint()
+            if not arriving:
+                raise EOFError
+            return arriving.pop(), Endpoint(NEAR, 1)
+
+        async def send(self, answer: bytes, _target: object) -> None:
+            await trio.lowlevel.checkpoint()
+            answers.append(answer)
+
+    monkeypatch.setattr(node.discovery, "why_not", failing)
+    with pytest.raises(EOFError):
+        await node.discovery._listen(Speaker(), Speaker())  # type: ignore[arg-type]
+    assert len(answers) == 1
 
 
 FORGED = replace(question(), signature=bytes(64))

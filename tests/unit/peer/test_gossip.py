@@ -233,6 +233,28 @@ async def test_what_does_not_verify_changes_nothing(kind: str, autojump_clock: t
         assert them.of(0).roster.unheard() == [node_at(1)]
 
 
+@pytest.mark.expect_log("an internal error, OverflowError")
+async def test_a_datagram_over_which_a_node_fails_ends_it_not(
+    autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with village(2) as them:
+        await them.start(0)
+
+        def failing(*_: object) -> None:
+            raise OverflowError
+
+        with monkeypatch.context() as patched:
+            patched.setattr(them.of(0).gossip._hearing, "hear", failing)
+            await Voice(them, node_at(1)).say(PingBroadcast((them.of(1).own.signed(),)), node_at(0))
+        with monkeypatch.context() as patched:
+            patched.setattr(them.of(0).gossip._datagrams._exchange, "take", failing)
+            them.ether.send(bytes(100), "10.1.1.1", "127.0.0.2")
+            await trio.testing.wait_all_tasks_blocked()
+        await them.start(1)
+        with trio.fail_after(100):
+            await them.of(0).gossip.everybody_heard()
+
+
 @pytest.mark.parametrize("kind", ["truncated", "noise", "empty", "for another", "from a stranger", "from myself", "under a stolen name"])
 @DROPPED
 async def test_what_does_not_open_is_no_datagram(kind: str, autojump_clock: trio.testing.MockClock) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import trio
 
+from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import Arc, Location
@@ -164,6 +165,23 @@ def test_a_part_of_the_range_is_answered_and_named() -> None:
         assert isinstance(answer, ReturnRange)
         assert (answer.first, answer.last) == (RIGHT.first, Location.from_number(RIGHT.first.number + 9))
         assert [location.number for location in answer.locations] == [RIGHT.first.number + 3]
+
+    asking(test)
+
+
+@pytest.mark.expect_log("10.0.0.3: (an internal error, OverflowError|a datagram is dropped: the disk)")
+@pytest.mark.parametrize("error", [OverflowError("a bug"), LocalFault("the disk has changed under us")])
+def test_a_question_over_which_a_node_fails_ends_it_not(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test(asker: Asker, owner: Node, _: RangeDatagrams) -> None:
+        await asker.introduce()
+        answer = owner.data.ranges.answer
+
+        async def failing(*_args: Any, **_options: Any) -> Any:
+            monkeypatch.setattr(owner.data.ranges, "answer", answer)
+            raise error
+
+        monkeypatch.setattr(owner.data.ranges, "answer", failing)
+        assert isinstance(await asker.ask(question_of(RIGHT)), ReturnRange), "it was asked again"
 
     asking(test)
 

@@ -15,6 +15,7 @@ from scenefold.crypto import SealingKey
 from scenefold.peer.datagrams.exchange import Exchange, KeyOf
 from scenefold.peer.datagrams.pairing import Drop, Taken
 from scenefold.world import Datagrams, Priority, QuietLog, World
+from scenefold.world.surviving import surviving
 
 UNMET_FEW = 64
 """Secrets with more nodes than these at once are agreed on by a worker."""
@@ -64,13 +65,17 @@ class SealedDatagrams:
         """The next packet that counts, and who sent it. Challenges are answered on the way."""
         while not self._due:
             data, source = await self._opened().receive()
-            sender, taken = self._exchange.take(data, self._world.clock.now())
-            self._complain(source.address, taken)
-            if sender is not None:
-                self._due.extend((sender, packet) for packet in taken.packets)
-                for reply in taken.replies:
-                    await self._opened().send(reply, address_of(sender))
+            with surviving(self._quiet, self._world.clock.now(), source.address):
+                await self._take(data, source.address)
         return self._due.popleft()
+
+    async def _take(self, data: bytes, source: str) -> None:
+        sender, taken = self._exchange.take(data, self._world.clock.now())
+        self._complain(source, taken)
+        if sender is not None:
+            self._due.extend((sender, packet) for packet in taken.packets)
+            for reply in taken.replies:
+                await self._opened().send(reply, address_of(sender))
 
     def _complain(self, source: str, taken: Taken) -> None:
         for why, text in taken.dropped:

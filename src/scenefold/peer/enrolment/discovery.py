@@ -18,8 +18,9 @@ from scenefold.world import Priority, QuietLog, World
 from scenefold.world.buckets import Buckets
 from scenefold.world.discovery import Question, pack_answer, read_question
 from scenefold.world.facts import ClusterFacts
-from scenefold.world.ports import Datagrams
+from scenefold.world.ports import Datagrams, Endpoint
 from scenefold.world.roll import InvitationState
+from scenefold.world.surviving import surviving
 
 ANSWERS_PER_S_MAX = 30
 CHECKS_PER_S_MAX = 100
@@ -89,12 +90,16 @@ class Discovery:
     async def _listen(self, datagrams: Datagrams, speaker: Datagrams) -> None:
         while True:
             data, source = await datagrams.receive()
-            question = read_question(data)
-            why_not = "it is no question" if question is None else self.why_not(question, source.address)
-            if question is None or why_not:
-                self._quiet.say(self._world.clock.now(), source.address, "broadcast", f"a broadcast is not answered: {why_not}")
-                continue
-            await speaker.send(pack_answer(question.nonce, self._me), source)
+            with surviving(self._quiet, self._world.clock.now(), source.address):
+                await self._hear(data, source, speaker)
+
+    async def _hear(self, data: bytes, source: Endpoint, speaker: Datagrams) -> None:
+        question = read_question(data)
+        why_not = "it is no question" if question is None else self.why_not(question, source.address)
+        if question is None or why_not:
+            self._quiet.say(self._world.clock.now(), source.address, "broadcast", f"a broadcast is not answered: {why_not}")
+            return
+        await speaker.send(pack_answer(question.nonce, self._me), source)
 
     def why_not(self, question: Question, source: str) -> str:
         """Empty if somebody holds an invitation of this cluster, and is to be answered now."""

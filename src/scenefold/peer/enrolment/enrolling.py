@@ -37,8 +37,9 @@ from scenefold.wire.enrol_packets import (
     RespondCard,
 )
 from scenefold.wire.orders import EnrolForm
-from scenefold.world import Connection, Priority, QuietLog, World
+from scenefold.world import Connection, ConnectionLost, Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
+from scenefold.world.surviving import BUG, ends_the_node, say_bug
 
 ASK_S_MAX = 10.0
 """Another node has so long to answer for us."""
@@ -97,6 +98,13 @@ class Enrolling:
             reason = RejectReason.NOT_READY if isinstance(problem, Unreachable) else reason
             self._quiet.say(self._world.clock.now(), "newcomers", reason.name, f"a newcomer is refused: {problem}")
             answer = Fault(reason=reason, text=str(problem)[:400])
+        except ConnectionLost:
+            raise
+        except Exception as bug:  # who has no certificate yet is no reason to be away for all others
+            if ends_the_node(bug):
+                raise
+            say_bug(self._quiet, self._world.clock.now(), "newcomers", bug)
+            answer = Fault(reason=RejectReason.NOT_READY, text=str(BUG))
         await connection.send(encode_frame(answer))
 
     async def _request_of(self, connection: Connection) -> RequestEnrolment:

@@ -32,9 +32,10 @@ from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import TELL_S, OwnStatus, arc_of_status, is_news
 from scenefold.peer.membership.throws import ROUND_S
 from scenefold.peer.waiters import Waiters
-from scenefold.wire import MalformedPacket, PingBroadcast, RequestPublicKey, RequestState, RespondPublicKey, Status, encode_packet
-from scenefold.world import Priority, World
+from scenefold.wire import MalformedPacket, Packet, PingBroadcast, RequestPublicKey, RequestState, RespondPublicKey, Status, encode_packet
+from scenefold.world import Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
+from scenefold.world.surviving import surviving
 
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
@@ -65,6 +66,7 @@ class Gossip:
         self._me = address_of(own.me)
         self._seeds = {seed: node_id_of(seed) for seed in seeds if seed != self._me}
         self._waiters = Waiters()
+        self._quiet = QuietLog(_log)
         self._members_changed = trio.Event()
         self._hearing = Hearing(world, own, roster, cluster_log, facts)
         self._datagrams = SealedDatagrams(
@@ -246,16 +248,20 @@ class Gossip:
             except MalformedPacket as problem:
                 self._hearing.drop(address_of(sender), "malformed", f"a datagram is dropped: {problem}")
                 continue
-            self._met_at[sender] = self._world.clock.now()
-            if isinstance(packet, PingBroadcast):
-                self._hearing.hear(packet, sender)
-            elif isinstance(packet, RequestState):
-                await self._answer(packet, sender)
-            elif isinstance(packet, RequestPublicKey):
-                await self._tell_key(packet, sender)
-            else:
-                self._hearing.drop(address_of(sender), "unexpected", f"a {type(packet).__name__} has no business here")
+            now = self._met_at[sender] = self._world.clock.now()
+            with surviving(self._quiet, now, address_of(sender)):
+                await self._hear(packet, sender)
             self._waiters.tell()
+
+    async def _hear(self, packet: Packet, sender: NodeId) -> None:
+        if isinstance(packet, PingBroadcast):
+            self._hearing.hear(packet, sender)
+        elif isinstance(packet, RequestState):
+            await self._answer(packet, sender)
+        elif isinstance(packet, RequestPublicKey):
+            await self._tell_key(packet, sender)
+        else:
+            self._hearing.drop(address_of(sender), "unexpected", f"a {type(packet).__name__} has no business here")
 
     async def _answer(self, packet: RequestState, sender: NodeId) -> None:
         now = self._world.clock.now()

@@ -24,6 +24,7 @@ from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.records.ranges import Ranges, range_rejection
 from scenefold.wire import MalformedPacket, Packet, QueryRange, decode_packet, encode_packet
 from scenefold.world import Priority, QuietLog, World
+from scenefold.world.surviving import surviving
 
 ANSWER_LOCATIONS_MAX = 64
 """More than fit a datagram, so that an answer that was cut short never fits."""
@@ -92,14 +93,18 @@ class RangeDatagrams:
     async def _answer_all(self) -> None:
         while True:
             sender, question = await self._questions.receive()
-            try:
-                answer = await self._ranges.answer(question, ANSWER_LOCATIONS_MAX, ask=False)
-            except Refused as refusal:
-                answer = range_rejection(question, refusal.reason)
-            packet = _with_id(answer, question.request_id)
-            if len(encode_packet(self._stamped(packet))) > PACKET_BYTES_MAX:
-                packet = _with_id(range_rejection(question, RejectReason.TOO_LARGE_FOR_PACKET), question.request_id)
-            await self._send(packet, sender)
+            with surviving(self._quiet, self._world.clock.now(), address_of(sender)):
+                await self._answer(question, sender)
+
+    async def _answer(self, question: QueryRange, sender: NodeId) -> None:
+        try:
+            answer = await self._ranges.answer(question, ANSWER_LOCATIONS_MAX, ask=False)
+        except Refused as refusal:
+            answer = range_rejection(question, refusal.reason)
+        packet = _with_id(answer, question.request_id)
+        if len(encode_packet(self._stamped(packet))) > PACKET_BYTES_MAX:
+            packet = _with_id(range_rejection(question, RejectReason.TOO_LARGE_FOR_PACKET), question.request_id)
+        await self._send(packet, sender)
 
     # --------------------------------------------------------------------------------------------------- speaking
 
