@@ -10,6 +10,7 @@ import os
 import sys
 from pathlib import Path
 
+from scenectl.output import note
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.crypto.passphrases import PASSPHRASE_CHARACTERS_MAX, PASSPHRASE_CHARACTERS_MIN
 
@@ -78,7 +79,11 @@ def _asked(prompt: str) -> str:
 
     try:
         return getpass.getpass(prompt, stream=sys.stderr)
-    except EOFError:
+    except (EOFError, KeyboardInterrupt) as end:
+        # The cursor still stands behind the prompt.
+        note("")
+        if isinstance(end, KeyboardInterrupt):
+            raise
         raise UsageFault("no passphrase was typed", remedy="try again; nothing was changed") from None
 
 
@@ -100,5 +105,5 @@ def _first_line(file: Path) -> str:
         raise UsageFault("the file of a passphrase holds none", where=str(file), remedy="put it on the first line")
     if not PASSPHRASE_CHARACTERS_MIN <= len(lines[0]) <= PASSPHRASE_CHARACTERS_MAX:
         what = f"a passphrase has {PASSPHRASE_CHARACTERS_MIN} to {PASSPHRASE_CHARACTERS_MAX} characters, not {len(lines[0])}"
-        raise UsageFault(what, where=str(file), remedy="put it on the first line")
+        raise UsageFault(what, where=str(file), remedy="it is the first line that counts")
     return lines[0]
