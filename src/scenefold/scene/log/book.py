@@ -222,10 +222,10 @@ class SceneLog:
 
     def _stepped(self, space: LoggedSpace, step: Step) -> SceneLog:
         moved = _resolved(space.stepped(step))
-        spaces = _with(self.spaces, space.id, moved)
+        spaces = {**self.spaces, space.id: moved}
         for shadow in [other for other in spaces.values() if other.parent == space.id]:
-            spaces = _with(spaces, shadow.id, replace(shadow, transform=moved.transform, steps=moved.steps))
-        return replace(self, spaces=spaces)
+            spaces[shadow.id] = replace(shadow, transform=moved.transform, steps=moved.steps)
+        return replace(self, spaces=MappingProxyType(spaces))
 
 
 def _joined(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:

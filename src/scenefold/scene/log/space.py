@@ -18,6 +18,7 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, Arc, Location
 from scenefold.scene.log.affine import Affine
+from scenefold.scene.log.growing import Row, grown, items_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -72,21 +73,21 @@ class LoggedSpace:
     render_output: bool = False
     created: int = 1
     """The log position of its creation."""
-    steps: tuple[Step, ...] = field(default=(), repr=False)
+    steps: Row[Step] = field(default=(), repr=False)
 
     # ------------------------------------------------------------------------------------------------ transforms
 
     def stepped(self, step: Step) -> LoggedSpace:
         """The space after one more step."""
-        return replace(self, steps=(*self.steps, step), transform=_after(self.transform, step))
+        return replace(self, steps=grown(self.steps, step), transform=_after(self.transform, step))
 
     def transform_since(self, position: int) -> Affine:
         """What happened after this log position."""
-        return self._composed([step for step in self.steps if step.position > position])
+        return self._composed([step for step in items_of(self.steps) if step.position > position])
 
     def transform_until(self, position: int) -> Affine:
         """What happened up to this log position, itself included."""
-        return self._composed([step for step in self.steps if step.position <= position])
+        return self._composed([step for step in items_of(self.steps) if step.position <= position])
 
     def _composed(self, steps: Iterable[Step]) -> Affine:
         return reduce(_after, steps, Affine.identity(self.dimensions))
