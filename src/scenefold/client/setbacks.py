@@ -26,6 +26,8 @@ class _Met:
     version: Version
     is_deleted: bool
     moment: int
+    is_missing: bool = False
+    """Nothing was there when it was looked for last."""
     setbacks: int = 0
 
 
@@ -59,7 +61,7 @@ class Setbacks:
         return 0 if met is None else met.setbacks
 
     def ends_deleted(self, key: Key) -> bool:
-        """Whether the newest that this client has met there is a deletion, or that nothing is there any more."""
+        """Whether the newest that this client has met there is a deletion. That nothing was there any more is none."""
         met = self._met.get((key[0], key[-1]))
         return met is not None and met.is_deleted
 
@@ -75,11 +77,10 @@ class Setbacks:
         met = self._met.get((key[0], key[-1]))
         is_behind = met is not None and met.moment <= asked_at and _is_behind(found, met)
         if met is not None and is_behind:
-            # From here on that is what there is, so it is told once.
+            # From here on that is what there is, so it is told once; but again if what was missing was shown meanwhile.
             met.setbacks += 1
-            if found is None:
-                met.is_deleted = True
-            else:
+            met.is_missing = found is None
+            if found is not None:
                 met.version, met.is_deleted = found.version, found.deleted
         elif found is not None:
             self._meets(key, found.version, is_deleted=found.deleted)
@@ -95,10 +96,10 @@ class Setbacks:
                 self._met.popitem(last=False)
             return
         self._met.move_to_end(name)
-        if met.version < version:
-            met.version, met.is_deleted, met.moment = version, is_deleted, self._moment
+        if met.version < version or (met.version == version and met.is_missing):
+            met.version, met.is_deleted, met.moment, met.is_missing = version, is_deleted, self._moment, False
 
 
 def _is_behind(found: Opened | None, met: _Met) -> bool:
     """Nothing at all where something deleted was is nothing lost."""
-    return not met.is_deleted if found is None else found.version < met.version
+    return not (met.is_deleted or met.is_missing) if found is None else found.version < met.version

@@ -86,6 +86,18 @@ def test_what_is_met_while_a_question_is_under_way_says_nothing_of_its_answer() 
     assert met.read([KEY], [opened(1)], met.moment()) == [KEY]
 
 
+def test_what_is_withheld_shown_and_withheld_again_is_noticed_each_time_and_is_no_deletion() -> None:
+    met = Setbacks()
+    met.wrote(KEY, version(1), is_deleted=False)
+    for times in range(1, 4):
+        assert met.read([KEY], [None], met.moment()) == [KEY]
+        assert met.read([KEY], [None], met.moment()) == [], "once each time"
+        assert met.of(KEY) == times and not met.ends_deleted(KEY)
+        asked_at = met.moment()
+        assert met.read([KEY], [opened(1)], met.moment()) == []
+        assert met.read([KEY], [None], asked_at) == [], "it may have been answered before the other one"
+
+
 def test_an_object_is_one_wherever_it_lies() -> None:
     met = Setbacks()
     met.wrote((SpaceId(9), HERE, b"object"), version(2), is_deleted=False)
@@ -96,16 +108,21 @@ def test_an_object_is_one_wherever_it_lies() -> None:
 def test_one_reader_notices_exactly_what_is_behind_the_answer_before(answers: list[tuple[int, int | None, bool]]) -> None:
     met = Setbacks()
     last: dict[int, tuple[int, bool]] = {}
-    for place, number, is_deleted in answers:
+    missing = set[int]()
+    for place, number, shown_deleted in answers:
         key: Key = FILES, PLACES[place]
-        found = None if number is None else opened(number, GONE if is_deleted else b"x")
         before = last.get(place)
-        is_behind = before is not None and (not before[1] if number is None else number < before[0])
+        # A version is one record.
+        is_deleted = before[1] if before is not None and number == before[0] else shown_deleted
+        found = None if number is None else opened(number, GONE if is_deleted else b"x")
+        is_behind = before is not None and (not before[1] and place not in missing if number is None else number < before[0])
         assert bool(met.read([key], [found], met.moment())) == is_behind
         if number is not None:
-            last[place] = number, is_deleted if before is None or number != before[0] else before[1]
-        elif before is not None:
-            last[place] = before[0], True
+            last[place] = number, is_deleted
+            missing.discard(place)
+        elif before is not None and not before[1]:
+            missing.add(place)
+        assert met.ends_deleted(key) == (place in last and last[place][1])
 
 
 def test_only_so_many_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
