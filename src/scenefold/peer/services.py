@@ -31,7 +31,7 @@ from scenefold.peer.enrolment.enrolment import Enrolment
 from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
 from scenefold.peer.enrolment.renewal import Renewal
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.line import Line
+from scenefold.peer.line import Claims, Line
 from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.members import Members
 from scenefold.peer.membership.probing import Probing
@@ -94,7 +94,10 @@ class PeerServices:
         cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
         lease = OwnerLease(world, store, cluster_log, own)
         scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts))
-        line = Line(world, store, peers, cluster_log, own, lease, scenes, routing, transfer_bytes_per_s=settings.transfer_bytes_per_s)
+        claims = Claims(world.clock, cluster_log, roster, me)
+        line = Line(
+            world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
+        )
         data = DataService(world, store, peers, scenes, line, lease, routing, me)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
@@ -117,6 +120,7 @@ class PeerServices:
         seeds = settings.seeds or facts.seeds
         gossip = Gossip(world, own, roster, cluster_log, facts, seeds)
         gossip.key_answer = public_keys.answer
+        claims.ask = gossip.probe
         probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
         cluster_log.veto = probing.veto
         handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))

@@ -1,7 +1,8 @@
 """The node's place on the line: its arc, handovers to neighbours, adoption of gaps, strays (specs/12-line.md)."""
 
+from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Handover, Step
 from scenefold.peer.line.line import Line, Remaining
 
-__all__ = ["Handover", "Line", "Remaining", "Side", "Step"]
+__all__ = ["Claims", "Handover", "Line", "Remaining", "Side", "Step"]

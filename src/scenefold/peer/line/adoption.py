@@ -10,6 +10,7 @@ from scenefold.base.location import FIRST, Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import Bound, bound_for
@@ -76,12 +77,18 @@ class Adoption:
             if gap is None:
                 continue
             self.gap = gap
+            # Whoever was asked may have said too little: then it would be another's.
+            await parts.claims.look(gap, holding.arc)
             parts.require_lease()
             if parts.cluster_log.registry.position != registry.position:
                 raise Unsettled("the log has changed meanwhile")
             revision = holding.revision
-            adopted = gap
-            holding = await parts.keeper.change(lambda now, gap=adopted, revision=revision: now.adopt(gap, revision=revision))  # type: ignore[misc]
+
+            def adopt(now: Holding, gap: Arc = gap, revision: int = revision) -> Holding:
+                parts.claims.require_free(gap, now.arc)
+                return now.adopt(gap, revision=revision)
+
+            holding = await parts.keeper.change(adopt)
             parts.events["adopted"] += 1
             _log.warning("the arc %s..%s had no owner any more: it is this node's now", gap.first.hex()[:8], gap.last.hex()[:8])
         self.gap = None

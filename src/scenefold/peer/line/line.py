@@ -16,6 +16,7 @@ from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Lease, Owners
 from scenefold.peer.line.adoption import Adoption
 from scenefold.peer.line.budget import Budget
+from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import Giving
@@ -60,6 +61,7 @@ class Line:
         lease: Lease,
         scenes: KnownScenes,
         routing: Owners,
+        claims: Claims,
         *,
         transfer_bytes_per_s: float = TRANSFER_BYTES_PER_S,
     ) -> None:
@@ -72,6 +74,7 @@ class Line:
             lease,
             scenes,
             routing,
+            claims,
             Keeper(store, cluster_log, own),
             Gate(),
             Settling(world.clock),

@@ -16,6 +16,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.holdings import Lease, Owners
 from scenefold.peer.line.budget import Budget
+from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
 from scenefold.peer.line.settling import Settling
@@ -44,6 +45,7 @@ class Parts:
     lease: Lease
     scenes: KnownScenes
     owners: Owners
+    claims: Claims
     keeper: Keeper
     gate: Gate
     settling: Settling

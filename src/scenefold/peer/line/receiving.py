@@ -107,11 +107,13 @@ class Receiving:
         if parts.cluster_log.registry.position < packet.log_position:
             raise Refused(RejectReason.NOT_READY, "this node does not know the cluster's log that far yet")
         await self._check_room(packet.bytes)
-        piece = Arc(packet.first, packet.last)
+        piece, claims = Arc(packet.first, packet.last), parts.claims
+        await claims.look(piece, parts.keeper.holding.arc, giver=packet.giver.node)
 
         def note(holding: Holding) -> Holding:
             # Looked up inside, since the log may have gone on while we waited for our turn.
             side = side_of_giver(parts.cluster_log.registry, parts.own.member, packet.giver, packet.receiver)
+            claims.require_free(piece, holding.arc, giver=packet.giver.node)
             return holding.note(packet.handover, side, packet.giver, piece)
 
         await parts.keeper.change(note)
@@ -164,6 +166,8 @@ class Receiving:
         if handover.step is Step.NOTED:
             # What settles begins to settle before anybody can be told that it is here, and once more when it is.
             self._parts.settling.note(piece)
+            # Copying takes its time, and who gave it to another meanwhile may not say so.
+            await self._parts.claims.look(piece, self._parts.keeper.holding.arc, giver=handover.peer.node)
         await self._parts.keeper.change(lambda holding: holding.claim(packet.handover, piece))
         self._touch(packet.handover)
         if handover.step is Step.NOTED:

@@ -21,6 +21,7 @@ from types import MappingProxyType
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.cluster_log.member_list import MemberList
+from scenefold.peer.membership.former import FormerArcs
 from scenefold.peer.membership.known_peer import KnownPeer
 from scenefold.peer.membership.silence import Silence
 from scenefold.wire import MiniStatus, Status
@@ -42,6 +43,7 @@ class Roster:
         self._ring: list[NodeId] = []
         self._cursor = 0
         self._arcs: dict[NodeId, Arc | None] = {}
+        self._former = FormerArcs()
         self.arcs_version = 0
         """Rises whenever `arcs` or the members change."""
         self.tell_position: Callable[[NodeId, int], None] = _tell_nobody
@@ -67,12 +69,12 @@ class Roster:
                 self._unheard.pop(node, None)
                 if incarnation is not None:
                     self._unheard[node] = None
-                self._arcs.pop(node, None)
+                self._former.add(self._arcs.pop(node, None), now)
         for node in [node for node in self._peers if node not in peers]:
             self._silence.end(node)
             self._refused.pop(node, None)
             self._unheard.pop(node, None)
-            self._arcs.pop(node, None)
+            self._former.add(self._arcs.pop(node, None), now)
         self._peers = peers
         self.vacant_count = sum(peer.incarnation is None for peer in peers.values())
         self._ring = [node for node in self._ring if node in peers and peers[node].status is not None]
@@ -249,6 +251,10 @@ class Roster:
     def arcs(self) -> Mapping[NodeId, Arc | None]:
         """What each peer that was heard claims, the end of it be it in passing; None: it owns nothing. A live view."""
         return MappingProxyType(self._arcs)
+
+    def former_arcs(self, now: float) -> Sequence[Arc]:
+        """What those claimed whom the log has removed, until their leases are over."""
+        return self._former.at(now)
 
     def said_at(self, member: NodeId) -> float:
         """Local time of the newest word of a peer on its arc; -inf if it has not said anything."""

@@ -20,7 +20,7 @@ from scenefold.crypto import Record
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.enrolment import registration
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.line import Line
+from scenefold.peer.line import Claims, Line
 from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.records.verification import KnownScene
@@ -137,6 +137,20 @@ class Owners:
         return [self.owner_of(location)]
 
 
+class News:
+    """What the other nodes said of their arcs: what is on their disks."""
+
+    def __init__(self, street: Street) -> None:
+        self._street = street
+        self.former: list[Arc] = []
+
+    def arcs(self) -> dict[NodeId, Arc | None]:
+        return {house.node: holding.arc for house in self._street.houses if (holding := house.durable()) is not None}
+
+    def former_arcs(self, now: float) -> list[Arc]:
+        return self.former
+
+
 class House:
     """One machine, life after life. `line` is that of the current life."""
 
@@ -204,7 +218,8 @@ class House:
             self.lives += 1
             asker: Any = Asker(links, own)
             any_log: Any = KnownLog(log, world.clock)
-            line = Line(world, store, asker, any_log, own, Lease(self), Scenes(), Owners(self.street))
+            claims = Claims(world.clock, any_log, self.street.news, self.node)
+            line = Line(world, store, asker, any_log, own, Lease(self), Scenes(), Owners(self.street), claims)
             handlers = Handlers(lambda: log.registry, own.mini, lambda _mini: None)
             line.register(handlers)
             await line.load()
@@ -225,6 +240,7 @@ class Street:
     def __init__(self, founders: int, *, newcomers: int = 0, join_before: int = 0, seed: int = 1) -> None:
         self.net = SimNet(seed)
         self.log = Log(founders)
+        self.news = News(self)
         self.join_before = join_before
         self.reserve_bytes = 1024 * 1024
         self.houses = [House(self, number) for number in range(founders + newcomers)]
