@@ -34,8 +34,9 @@ CHALLENGE_S_MIN = 0.1
 """Between two challenges to one peer: half of what one answers."""
 ANSWER_S_MIN = 0.05
 """Between two answers to one peer: apart for challenges under the salt that counts, which nobody can repeat, and under each other one."""
-UNPROVEN_SALTS_MAX = 16
-"""Other salts whose challenges are remembered: old ones, played again, are answered once, and never instead of those of a new boot."""
+UNPROVEN_SALTS_MAX = 1024
+"""Other salts whose challenges are remembered: old ones, played again, are answered once, and never instead of those of a new boot. Whoever
+has recorded more boots than these gets one answer every ANSWER_S_MIN, for all that are not remembered together."""
 DEAD_SALTS_MAX = 4
 """Salts of earlier boots that are dropped without another look; older ones cost opening, and a challenge now and then."""
 
@@ -99,6 +100,7 @@ class Pairing:
         "_held",
         "_incoming",
         "_key",
+        "_new_salt_at",
         "_outgoing",
         "_token",
         "_unproven",
@@ -126,6 +128,7 @@ class Pairing:
         self._challenged_at = -math.inf
         self._answered_at = -math.inf
         self._unproven: OrderedDict[bytes, Unproven] = OrderedDict()
+        self._new_salt_at = -math.inf
         self._answered = (b"", -math.inf)
         self._first_answered: bytes | None = None if first_counter else b""
         """The one challenge that was answered under our salt; None: several, or an earlier pairing may have answered others."""
@@ -210,10 +213,16 @@ class Pairing:
 
     def _answer_unproven(self, head: DatagramHead, challenge: bytes, taken: Taken, now: float) -> None:
         """Anybody may have recorded it: so it is answered once, and takes no answer from a challenge under another salt."""
-        before = self._unproven.setdefault(head.salt, Unproven())
+        before = self._unproven.get(head.salt)
+        if before is None:
+            if len(self._unproven) >= UNPROVEN_SALTS_MAX:
+                if now - self._new_salt_at < ANSWER_S_MIN:
+                    taken.drop(Drop.CROWDED, "challenges come too often, under more salts than are remembered")
+                    return
+                self._unproven.popitem(last=False)
+            self._new_salt_at = now
+            before = self._unproven[head.salt] = Unproven()
         self._unproven.move_to_end(head.salt)
-        if len(self._unproven) > UNPROVEN_SALTS_MAX:
-            self._unproven.popitem(last=False)
         if head.counter <= before.counter:
             taken.drop(Drop.REPEATED, "it was answered before, or a later one was")
             return

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import DATAGRAM_BYTES_MAX, NODES_MAX
 from scenefold.crypto import SealingKey, SealingPublicKey, head_of
-from scenefold.peer.datagrams import PACKET_BYTES_MAX, Drop, Exchange, Taken
+from scenefold.peer.datagrams import PACKET_BYTES_MAX, Drop, Exchange, Taken, pairing
 from scenefold.peer.datagrams import exchange as exchanges
 from scenefold.peer.datagrams.pairing import ANSWER_S_MIN, CHALLENGE_S_MIN, HELD_MAX, HOLD_S
 
@@ -185,6 +185,25 @@ def test_a_challenge_that_was_recorded_is_answered_once() -> None:
         again = take(ada, data, 20.0 + number)
         assert not again.replies and kinds(again) == [Drop.REPEATED]
     reply(take(ada, tape[4], 30.0))
+
+
+@pytest.mark.parametrize("lives", [1, 16, 17, 60])
+def test_challenges_recorded_under_many_boots_are_answered_once_each(lives: int) -> None:
+    bob = boot(BOB)
+    tape = [data for life in range(lives) for data in recorded_challenges(boot(ADA, life), boot(BOB), ADA, 1)]
+    answered = sum(len(take(bob, tape[number % lives], 100 + number * 0.001).replies) for number in range(1000))
+    assert answered == lives
+
+
+def test_under_more_boots_than_are_remembered_they_are_answered_only_so_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    most, lives, seconds = 8, 20, 2
+    monkeypatch.setattr(pairing, "UNPROVEN_SALTS_MAX", most)
+    bob = boot(BOB)
+    tape = [data for life in range(lives) for data in recorded_challenges(boot(ADA, life), boot(BOB), ADA, 1)]
+    answered = sum(len(take(bob, tape[number % lives], 100 + number * 0.001).replies) for number in range(seconds * 1000))
+    assert most < answered <= most + seconds / ANSWER_S_MIN
+    take(bob, recorded_challenges(boot(ADA, 99), boot(BOB), ADA, 1)[0], 200.0)
+    assert len(bob._pairings[ADA][1]._unproven) == most  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("lives", [1, 7, 40])
