@@ -19,8 +19,8 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import Location, even_right_bounds
 from scenefold.peer.datagrams import PACKET_BYTES_MAX
-from scenefold.peer.membership.gossip import PROBE_PAUSES_S
 from scenefold.peer.membership.odds import broadcasts_missed_max
+from scenefold.peer.membership.proofs import PROBE_PAUSES_S
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.suspicion import Cause, Suspicion
 from scenefold.wire import Member, MiniStatus, PingBroadcast, RequestState, Status, encode_packet

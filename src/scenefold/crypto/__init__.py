@@ -15,6 +15,7 @@ from scenefold.crypto.datagrams import (
 from scenefold.crypto.former_keys import open_former, seal_former
 from scenefold.crypto.invitations import ENROL_DOMAIN, ORDER_DOMAIN, InvitedKind, Token, authority_der, authority_pem, mark_of, pem_of
 from scenefold.crypto.keys import (
+    ALIVE_DOMAIN,
     DECISION_DOMAIN,
     HEADER_DOMAIN,
     LEASE_DOMAIN,
@@ -65,6 +66,7 @@ from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES
 from scenefold.crypto.tls import client_context, newcomer_context, peer_certificate, peer_key, peer_name, renew, server_context
 
 __all__ = [
+    "ALIVE_DOMAIN",
     "AUTHORITY_PURPOSE",
     "CARD_BYTES_MAX",
     "DECISION_DOMAIN",

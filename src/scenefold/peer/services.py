@@ -119,7 +119,7 @@ class PeerServices:
         public_keys = PublicKeys(facts, registry, scenes)
         seeds = settings.seeds or facts.seeds
         gossip = Gossip(world, own, roster, cluster_log, facts, seeds)
-        gossip.key_answer = public_keys.answer
+        gossip.answering.key_answer = public_keys.answer
         claims.ask = gossip.probe
         probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
         cluster_log.veto = probing.veto

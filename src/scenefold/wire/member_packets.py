@@ -1,28 +1,31 @@
-"""Packets 71, 72 and 74 to 76: is that node there, is it to leave, how does it do (specs/11-peers.md, specs/13-balance.md)."""
+"""Packets 71, 72, 74 to 76, 85 and 86: does that node live, is it to leave, how does it do (specs/11-peers.md, specs/13-balance.md)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scenefold.wire.common import BOOL, DOCUMENT, U32, Carrier, NodeId, Packet, row
+from scenefold.wire.common import BOOL, DOCUMENT, SIGNATURE, Carrier, Packet, row
+from scenefold.wire.kinds import Bin
+from scenefold.wire.scene_log_packets import MEMBER, Member
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeFor(Packet):
-    """I hear nothing of `target`: ask it for me."""
+    """I hear nothing of `target`: have it sign `nonce`, which I drew just now, for me."""
 
     TYPE: ClassVar[int] = 71
-    target: NodeId
+    target: Member
+    nonce: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeResult(Packet):
-    """`heard`: it answered just now."""
+    """`proof`: what it signed just now; empty if it did not."""
 
     TYPE: ClassVar[int] = 72
-    target: NodeId
-    heard: bool
+    target: Member
+    proof: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +53,33 @@ class RequestReport(Packet):
     TYPE: ClassVar[int] = 76
 
 
+@dataclass(frozen=True, slots=True)
+class RequestProof(Packet):
+    """Prove that you live, as this member: somebody asks me."""
+
+    TYPE: ClassVar[int] = 85
+    member: Member
+    nonce: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnProof(Packet):
+    """`proof`: signature of the asked node, under the domain scenefold/alive."""
+
+    TYPE: ClassVar[int] = 86
+    nonce: bytes
+    proof: bytes
+
+
+NONCE = Bin(lengths=(16,))
+PROOF_OR_NONE = Bin(lengths=(0, 64, 384))
+
 ROWS = (
-    row(ProbeFor, Carrier.TCP_HIGH, ("target", U32)),
-    row(ProbeResult, Carrier.TCP_HIGH, ("target", U32), ("heard", BOOL)),
+    row(ProbeFor, Carrier.TCP_HIGH, ("target", MEMBER), ("nonce", NONCE)),
+    row(ProbeResult, Carrier.TCP_HIGH, ("target", MEMBER), ("proof", PROOF_OR_NONE)),
     row(DrainNode, Carrier.TCP_HIGH, ("check_only", BOOL), ("cancel", BOOL)),
     row(NodeReport, Carrier.TCP_HIGH, ("document", DOCUMENT)),
     row(RequestReport, Carrier.TCP_HIGH),
+    row(RequestProof, Carrier.UDP_HIGH, ("member", MEMBER), ("nonce", NONCE)),
+    row(ReturnProof, Carrier.UDP_HIGH, ("nonce", NONCE), ("proof", SIGNATURE)),
 )

@@ -70,4 +70,4 @@ STRUCTS = (
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 85))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 87))

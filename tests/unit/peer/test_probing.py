@@ -11,7 +11,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.peer.membership import probing
 from scenefold.peer.membership.probing import HELPERS, Verdict
 from scenefold.peer.membership.suspicion import State
-from scenefold.wire import Member, ProbeFor, ProbeResult, RemoveNode
+from scenefold.wire import Member, ProbeFor, RemoveNode
 from unit.peer.village import Village, incarnation_of, node_at, until, village
 
 REMOVE_AFTER_S = 120.0
@@ -111,32 +111,6 @@ async def test_in_a_small_cluster_everybody_is_asked_in_the_end(autojump_clock: 
         them.of(0).log.lapsed_nodes = [node_at(7)]
         await trio.sleep(3 * REMOVE_AFTER_S)
         assert removals(them) == []
-
-
-async def test_who_is_asked_probes_and_answers(autojump_clock: trio.testing.MockClock) -> None:
-    async with village(3) as them:
-        await start_all(them, 3)
-        handler = them.of(0).handlers[ProbeFor]
-        assert await handler(ProbeFor(target=node_at(1)), "node:3") == ProbeResult(target=node_at(1), heard=True)
-        assert await handler(ProbeFor(target=node_at(0)), "node:3") == ProbeResult(target=node_at(0), heard=True)
-        them.crash(1)
-        assert await handler(ProbeFor(target=node_at(1)), "node:3") == ProbeResult(target=node_at(1), heard=False)
-
-
-async def test_many_that_ask_for_one_node_share_a_probe(autojump_clock: trio.testing.MockClock) -> None:
-    async with village(2) as them:
-        await start_all(them, 2)
-        before = len(them.ether.sent)
-        answers: list[ProbeResult] = []
-
-        async def ask() -> None:
-            answers.append(await them.of(0).handlers[ProbeFor](ProbeFor(target=node_at(1)), "node:3"))
-
-        async with trio.open_nursery() as nursery:
-            for _ in range(50):
-                nursery.start_soon(ask)
-        assert len(answers) == 50 and all(answer.heard for answer in answers)
-        assert len(them.ether.sent) - before <= 4
 
 
 # ------------------------------------------------------------------------------------------------------- who is removed

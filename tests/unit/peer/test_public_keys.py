@@ -10,7 +10,7 @@ import trio
 
 from scenefold.base.ids import KeyId
 from scenefold.crypto import ED25519, RSA3072, PublicKey
-from scenefold.peer.membership.gossip import ANSWER_S_MIN
+from scenefold.peer.membership.answering import ANSWER_S_MIN
 from scenefold.peer.public_keys import PublicKeys
 from scenefold.peer.records.verification import KnownScene
 from scenefold.wire import KeyEntry, Packet, RequestPublicKey, RespondPublicKey, WriterEntry, encode_packet
@@ -72,7 +72,7 @@ async def test_nodes_are_answered_by_datagram_and_only_so_often(autojump_clock: 
             await them.start(index)
         await trio.sleep(3)
         asker, knower = them.of(0).gossip, them.of(1).gossip
-        knower.key_answer = answer
+        knower.answering.key_answer = answer
         hearing = asker._hearing
         packet_of = hearing.packet_of
 

@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import trio
@@ -25,24 +24,32 @@ from scenefold.base.location import Arc, tiles
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.datagrams import SealedDatagrams
+from scenefold.peer.membership.answering import Answering
 from scenefold.peer.membership.hearing import Hearing
 from scenefold.peer.membership.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
 from scenefold.peer.membership.pages import Pages
+from scenefold.peer.membership.proofs import PROBE_PAUSES_S, Proofs
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import TELL_S, OwnStatus, arc_of_status, is_news
 from scenefold.peer.membership.throws import ROUND_S
 from scenefold.peer.waiters import Waiters
-from scenefold.wire import MalformedPacket, Packet, PingBroadcast, RequestPublicKey, RequestState, RespondPublicKey, Status, encode_packet
+from scenefold.wire import (
+    MalformedPacket,
+    Packet,
+    PingBroadcast,
+    RequestProof,
+    RequestPublicKey,
+    RequestState,
+    ReturnProof,
+    Status,
+    encode_packet,
+)
 from scenefold.world import Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.surviving import surviving
 
 KNOCK_SPREAD_S = 0.002
 """For each member: a newcomer is asked by everybody, but not by all of them in the same moment."""
-ANSWER_S_MIN = 0.05
-"""Time between two answers to one node, which asks every KNOCK_S_MIN at most."""
-PROBE_PAUSES_S = (0.3, 0.6, 1.1)
-"""How long a probed node may take to answer, try by try: the last answers of a slow one still count within 2 s."""
 
 _log = logging.getLogger("scenefold.peer.membership.gossip")
 
@@ -72,13 +79,11 @@ class Gossip:
         self._datagrams = SealedDatagrams(
             world, own.me, facts.cluster_id, Priority.HIGH, own.secrets.sealing, self._hearing.sealing_key_of, _log
         )
+        self.proofs = Proofs(world.clock, own, self._tell, self._hearing.key_of)
         self._pages = Pages(own, roster)
-        self._answered_at: dict[NodeId, float] = {}
+        self.answering = Answering(world.clock, own, self._pages, self.proofs, self._send)
         self._met_at: dict[NodeId, float] = {}
         self._knocks = Knocks(facts.voter, world.entropy.uniform)
-        self.key_answer: Callable[[RequestPublicKey], RespondPublicKey] | None = None
-        """What a node is told that asks for a key; None: nothing."""
-        self._key_told_at: dict[NodeId, float] = {}
         roster.tell_position = cluster_log.heard_of
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
@@ -236,7 +241,7 @@ class Gossip:
         return [seed for seed, node in self._seeds.items() if node not in self._met_at]
 
     async def _ask(self, node: NodeId) -> None:
-        await self._datagrams.send(encode_packet(RequestState(request_id=1, mini_status=self._own.mini())), node)
+        await self._tell(RequestState(request_id=1, mini_status=self._own.mini()), node)
 
     # ---------------------------------------------------------------------------------------------------- hearing
 
@@ -259,26 +264,28 @@ class Gossip:
         elif isinstance(packet, RequestState):
             await self._answer(packet, sender)
         elif isinstance(packet, RequestPublicKey):
-            await self._tell_key(packet, sender)
+            await self.answering.tell_key(packet, sender)
+        elif isinstance(packet, RequestProof):
+            self._hear_mini(packet, sender)
+            await self.answering.prove(packet, sender)
+        elif isinstance(packet, ReturnProof):
+            self._hear_mini(packet, sender)
+            self.proofs.heard(packet, sender)
         else:
             self._hearing.drop(address_of(sender), "unexpected", f"a {type(packet).__name__} has no business here")
 
     async def _answer(self, packet: RequestState, sender: NodeId) -> None:
-        now = self._world.clock.now()
-        if packet.mini_status is not None and packet.mini_status.node == sender:
-            self._roster.hear_mini(packet.mini_status, now)
-        if now - self._answered_at.get(sender, -math.inf) < ANSWER_S_MIN:
-            return
-        self._answered_at[sender] = now
-        await self._datagrams.send(self._pages.page(packet.request_id), sender)
-        if self._roster.is_unheard(sender):
+        self._hear_mini(packet, sender)
+        if await self.answering.tell_table(packet, sender) and self._roster.is_unheard(sender):
             # It lives, but has said nothing of itself yet. It has heard us by then, so this ends here.
             await self._ask(sender)
 
-    async def _tell_key(self, packet: RequestPublicKey, sender: NodeId) -> None:
-        now = self._world.clock.now()
-        if self.key_answer is None or now - self._key_told_at.get(sender, -math.inf) < ANSWER_S_MIN:
-            return
-        self._key_told_at[sender] = now
-        answer = replace(self.key_answer(packet), mini_status=self._own.mini())
-        await self._datagrams.send(encode_packet(answer), sender)
+    def _hear_mini(self, packet: Packet, sender: NodeId) -> None:
+        if packet.mini_status is not None and packet.mini_status.node == sender:
+            self._roster.hear_mini(packet.mini_status, self._world.clock.now())
+
+    async def _send(self, data: bytes, target: NodeId) -> None:
+        await self._datagrams.send(data, target)
+
+    async def _tell(self, packet: Packet, target: NodeId) -> None:
+        await self._send(encode_packet(packet), target)

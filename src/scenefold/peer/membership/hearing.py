@@ -79,7 +79,7 @@ class Hearing:
 
     def sealing_key_of(self, node: NodeId) -> SealingPublicKey | None:
         """The key that datagrams of a node are sealed with, member or not; None if there is none, or the node was revoked."""
-        if self._key_of(node) is None:
+        if self.key_of(node) is None:
             return None
         key = self._cluster_log.registry.sealing_key_of(node)
         if key is None:
@@ -87,7 +87,7 @@ class Hearing:
             key = None if credential is None else credential.sealing_key
         return key
 
-    def _key_of(self, node: NodeId) -> PublicKey | None:
+    def key_of(self, node: NodeId) -> PublicKey | None:
         """The key that a node signs with, member or not; None if there is none, or it counts no longer."""
         registry = self._cluster_log.registry
         key = registry.key_of(node)
@@ -125,7 +125,7 @@ class Hearing:
 
     def _judge(self, status: Status, sender: NodeId) -> bool:
         """Verify and take a status, if it would change anything; True if it is a sign of life."""
-        return self._roster.rises(status) and self._take(status, sender, problem_of(status, self._key_of(status.node)))
+        return self._roster.rises(status) and self._take(status, sender, problem_of(status, self.key_of(status.node)))
 
     def _take(self, status: Status, sender: NodeId, problem: str) -> bool:
         """Take a status that would change something, unless there is a problem with it; True if it is a sign of life."""
@@ -174,12 +174,12 @@ class Hearing:
     async def take_table(self, statuses: Sequence[Status], source: NodeId) -> int:
         """Take a whole table that a member has sent; the number of signs of life in it."""
         # Lamport time 0 stands for a member that was never heard there: nobody has signed that.
-        news = [(status, self._key_of(status.node)) for status in statuses if status.lamport and self._roster.rises(status)]
+        news = [(status, self.key_of(status.node)) for status in statuses if status.lamport and self._roster.rises(status)]
         problems = await self._world.workers.run("crypto", problems_of, news)
         taken = 0
         for (status, key), problem in zip(news, problems, strict=True):
             # Meanwhile a newer one may have come, or the log may have removed the node or revoked its key.
-            if self._roster.rises(status) and key == self._key_of(status.node):
+            if self._roster.rises(status) and key == self.key_of(status.node):
                 taken += self._take(status, source, problem)
         return taken
 

@@ -2,15 +2,16 @@
 
 The states of a suspect, and when its turn comes, are in suspicion.py, what the voter holds against a removal in
 removal.py; here is what happens on the network. A probe is RequestState, up to three times within about 2 s. If it is
-not answered, two others that are believed alive are asked to probe for us (ProbeFor): a cut between two nodes, or
-lost datagrams, remove nobody whom anybody hears.
+not answered, two others that are believed alive are asked to probe for us (ProbeFor), and to bring a proof (proofs.py): a cut between
+two nodes, or lost datagrams, remove nobody whom anybody hears, and nobody can vouch for the dead.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum, auto
+from functools import partial
 
 import trio
 
@@ -25,11 +26,12 @@ from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.removal import Evidence, removal_veto, silence_needed_s
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
-from scenefold.peer.membership.suspicion import PROPOSE_LATER_S, PROPOSE_SPREAD_S, Cause, Suspect, Suspicion
+from scenefold.peer.membership.suspicion import PROBES_MAX, PROPOSE_LATER_S, PROPOSE_SPREAD_S, Cause, Suspect, Suspicion
 from scenefold.peer.peers import Peers
 from scenefold.peer.settings import NodeSettings
 from scenefold.wire import Member, Packet, ProbeFor, ProbeResult, RemoveNode
 from scenefold.world import Priority, World
+from scenefold.world.buckets import Buckets
 
 LOOK_S = 1.0
 """Between two looks at who has fallen silent."""
@@ -41,6 +43,10 @@ PROPOSE_S_MAX = 15.0
 """For the voter to judge a removal: it probes for itself."""
 REQUESTED_MAX = 64
 """Probes for others at a time; more are refused."""
+REQUESTED_BURST = 2 * PROBES_MAX
+"""Probes that one node may ask for at once: whoever could ask for any number would use up what a third one is ready to sign."""
+REQUESTED_PER_S = float(PROBES_MAX)
+NONCE_BYTES = 16
 
 _log = logging.getLogger("scenefold.peer.membership.probing")
 
@@ -53,17 +59,17 @@ class Verdict(Enum):
     NOBODY_ANSWERED = auto()
 
 
-async def heard_by_others(peers: Peers, helpers: Sequence[NodeId], target: NodeId) -> Verdict:
-    """The indirect probe: ask `helpers` at once whether they hear `target`. NOT_HEARD if there is no helper to ask."""
+async def heard_by_others(peers: Peers, helpers: Sequence[NodeId], question: ProbeFor, is_right: Callable[[bytes], bool]) -> Verdict:
+    """The indirect probe: ask all `helpers` at once, and believe a proof that `is_right`. NOT_HEARD if there is no helper to ask."""
     answers: list[bool] = []
 
     async def ask(helper: NodeId) -> None:
         try:
-            answer = await peers.ask(helper, Priority.HIGH, ProbeFor(target=target), ProbeResult, HELP_S_MAX)
+            answer = await peers.ask(helper, Priority.HIGH, question, ProbeResult, HELP_S_MAX)
         except (Unreachable, Refused, PeerFault) as problem:
-            _log.debug("%s did not probe %s for us: %s", address_of(helper), address_of(target), problem)
+            _log.debug("%s did not probe %s for us: %s", address_of(helper), address_of(question.target.node), problem)
         else:
-            answers.append(answer.heard)
+            answers.append(is_right(answer.proof))
 
     async with trio.open_nursery() as nursery:
         for helper in helpers:
@@ -95,6 +101,7 @@ class Probing:
         self._remove_after_s = settings.remove_after_s
         self._asked: dict[NodeId, _Probe] = {}
         self._requested = 0
+        self._requests = Buckets(REQUESTED_BURST, REQUESTED_PER_S)
         self.suspicion = Suspicion(settings.remove_after_s)
 
     def register(self, handlers: Handlers) -> None:
@@ -144,7 +151,9 @@ class Probing:
             self.suspicion.heard(suspect, self._world.clock.now())
             return
         helpers = self._helpers(suspect)
-        verdict = await heard_by_others(self._peers, helpers, suspect.node)
+        question = ProbeFor(target=suspect.member, nonce=self._world.entropy.token(NONCE_BYTES))
+        is_right = partial(self._gossip.proofs.is_right, suspect.member, question.nonce)
+        verdict = await heard_by_others(self._peers, helpers, question, is_right)
         now = self._world.clock.now()
         match verdict:
             case Verdict.HEARD:
@@ -241,16 +250,15 @@ class Probing:
             probe.over.set()
         return probe.heard
 
-    async def _on_probe_for(self, packet: ProbeFor, _peer: str) -> Packet:
-        if packet.target == self._own.me:
-            return ProbeResult(target=packet.target, heard=True)
-        if not self._roster.is_peer(packet.target):
-            raise Refused(RejectReason.NOT_AUTHORISED, f"{address_of(packet.target)} is no member as far as is known here")
-        if self._requested >= REQUESTED_MAX:
+    async def _on_probe_for(self, packet: ProbeFor, peer: str) -> Packet:
+        node = packet.target.node
+        if node != self._own.me and not self._roster.is_peer(node):
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{address_of(node)} is no member as far as is known here")
+        if self._requested >= REQUESTED_MAX or not self._requests.take(peer, self._world.clock.now()):
             raise Refused(RejectReason.BUSY, "too many probes are under way here")
         self._requested += 1
         try:
-            return ProbeResult(target=packet.target, heard=await self._probe(packet.target))
+            return ProbeResult(target=packet.target, proof=await self._gossip.proofs.ask(packet.target, packet.nonce))
         finally:
             self._requested -= 1
 
