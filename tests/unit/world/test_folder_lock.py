@@ -88,3 +88,28 @@ def test_two_scenes_of_one_name_are_never_both_kept(tmp_path: Path, monkeypatch:
 def test_a_folder_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
     with pytest.raises(LocalFault, match="cannot write there"), folder_lock.alone_in(tmp_path / "none"):
         pass
+
+
+def test_who_is_stopped_while_it_writes_keeps_nobody_waiting_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folder_lock, "LOOK_S", 0.0)
+    with folder_lock.alone_in(tmp_path):
+        with pytest.raises(LocalFault, match="is not done") as caught, folder_lock.alone_in(tmp_path):
+            pass
+        assert caught.value.where == str(tmp_path)
+    with folder_lock.alone_in(tmp_path):
+        pass
+
+
+def test_who_comes_while_another_writes_has_its_turn_after_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = os.open(tmp_path / folder_lock.LOCK_FILE, os.O_RDWR | os.O_CREAT)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    waits = list[float]()
+
+    def waiting(seconds: float) -> None:
+        waits.append(seconds)
+        if len(waits) == 3:
+            os.close(held)
+
+    monkeypatch.setattr(folder_lock.time, "sleep", waiting)
+    with folder_lock.alone_in(tmp_path):
+        assert len(waits) == 3
