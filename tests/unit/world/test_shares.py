@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefold.world.shares import (
+    BUSY,
     BUSY_SHARE,
     OWED_ALONE_S_MAX,
     SAVED_S_MAX,
@@ -78,10 +79,10 @@ def test_the_less_others_take_the_more_there_is(wants: float, least: float) -> N
 
 
 def test_many_names_that_take_little_push_nobody_further_than_one_that_takes_it_all() -> None:
-    me, crowd = Asker("user:me", 0.001), [Asker(f"user:{number}", 0.0001, 0.001) for number in range(100)]
+    me, crowd = Asker("user:me", 0.001), [Asker(f"user:{number}", 0.0001, BUSY / 50) for number in range(50)]
     run([*crowd, me], 5.0)
     alone = Asker("user:me", 0.001)
-    run([Asker("user:other", 0.001, 0.1), alone], 5.0)
+    run([Asker("user:other", 0.001, BUSY), alone], 5.0)
     assert me.took_s == pytest.approx(alone.took_s, rel=0.1)
 
 
