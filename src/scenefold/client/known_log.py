@@ -74,14 +74,15 @@ class KnownLog:
         """Why a node that answers is not talked to."""
         refusal = self.view.refusal_of(connection.peer, connection.peer_key)
         node, key = node_named(connection.peer), connection.peer_key
-        known = None if node is None else self.view.keys_of(node)
-        if refusal is None and known is not None and key not in (None, known.signing_id):
-            # A certificate of which the log does not tell, or not yet: others are asked soon whether it does.
-            self._is_puzzled = True
-            self._claimed.set()
-            refusal = Refused(
-                RejectReason.NOT_READY, f"its certificate is for another key than the cluster's log has for {connection.peer}"
-            )
+        if refusal is None and node is not None and self.view.has_known(node):
+            known = self.view.keys_of(node)
+            if known is None or key != known.signing_id:
+                # A certificate of which the log does not tell, or not yet: others are asked soon whether it does.
+                self._is_puzzled = True
+                self._claimed.set()
+                refusal = Refused(
+                    RejectReason.NOT_READY, f"its certificate is for another key than the cluster's log has for {connection.peer}"
+                )
         return refusal
 
     def check_own(self) -> None:

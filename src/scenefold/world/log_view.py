@@ -33,6 +33,15 @@ class NodeKeys(NamedTuple):
         return key_id_of(self.signing)
 
 
+class Removal(NamedTuple):
+    """Who was taken off the line at which position, why, and which node proposed it. With no incarnation: a founder that never came."""
+
+    member: Member
+    reason: str
+    position: int
+    by: NodeId
+
+
 @dataclass(frozen=True, slots=True)
 class LogView:
     """As of one position. `nodes`: the keys with which nodes founded the cluster or were added to it, newest."""
@@ -47,6 +56,8 @@ class LogView:
     """The line, founders that have not registered yet included."""
     registered: Mapping[NodeId, bytes] = field(default_factory=dict)
     """The nodes that came, each with its incarnation."""
+    removals: tuple[Removal, ...] = ()
+    """All that there were, oldest first."""
 
     def on_line(self, node: NodeId) -> Member | None:
         """A node as it stands on the line; with no incarnation a founder that never came, None for one that does not stand there."""
@@ -63,6 +74,10 @@ class LogView:
         card = self.roll.card_of(name)
         keys = self.nodes.get(node) if card is None else NodeKeys(card.keys.signing.raw, card.keys.sealing.raw)
         return None if keys is None or self.roll.is_revoked(name, keys.signing_id) else keys
+
+    def has_known(self, node: NodeId) -> bool:
+        """Whether a node has, or had at some time, keys in this log."""
+        return node in self.nodes or f"node:{node}" in self.roll.cards
 
     def refusal_of(self, name: str, key: KeyId | None) -> Refused | None:
         """Why a member under this key is none any more; None if this log knows nothing against it."""
@@ -90,6 +105,7 @@ class LogView:
         if record.position != self.position + 1 or record.prev_hash != self.head:
             raise DamagedData(f"record {record.position} does not follow what is known, which ends at {self.position}")
         roll, nodes, order, registered, entry = self.roll, self.nodes, self.order, self.registered, record.entry
+        removals = self.removals
         match entry:
             case Found():
                 if not entry.voters or entry.voters[0] not in [founder.node for founder in entry.founders]:
@@ -101,7 +117,8 @@ class LogView:
                 nodes, registered = {**nodes, node: NodeKeys(entry.key, entry.sealing_key)}, {**registered, node: entry.member.incarnation}
                 # A founder that registers stands there already.
                 order = order if node in order else _with(order, node, entry.left_of)
-            case RemoveNode(member):
+            case RemoveNode(member, reason):
+                removals = (*removals, Removal(member, reason, record.position, record.origin))
                 order = tuple(node for node in order if node != member.node)
                 registered = {node: incarnation for node, incarnation in registered.items() if node != member.node}
             case RevokeNode(node, key):
@@ -111,7 +128,7 @@ class LogView:
         revoked_at = self.revoked_at
         if roll.revoked is not self.roll.revoked:
             revoked_at = {**revoked_at, **dict.fromkeys(roll.revoked - self.roll.revoked, record.position)}
-        return LogView(record.position, record_hash, roll, nodes, revoked_at, order, registered)
+        return LogView(record.position, record_hash, roll, nodes, revoked_at, order, registered, removals)
 
     def cards(self, owners: Sequence[bytes]) -> list[Card]:
         """The newest cards of all members that have one and count, by name. `owners`: of the users that the cluster began with."""

@@ -109,7 +109,9 @@ async def test_a_revoked_node_is_refused_by_every_later_client_of_the_profile(
         refusal = later.refusal_of(revoked)
         assert refusal is not None and refusal.reason is RejectReason.KEY_REVOKED
         await later.newest()
-    assert later.refusal_of(SimpleNamespace(peer=NODE, peer_key=key_of(2).public.key_id)) is None  # type: ignore[arg-type]
+    for key in (key_of(2).public.key_id, None):
+        refusal = later.refusal_of(SimpleNamespace(peer=NODE, peer_key=key))  # type: ignore[arg-type]
+        assert refusal is not None and refusal.reason is RejectReason.NOT_READY, "no certificate but that of a new enrolment brings it back"
 
 
 async def test_who_was_revoked_itself_asks_nothing_more(tmp_path: Path, autojump_clock: trio.testing.MockClock) -> None:
@@ -244,5 +246,6 @@ async def test_a_certificate_that_the_log_does_not_know_is_talked_to_once_it_doe
         await trio.sleep(2 * PAUSE_S)
         assert log.view.position == len(RECORDS)
         nursery.cancel_scope.cancel()
-    assert log.refusal_of(shown(2, foreign)) is not None
+    for key in (foreign, None):
+        assert log.refusal_of(shown(2, key)) is not None
     assert log.refusal_of(shown(7, foreign)) is None, "a spare, of which the log tells nothing yet"
