@@ -54,6 +54,7 @@ PROVOKED = {
     "indirect probe": Provocation(laws.REMOVED_RIGHTLY, CUTS, 45.0),
     "last copy": Provocation(laws.CARRIED, MOVES, 45.0),
     "left fence": Provocation(laws.ONE_OWNER, BUSY),
+    "others' claims": Provocation(laws.ONE_OWNER, LYING_MOVES, 45.0),
     "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0),
     "reader's memory": Provocation(laws.SOUND, LIES),

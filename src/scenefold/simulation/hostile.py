@@ -19,8 +19,10 @@ from scenefold.simulation.cluster import Cluster
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.liar import Liar, MadeUp, Scope, flipped, scopes_of
 from scenefold.simulation.lying_answers import LyingAnswers
+from scenefold.simulation.lying_bounds import LyingBounds
 from scenefold.simulation.lying_handovers import LyingHandovers
 from scenefold.simulation.lying_judge import LyingJudge
+from scenefold.simulation.lying_lives import LyingLives
 from scenefold.simulation.lying_words import FAR, LyingWords
 
 FLIPPED = 0.3
@@ -79,8 +81,11 @@ class HostileFaults:
                 await trio.sleep(INTRUDE_S if {Scope.HANDOVERS, Scope.ACKNOWLEDGEMENTS} & set(scopes) else LOOK_S)
                 if Scope.HANDOVERS in scopes:
                     await possession.handovers.intrude()
+                    await possession.bounds.offer_others()
                 if Scope.ACKNOWLEDGEMENTS in scopes:
                     await possession.judge.offer_again()
+                if Scope.STATUSES in scopes:
+                    await possession.lives.flood()
                 self._look_for_believers()
         finally:
             for scope in scopes:
@@ -94,7 +99,8 @@ class HostileFaults:
             liar = Liar(node, lies, self._made_up, self._keys, self._owner, seed)
             judge = LyingJudge(liar, watch.recorder)
             handovers = LyingHandovers(liar, watch, self._lies_in_handovers)
-            self._liars[slot] = _Possession(liar, judge, LyingAnswers(liar, judge), handovers, LyingWords(liar))
+            bounds = LyingBounds(liar, self._cluster)
+            self._liars[slot] = _Possession(liar, judge, LyingAnswers(liar, judge), handovers, bounds, LyingLives(liar), LyingWords(liar))
         return self._liars[slot]
 
     def _lies_in_handovers(self, node_id: int) -> bool:
@@ -139,11 +145,22 @@ class HostileFaults:
 class _Possession:
     """A liar's mouths, put on each life of its node once."""
 
-    def __init__(self, liar: Liar, judge: LyingJudge, answers: LyingAnswers, handovers: LyingHandovers, words: LyingWords) -> None:
+    def __init__(
+        self,
+        liar: Liar,
+        judge: LyingJudge,
+        answers: LyingAnswers,
+        handovers: LyingHandovers,
+        bounds: LyingBounds,
+        lives: LyingLives,
+        words: LyingWords,
+    ) -> None:
         self.liar = liar
         self.judge = judge
         self.handovers = handovers
-        self._mouths = judge, answers, handovers, words
+        self.bounds = bounds
+        self.lives = lives
+        self._mouths = judge, answers, handovers, bounds, lives, words
         self._possessed: NodeContext | None = None
 
     def possess(self) -> None:

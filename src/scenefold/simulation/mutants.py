@@ -137,6 +137,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
         Patch("scenefold.peer.membership.hearing", "problem_of", _always("")),
         Patch("scenefold.peer.membership.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
     ),
+    "others' claims": (Patch("scenefold.peer.line.claims", "claimants", lambda _original: lambda *_args: iter(())),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 
