@@ -1,0 +1,65 @@
+"""What a lying node does to make the living look dead, and the dead alive (specs/17-simulation.md, Lies).
+
+It broadcasts its own status without end, as if the dice said so each time. Asked whether it hears another, it says no, or brings
+a proof: of its own making, or one that the other signed for an earlier question.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from scenefold.base.ids import NodeId
+from scenefold.crypto import ALIVE_DOMAIN
+from scenefold.peer import NodeContext
+from scenefold.peer.membership.proofs import signable
+from scenefold.simulation.liar import Liar, Scope
+from scenefold.simulation.lying_answers import Honest, overlay
+from scenefold.wire import Packet, PingBroadcast, ProbeFor, ProbeResult, encode_packet
+
+KEPT_MAX = 64
+
+
+class LyingLives:
+    """Of one liar."""
+
+    def __init__(self, liar: Liar) -> None:
+        self._liar = liar
+        self._context: NodeContext | None = None
+        self._kept: OrderedDict[NodeId, bytes] = OrderedDict()
+
+    def possess(self, context: NodeContext) -> None:
+        """Speak for one life of the node."""
+        overlay(context, ProbeFor, self._probed)
+        self._context = context
+
+    async def flood(self) -> None:
+        """Broadcast once more than the dice say."""
+        context = self._context
+        if context is None or context is not self._liar.node.context:
+            return
+        self._liar.lies.told["broadcasts"] += 1
+        data = encode_packet(PingBroadcast((context.own.signed(),)))
+        for node in list(context.roster.peers):
+            await context.gossip._datagrams.send(data, node)
+
+    async def _probed(self, honest: Honest, packet: Packet, peer: str) -> Packet | None:
+        answer = await honest(packet, peer)
+        if not isinstance(packet, ProbeFor) or not isinstance(answer, ProbeResult):
+            return answer
+        node = packet.target.node
+        kept = self._kept.get(node)
+        if answer.proof:
+            self._kept[node] = answer.proof
+            if len(self._kept) > KEPT_MAX:
+                self._kept.popitem(last=False)
+        if not self._liar.chance(Scope.STATUSES):
+            return answer
+        self._liar.lies.told["proofs"] += 1
+        match self._liar.dice.randrange(3):
+            case 0:
+                return ProbeResult(target=packet.target, proof=b"")
+            case 1 if kept is not None:
+                return ProbeResult(target=packet.target, proof=kept)
+            case _:
+                made_up = self._liar.key.sign(ALIVE_DOMAIN, signable(packet.target, packet.nonce))
+                return ProbeResult(target=packet.target, proof=made_up)
