@@ -101,7 +101,7 @@ class PeerServices:
         data = DataService(world, store, peers, scenes, line, lease, routing, me)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
-        sharing = Sharing(store, line, cluster_log, own)
+        sharing = Sharing(store, line, cluster_log, own, roster)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
         draining = Draining(
             world,

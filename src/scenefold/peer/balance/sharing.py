@@ -12,7 +12,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance.pieces import Scales, half_of, up_to
-from scenefold.peer.balance.seams import HasRegistry, MovesBounds
+from scenefold.peer.balance.seams import HasRegistry, KnowsArcs, MovesBounds
 from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.ends import Side
 from scenefold.peer.membership.status import OwnStatus
@@ -33,11 +33,12 @@ class _Promise:
 class Sharing:
     """Answers AskRange, and gives what it promised, one piece at a time."""
 
-    def __init__(self, store: Scales, line: MovesBounds, log: HasRegistry, own: OwnStatus) -> None:
+    def __init__(self, store: Scales, line: MovesBounds, log: HasRegistry, own: OwnStatus, news: KnowsArcs) -> None:
         self._store = store
         self._line = line
         self._log = log
         self._own = own
+        self._news = news
         self._promised, self._promises = trio.open_memory_channel[_Promise](1)
         self._giving_to: NodeId | None = None
 
@@ -73,6 +74,9 @@ class Sharing:
         if self._giving_to == receiver.node:
             # It did not hear our promise.
             return
+        if self._news.arcs().get(receiver.node) is not None:
+            # By itself nobody may draw what others hold: that is for balance to say.
+            raise _busy(f"{peer} owns something already, as far as is known here")
         if self._line.refuses:
             raise _busy(self._line.refuses)
         if self._line.busy(side) or self._giving_to is not None:

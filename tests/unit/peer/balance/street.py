@@ -79,7 +79,7 @@ class House:
         self.handlers = Handlers(lambda: street.registry, self.own.mini, lambda mini: None)
         store, line, roster, log = cast(Any, self), self, cast(Any, self), street
         self.balancer = Balancer(self.world, store, line, roster, log, self.own)
-        self.sharing = Sharing(store, line, log, self.own)
+        self.sharing = Sharing(store, line, log, self.own, roster)
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
         self.draining = Draining(
             self.world,
@@ -159,6 +159,9 @@ class House:
     # ----------------------------------------------------------------------------------------------------- roster
 
     unheard_count = 0
+
+    def arcs(self) -> dict[NodeId, Arc | None]:
+        return {house.me: house.arc for house in self.street.houses if house is not self}
 
     def status(self, other: NodeId) -> Status | None:
         house = self.street.by_id(other)

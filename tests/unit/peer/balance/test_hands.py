@@ -18,7 +18,7 @@ from scenefold.peer.balance.draining import DRAINED
 from scenefold.peer.line.ends import Side
 from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
 from scenefold.wire.enrol_entries import Trust
-from unit.peer.balance.street import ADMINISTRATOR, KIB, House, Street
+from unit.peer.balance.street import ADMINISTRATOR, KIB, SETTLING_S, House, Street
 from unit.peer.logs_made import member, node, record, secrets_of
 
 MIB = 1024 * KIB
@@ -160,7 +160,7 @@ async def test_a_dead_host_is_gone_round(autojump_clock: trio.testing.MockClock)
 )
 async def test_when_nothing_is_promised(change: str, reason: RejectReason) -> None:
     street = Street([64 * MIB] * 3)
-    host = street.houses[1]
+    host, street.houses[2].arc = street.houses[1], None
     asker = 2 if change != "other" else 1
     packet = AskRange(member(asker, life=change == "life"), None)
     if change == "busy":
@@ -177,6 +177,20 @@ async def test_when_nothing_is_promised(change: str, reason: RejectReason) -> No
     reply = await host.handlers.handle(packet, f"node:{node(asker)}")
     assert isinstance(reply, HandoverReply)
     assert reply.reason == reason
+
+
+async def test_who_owns_plenty_gets_nothing_by_asking(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    for house in street.houses:
+        house.fill_evenly(60, 50 * KIB)
+        house.balancer.paused = True
+    greedy, host = street.houses[:2]
+    async with running(street):
+        for _ in range(3):
+            reply = await host.handlers.handle(AskRange(greedy.own.member, None), f"node:{greedy.me}")
+            assert isinstance(reply, HandoverReply) and reply.reason == RejectReason.BUSY
+            await trio.sleep(SETTLING_S)
+    assert len(host.sizes) == len(greedy.sizes) == 60
 
 
 async def test_nobody_asks_in_anothers_name() -> None:
