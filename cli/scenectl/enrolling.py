@@ -102,8 +102,8 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
         if address is not None:
             check_is_here(node_id_of(address), token.high)
         found = await located(token)
-        node = await own_address(found) if address is None else node_id_of(address)
-        return await enrol(folder, token, node, near=found.addresses), node
+        node = await own_address(found[0], token) if address is None else node_id_of(address)
+        return await enrol(folder, token, node, near=found), node
 
     profile, node = run(work)
     own = address_of(node) if node else None

@@ -6,24 +6,27 @@ import datetime
 import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
-from scenefold.client.hedging import more_telling
+from scenefold.client.hedging import first_answer, more_telling
 from scenefold.crypto import InvitedKind, Token
 from scenefold.crypto.invitations import ADDRESSES_MAX
 from scenefold.crypto.suites import DEFAULT_SUITE
 from scenefold.wire.enrol_packets import Enrolled
 from scenefold.world import Ports, World, newcomer_world
-from scenefold.world.discovery import NONCE_BYTES
 from scenefold.world.knocking import look_around, request_enrolment
 from scenefold.world.newcomer import USER_AT, Newcomer
 from scenefold.world.profile import ClusterProfile
 
 LOOKS_MAX = 3
 """Looks around the local network, each of some seconds, as long as they bring nodes that were not asked yet."""
+AT_ONCE = 4
+NEXT_AFTER_S = 1.0
+"""So many nodes are asked at once: the next one as soon as one has failed, or has said nothing for a while."""
 WORDS_MAX = 160
 """Of each node that is told with its words, if there are several."""
 
@@ -49,7 +52,7 @@ async def enrol(
         raise UsageFault(f"the token is for a {what}", where="token", remedy=remedy)
     world = world or _world_of(token)
     if not token.addresses and not near:
-        near = (await located(token, world)).addresses
+        near = await located(token, world)
     newcomer = await world.workers.run("import", lambda: Newcomer.at(profile, token, node, suite=suite))
     now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
     asking = _Asking(world, newcomer, now)
@@ -65,27 +68,28 @@ async def enrol(
     if answer is None:
         raise asking.error()
     # Where to look for the cluster from now on: not where liars are.
-    first = dict.fromkeys((asking.asked[-1], *token.addresses))
+    admitter, enrolled = answer
+    first = dict.fromkeys((admitter, *token.addresses))
     newcomer = replace(newcomer, token=replace(token, addresses=tuple(first)[:ADDRESSES_MAX]))
-    return await world.workers.run("import", newcomer.admitted, answer, now)
+    return await world.workers.run("import", newcomer.admitted, enrolled, now)
 
 
-async def located(token: Token, world: World | None = None) -> Token:
-    """The token with addresses of nodes: its own, or those that answer on the local network. Unreachable if there are none."""
+async def located(token: Token, world: World | None = None) -> Sequence[NodeId]:
+    """Nodes to ask: those that the token names, or that answer on the local network. Unreachable if there are none."""
     if token.addresses:
-        return token
+        return token.addresses
     nearby = await _nearby(token, world or _world_of(token))
     if not nearby:
         remedy = "connect this computer to the network of the nodes, or ask for a token that names nodes"
         raise Unreachable("no node of the cluster answers on the local network, and the token names none", where="broadcast", remedy=remedy)
-    return replace(token, addresses=tuple(nearby[:ADDRESSES_MAX]))
+    return nearby
 
 
-async def own_address(token: Token) -> NodeId:
-    """By which address this computer reaches the cluster of a token that names nodes."""
+async def own_address(node: NodeId, token: Token) -> NodeId:
+    """By which address this computer reaches a node of a token's cluster."""
     from scenefold.world.real.newcomers import own_address_towards
 
-    return await own_address_towards(token.addresses[0], token.high)
+    return await own_address_towards(node, token.high)
 
 
 def check_is_here(node: NodeId, high: int) -> None:
@@ -101,15 +105,19 @@ def check_is_here(node: NodeId, high: int) -> None:
 
 
 async def _nearby(token: Token, world: World, asked: Sequence[NodeId] = ()) -> list[NodeId]:
-    return await look_around(world.network, token.key, world.entropy.token(NONCE_BYTES), passed=asked)
+    return await look_around(world.network, token.key, world.entropy, passed=asked)
 
 
 def _world_of(token: Token) -> World:
     return newcomer_world(Ports(token.low, token.high))
 
 
+class _NoneToBelieve(Unreachable):
+    """Why, was noted: the next node is asked."""
+
+
 class _Asking:
-    """What nodes say to a newcomer, one after the other: a node that lies, or errs, speaks for itself only."""
+    """What nodes say to a newcomer: a node that lies, or errs, speaks for itself only."""
 
     def __init__(self, world: World, newcomer: Newcomer, now: datetime.datetime) -> None:
         self._world, self._newcomer, self._now = world, newcomer, now
@@ -121,27 +129,38 @@ class _Asking:
         """Whether one of these said no, or what is not to be believed."""
         return any(node in self._refusals for node in nodes)
 
-    async def of(self, nodes: Sequence[NodeId]) -> Enrolled | None:
-        """The first answer that is to be believed; of the node that was asked last."""
+    async def of(self, nodes: Sequence[NodeId]) -> tuple[NodeId, Enrolled] | None:
+        """The first answer that is to be believed, and whose it is; None if none of those has one that were not asked before.
+
+        A few are asked at once, since most may be there only to be waited for. It is the same request under the same keys, so whichever
+        nodes take it, one certificate is issued.
+        """
+        fresh = [node for node in dict.fromkeys(nodes) if node != self._newcomer.node and node not in self.asked]
+        if not fresh:
+            return None
+        try:
+            return await first_answer([partial(self._of, node) for node in fresh], next_after_s=NEXT_AFTER_S, at_a_time=AT_ONCE)
+        except _NoneToBelieve:
+            return None
+
+    async def _of(self, node: NodeId) -> tuple[NodeId, Enrolled]:
         newcomer = self._newcomer
-        for node in nodes:
-            if node == newcomer.node or node in self.asked:
-                continue
-            self.asked.append(node)
-            try:
-                answer = await request_enrolment(self._world.network, node, newcomer.token.mark, newcomer.request())
-                newcomer.check(answer, self._now)
-                return answer
-            except Unreachable as problem:
-                self._last = more_telling(self._last, problem) if isinstance(self._last, Unreachable) else problem
-            except PeerFault as problem:
-                self._last = self._last if isinstance(self._last, Unreachable) else problem
-            except (Refused, DamagedData) as refusal:
-                if isinstance(refusal, Refused) and refusal.reason is RejectReason.NOT_READY:
-                    self._last = refusal
-                else:
-                    self._refusals[node] = refusal
-        return None
+        self.asked.append(node)
+        try:
+            answer = await request_enrolment(self._world.network, node, newcomer.token.mark, newcomer.request())
+            newcomer.check(answer, self._now)
+        except Unreachable as problem:
+            self._last = more_telling(self._last, problem) if isinstance(self._last, Unreachable) else problem
+        except PeerFault as problem:
+            self._last = self._last if isinstance(self._last, Unreachable) else problem
+        except (Refused, DamagedData) as refusal:
+            if isinstance(refusal, Refused) and refusal.reason is RejectReason.NOT_READY:
+                self._last = refusal
+            else:
+                self._refusals[node] = refusal
+        else:
+            return node, answer
+        raise _NoneToBelieve("", where=address_of(node))
 
     def error(self) -> ScenefoldError:
         """Why none admits the newcomer: what each of those said that turned it down; Unreachable, in the words of the last, if none answers."""

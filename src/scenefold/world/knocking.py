@@ -7,7 +7,6 @@ that has this mark, and has itself the certificate of a node that this authority
 from __future__ import annotations
 
 from collections.abc import Container
-from itertools import zip_longest
 
 import trio
 
@@ -18,16 +17,14 @@ from scenefold.base.printable import printable
 from scenefold.crypto import Card, SigningKey, authority_pem, mark_of
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
 from scenefold.wire.enrol_packets import Enrolled, Greeting, RequestEnrolment
-from scenefold.world.discovery import pack_question, read_answer
-from scenefold.world.ports import Connection, ConnectionLost, Network
+from scenefold.world.discovery import NONCE_BYTES, pack_question, read_answer
+from scenefold.world.nearby import CHANCE_BYTES, Nearby
+from scenefold.world.ports import Connection, ConnectionLost, Entropy, Network
 
 ANSWER_BYTES_MAX = 1024 * 1024
 RECEIVE_BYTES = 64 * 1024
 ROUNDS = 3
 ROUND_S = 1.0
-FOUND_MAX = 8
-SOURCES_MAX = 64
-"""Addresses whose answers are heard in one look around."""
 
 
 async def request_enrolment(network: Network, node: NodeId, mark: bytes, request: RequestEnrolment) -> Enrolled:
@@ -50,7 +47,9 @@ async def request_enrolment(network: Network, node: NodeId, mark: bytes, request
 
 async def _asked(connection: Connection, certificate: bytes, node: NodeId, mark: bytes, request: RequestEnrolment) -> Enrolled:
     where, frames = address_of(node), FrameReader(ANSWER_BYTES_MAX)
-    _check_greeting(await _next(connection, frames), certificate, node, mark)
+    with trio.fail_after(HANDSHAKE_S_MAX):  # a node sends it unasked, so who is none holds up nobody for longer
+        greeting = await _next(connection, frames)
+    _check_greeting(greeting, certificate, node, mark)
     await connection.send(encode_frame(request))
     answer = await _next(connection, frames)
     if isinstance(answer, Fault):
@@ -85,14 +84,13 @@ async def _next(connection: Connection, frames: FrameReader) -> Packet:
             return decode_packet(whole[0])
 
 
-async def look_around(network: Network, key: SigningKey, nonce: bytes, *, passed: Container[NodeId] = ()) -> list[NodeId]:
+async def look_around(network: Network, key: SigningKey, entropy: Entropy, *, passed: Container[NodeId] = ()) -> list[NodeId]:
     """Nodes nearby that know the invitation with this key, so they say, but for those `passed` over. Empty if none answers within some seconds.
 
-    The first to answer comes first, but one address names a second node only after every other one has named its first: who is near
-    can answer for as many nodes as it likes, and none of them need be there.
+    Of the whole round in which the first of them answers: who is quick has no advantage.
     """
-    found: dict[str, dict[NodeId, None]] = {}
-    question = pack_question(key, nonce)
+    nearby, nonce = Nearby(entropy.token(CHANCE_BYTES)), entropy.token(NONCE_BYTES)
+    question, found = pack_question(key, nonce), list[NodeId]()
     datagrams, targets = await network.open_broadcasts()
     try:
         for _ in range(ROUNDS):
@@ -102,15 +100,11 @@ async def look_around(network: Network, key: SigningKey, nonce: bytes, *, passed
                 while True:
                     data, source = await datagrams.receive()
                     node = read_answer(data, nonce)
-                    if node is None or node in passed or (source.address not in found and len(found) == SOURCES_MAX):
-                        continue
-                    named = found.setdefault(source.address, {})
-                    if len(named) < FOUND_MAX:
-                        named[node] = None
-            if found:
+                    if node is not None and node not in passed:
+                        nearby.hear(source.address, node)
+            if found := nearby.chosen():
                 break
     finally:
         with trio.CancelScope(shield=True):
             await datagrams.aclose()
-    turns = zip_longest(*found.values())
-    return list(dict.fromkeys(node for turn in turns for node in turn if node is not None))[:FOUND_MAX]
+    return found

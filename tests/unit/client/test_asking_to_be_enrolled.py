@@ -11,12 +11,13 @@ from typing import Any
 
 import pytest
 import trio
+import trio.testing
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import enrolling
-from scenefold.client.enrolling import LOOKS_MAX
+from scenefold.client.enrolling import AT_ONCE, LOOKS_MAX
 from scenefold.crypto import InvitedKind, Token
 from scenefold.wire.enrol_packets import Enrolled
 from unit.peer.members_made import NOW
@@ -54,7 +55,7 @@ async def asked(answers: Sequence[Enrolled | ScenefoldError], monkeypatch: pytes
     answer = await asking.of(HERE[: len(answers)])
     if answer is None:
         raise asking.error()
-    return answer
+    return answer[1]
 
 
 LIES = [Refused(RejectReason.NOT_AUTHORISED, "the token was used already"), Refused(RejectReason.ILL_FORMED, "no"), BAD]
@@ -98,13 +99,16 @@ async def test_it_is_told_who_refused_with_which_words(monkeypatch: pytest.Monke
 
 
 class Town:
-    """Nodes on the local network, found in looks around; all but GOOD_NODE turn every token down."""
+    """Nodes on the local network, found in looks around; all but GOOD_NODE turn every token down, or are silent for a minute."""
 
     GOOD_NODE = NodeId(500)
+    SILENT = NodeId(1_000)
+    """And all above."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *looks: list[NodeId]) -> None:
         self.looks, self.passed, self.asked = list(looks), list[list[NodeId]](), list[NodeId]()
         self.admitted: list[Token] = []
+        self.silent = self.silent_most = 0
         monkeypatch.setattr(enrolling, "look_around", self.look_around)
         monkeypatch.setattr(enrolling, "request_enrolment", self.request_enrolment)
         monkeypatch.setattr(enrolling, "Newcomer", SimpleNamespace(at=self.newcomer))
@@ -112,7 +116,7 @@ class Town:
     def newcomer(self, _profile: Path, token: Token, *_: object, **__: object) -> Guest:
         return Guest(token=token, town=self)
 
-    async def look_around(self, _network: object, _key: object, _nonce: object, *, passed: Sequence[NodeId]) -> list[NodeId]:
+    async def look_around(self, _network: object, _key: object, _entropy: object, *, passed: Sequence[NodeId]) -> list[NodeId]:
         await trio.lowlevel.checkpoint()
         self.passed.append(list(passed))
         return self.looks.pop(0) if self.looks else []
@@ -122,6 +126,14 @@ class Town:
         self.asked.append(node)
         if node == self.GOOD_NODE:
             return GOOD
+        if node >= self.SILENT:
+            self.silent += 1
+            self.silent_most = max(self.silent, self.silent_most)
+            try:
+                await trio.sleep(60)
+            finally:
+                self.silent -= 1
+            raise Unreachable("the node does not answer")
         raise Refused(RejectReason.NOT_AUTHORISED, f"lie {node}")
 
     async def run(self, _lane: str, function: Any, *args: object) -> Any:
@@ -172,3 +184,19 @@ async def test_whom_the_token_names_speaks_for_the_cluster(monkeypatch: pytest.M
     with pytest.raises(Refused, match="lie 7"):
         await town.enrol(NodeId(7))
     assert town.passed == []
+
+
+async def test_who_says_nothing_holds_up_nobody_else(autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    town = Town(monkeypatch, [*liars(1_000, 1_001), Town.GOOD_NODE, NodeId(1_002)])
+    with trio.fail_after(30):
+        await town.enrol()
+    assert town.asked == [*liars(1_000, 1_001), Town.GOOD_NODE]
+    assert town.silent == 0, "who is not needed any more is not talked to"
+    assert [token.addresses for token in town.admitted] == [(Town.GOOD_NODE,)]
+
+
+async def test_only_a_few_are_asked_at_once(autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    town = Town(monkeypatch, liars(*range(1_000, 1_000 + 3 * AT_ONCE)))
+    with trio.fail_after(4 * 60), pytest.raises(Unreachable, match="does not answer"):
+        await town.enrol()
+    assert town.silent_most == AT_ONCE and len(town.asked) == 3 * AT_ONCE

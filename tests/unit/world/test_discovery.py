@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import trio
@@ -14,10 +15,12 @@ from scenefold.base.ids import NodeId, node_id_of
 from scenefold.crypto import SigningKey
 from scenefold.world import Ports, newcomer_world
 from scenefold.world.discovery import pack_answer, pack_question, read_answer, read_question
-from scenefold.world.knocking import FOUND_MAX, look_around
+from scenefold.world.knocking import look_around
+from scenefold.world.nearby import FOUND_MAX, SOURCES_MAX, Nearby
 from scenefold.world.ports import Endpoint
 from scenefold.world.real.broadcasts import broadcasts_of, hear_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams
+from scenefold.world.sim.entropy import SimEntropy
 
 KEY = SigningKey.from_seed(b"k" * 32)
 NONCE = b"n" * 16
@@ -71,7 +74,7 @@ async def test_several_nodes_of_a_machine_hear_the_same_broadcast() -> None:
     async with trio.open_nursery() as nursery:
         nursery.start_soon(answer, "127.0.0.2", first)
         nursery.start_soon(answer, "127.0.0.3", second)
-        found = await look_around(newcomer_world(Ports(port - 1, port)).network, KEY, NONCE)
+        found = await look_around(newcomer_world(Ports(port - 1, port)).network, KEY, SimEntropy(0, "newcomer"))
     assert set(found) == {node_id_of("127.0.0.2"), node_id_of("127.0.0.3")}
     await first.aclose()
     await second.aclose()
@@ -80,38 +83,80 @@ async def test_several_nodes_of_a_machine_hear_the_same_broadcast() -> None:
 class Room:
     """A network in which somebody near answers for many nodes before anybody else does."""
 
-    def __init__(self, *answers: tuple[str, int]) -> None:
+    def __init__(self, *answers: tuple[str, NodeId]) -> None:
         self._answers = list(answers)
+        self._nonce = b""
 
     async def open_broadcasts(self) -> tuple[Room, tuple[str, ...]]:
         return self, ("255.255.255.255",)
 
     async def send(self, data: bytes, target: str) -> None:
-        assert read_question(data) is not None
+        question = read_question(data)
+        assert question is not None and question.is_signed()
+        self._nonce = question.nonce
 
     async def receive(self) -> tuple[bytes, Endpoint]:
         await trio.lowlevel.checkpoint()
         if not self._answers:
             await trio.sleep_forever()
         source, node = self._answers.pop(0)
-        return pack_answer(NONCE, NodeId(node)), Endpoint(source, 17350)
+        return pack_answer(self._nonce, node), Endpoint(source, 17350)
 
     async def aclose(self) -> None:
         await trio.lowlevel.checkpoint()
 
 
+def of_itself(*addresses: str) -> list[tuple[str, NodeId]]:
+    return [(address, node_id_of(address)) for address in addresses]
+
+
+async def found_in(*answers: tuple[str, NodeId], passed: Sequence[NodeId] = (), seed: int = 0) -> list[NodeId]:
+    room: Any = Room(*answers)
+    return await look_around(room, KEY, SimEntropy(seed, "newcomer"), passed=passed)
+
+
 async def test_who_answers_for_many_nodes_hides_no_other(autojump_clock: trio.testing.MockClock) -> None:
-    liar = [("10.0.0.66", 1_000 + number) for number in range(1_000)]
-    room: Any = Room(*liar, ("10.0.0.2", 2), ("10.0.0.3", 3), ("10.0.0.2", 2))
-    found = await look_around(room, KEY, NONCE)
-    assert found[:3] == [1_000, 2, 3] and len(found) == FOUND_MAX
+    liar = [("10.0.0.66", NodeId(1_000 + number)) for number in range(1_000)]
+    honest = of_itself("10.0.0.2", "10.0.0.3", "10.0.0.2")
+    found = await found_in(*liar, *honest)
+    assert {node for _, node in honest} == set(found[:2]) and 2 < len(found) <= FOUND_MAX
+
+
+async def test_who_names_itself_is_asked_before_whom_others_name(autojump_clock: trio.testing.MockClock) -> None:
+    liars = [(f"10.0.1.{number}", NodeId(1_000 + number)) for number in range(SOURCES_MAX)]
+    assert (await found_in(*liars, *of_itself("10.0.0.2")))[0] == node_id_of("10.0.0.2")
+
+
+async def test_who_answers_first_from_many_addresses_does_not_hide_who_answers_later(autojump_clock: trio.testing.MockClock) -> None:
+    """Whoever can answer from one forged address can from hundreds: then it is chance who is asked, not who was quicker."""
+    honest = node_id_of("10.0.0.2")
+    few, many = (of_itself(*(f"10.0.{1 + number // 250}.{number % 250}" for number in range(count))) for count in (8, 2 * SOURCES_MAX))
+    assert honest in await found_in(*few, *of_itself("10.0.0.2"))
+    looks = [await found_in(*many, *of_itself("10.0.0.2"), *many, seed=seed) for seed in range(100)]
+    assert all(len(found) == FOUND_MAX for found in looks)
+    assert sum(honest in found for found in looks) >= 100 * FOUND_MAX // (2 * SOURCES_MAX) // 2, "half of its fair share, at least"
 
 
 async def test_whom_one_has_asked_already_hides_nobody_who_answers_later(autojump_clock: trio.testing.MockClock) -> None:
-    liars = [(f"10.0.1.{number}", 1_000 + number) for number in range(FOUND_MAX)]
-    room: Any = Room(*liars, ("10.0.0.2", 2), *liars)
-    assert await look_around(room, KEY, NONCE, passed=[NodeId(number) for _, number in liars]) == [2]
+    liars = of_itself(*(f"10.0.1.{number}" for number in range(FOUND_MAX)))
+    honest = of_itself("10.0.0.2")
+    assert await found_in(*liars, *honest, *liars, passed=[node for _, node in liars]) == [honest[0][1]]
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([f"10.0.{one}.{two}" for one in (0, 1) for two in range(SOURCES_MAX // 2)]), st.integers(1, 2**32 - 1))
+    )
+)
+def test_the_order_and_the_number_of_answers_choose_nobody(answers: list[tuple[str, int]]) -> None:
+    once, shuffled = Nearby(b"chance"), Nearby(b"chance")
+    for source, node in answers:
+        once.hear(source, NodeId(node))
+    for source, node in [*reversed(answers), *answers]:
+        shuffled.hear(source, NodeId(node))
+    assert once.chosen() == shuffled.chosen()
+    assert len(once.chosen()) <= FOUND_MAX and len(set(once.chosen())) == len(once.chosen())
 
 
 async def test_where_nobody_answers_nobody_is_found() -> None:
-    assert await look_around(newcomer_world(free_ports(("127.0.0.2",))).network, KEY, NONCE) == []
+    assert await look_around(newcomer_world(free_ports(("127.0.0.2",))).network, KEY, SimEntropy(0, "newcomer")) == []
