@@ -27,6 +27,8 @@ LOOK_S = 60.0
 """A client asks several nodes so often, whatever those that it talks to claim."""
 PAUSE_S = 1.0
 """Between two looks, so that who claims more and more binds little of us."""
+PUZZLES_MAX = 256
+"""Certificates that others are asked for in LOOK_S; for more than that the next look has to do."""
 CLAIMANTS_MAX = 2
 SETTLE_S = 1.0
 
@@ -66,6 +68,8 @@ class KnownLog:
         self._claimed = trio.Event()
         self._is_puzzled = False
         """Whether somebody showed a key that the log may tell of by now."""
+        self._puzzles: dict[tuple[str, KeyId | None], tuple[int, float]] = {}
+        """The log's position at which others were last asked for that, and when."""
         self._asked_at = -math.inf
 
     # ------------------------------------------------------------------------------------------------- who counts
@@ -77,13 +81,26 @@ class KnownLog:
         if refusal is None and node is not None and self.view.has_known(node):
             known = self.view.keys_of(node)
             if known is None or key != known.signing_id:
-                # A certificate of which the log does not tell, or not yet: others are asked soon whether it does.
-                self._is_puzzled = True
-                self._claimed.set()
+                self._puzzled_by(connection.peer, key)
                 refusal = Refused(
                     RejectReason.NOT_READY, f"its certificate is for another key than the cluster's log has for {connection.peer}"
                 )
         return refusal
+
+    def _puzzled_by(self, peer: str, key: KeyId | None) -> None:
+        """A certificate of which the log does not tell, or not yet: others are asked soon whether it does.
+
+        As long as nothing else is heard, once in LOOK_S for each: whoever shows one may do so at every look.
+        """
+        now = self._calls.world.clock.now()
+        position, at = self._puzzles.get((peer, key), (-1, -math.inf))
+        if position == self.view.position and now - at < LOOK_S:
+            return
+        self._puzzles = {who: what for who, what in self._puzzles.items() if what[0] == self.view.position and now - what[1] < LOOK_S}
+        if len(self._puzzles) < PUZZLES_MAX:
+            self._puzzles[peer, key] = self.view.position, now
+            self._is_puzzled = True
+            self._claimed.set()
 
     def check_own(self) -> None:
         """Refused if our own key counts no longer: no honest node would answer."""

@@ -15,6 +15,7 @@ import trio.testing
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import KeyId, node_id_of
 from scenefold.base.reasons import RejectReason
+from scenefold.client import known_log
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import LOOK_S, PAUSE_S, KnownLog
 from scenefold.crypto import HEADER_DOMAIN
@@ -249,3 +250,30 @@ async def test_a_certificate_that_the_log_does_not_know_is_talked_to_once_it_doe
     for key in (foreign, None):
         assert log.refusal_of(shown(2, key)) is not None
     assert log.refusal_of(shown(7, foreign)) is None, "a spare, of which the log tells nothing yet"
+
+
+@pytest.mark.parametrize("keys", [1, 10_000])
+async def test_one_with_a_foreign_certificate_keeps_no_client_busy(
+    keys: int, autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(known_log, "PUZZLES_MAX", 4)
+    nodes, foreign, looks = Nodes(), ADDRESSES[2], 10
+    _, log = nodes.client()
+    await log.newest()
+    honest, tries = nodes.request, list[str]()
+
+    async def request(address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if address == foreign:
+            tries.append(address)
+            refusal = log.refusal_of(shown(2, KeyId(1 + len(tries) % keys)))
+            assert refusal is not None
+            raise Unreachable(refusal.what, where=address)
+        return await honest(address, priority, packet, timeout)
+
+    nodes.request = request  # type: ignore[method-assign]
+    nodes.asked.clear()
+    with trio.move_on_after(looks * LOOK_S):
+        await log.run()
+    # Once a minute anyway, and once more for each certificate.
+    most = 3 * (looks + 1) * (1 + min(keys, 4))
+    assert len(nodes.asked) <= most and len(tries) <= most
