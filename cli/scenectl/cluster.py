@@ -17,7 +17,7 @@ from scenectl.trusting import trust
 from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
 
 if TYPE_CHECKING:
-    from scenefold.client import ClusterStatus
+    from scenefold.client import ClusterStatus, RemovedNode
 
 app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
 for verb in (invite, invitations, users, trust, revoke, renew):
@@ -169,13 +169,22 @@ def status(*, output: ProfileOutput = DEFAULT_PROFILE) -> int:
 
 
 @app.command
-def nodes(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def nodes(*, removed: Annotated[bool, Parameter(negative="", show_default=False)] = False, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """List the nodes along the line: role, arc, fill, records, last heard, incarnation.
 
     Example: scenectl cluster nodes --profile studio
-    """
-    from scenectl.cluster_text import nodes_text
 
+    Parameters
+    ----------
+    removed
+        Instead: who was ever taken off the line, why, and which node proposed it, the newest first.
+    """
+    from scenectl.cluster_text import nodes_text, removed_text
+
+    if removed:
+        name, gone = _removed(output.profile)
+        emit(output, {"name": name, "removed": [one.document() for one in gone]}, removed_text(gone))
+        return
     found = _look(output.profile)
     emit(output, {"name": found.name, "asked": found.asked, "nodes": [node.document() for node in found.nodes]}, nodes_text(found))
 
@@ -209,5 +218,15 @@ def _look(profile: str | None) -> ClusterStatus:
     async def ask() -> ClusterStatus:
         async with connected(profile) as cluster:
             return await cluster.status()
+
+    return run(ask)
+
+
+def _removed(profile: str | None) -> tuple[str, tuple[RemovedNode, ...]]:
+    from scenectl.running import connected, run
+
+    async def ask() -> tuple[str, tuple[RemovedNode, ...]]:
+        async with connected(profile) as cluster:
+            return cluster.name, await cluster.removed()
 
     return run(ask)

@@ -9,11 +9,12 @@ from scenectl.output import size_text, table
 
 if TYPE_CHECKING:
     from scenefold.base.location import Arc
-    from scenefold.client import ClusterStatus, Movement, NodeState, Rate
+    from scenefold.client import ClusterStatus, Movement, NodeState, Rate, RemovedNode
 
 UNKNOWN = "?"
 ARC_DIGITS = 8
 INCARNATION_DIGITS = 8
+REMOVALS_SHOWN = 5
 
 
 def status_text(found: ClusterStatus) -> str:
@@ -34,7 +35,7 @@ def status_text(found: ClusterStatus) -> str:
     missing = sum(not node.alive for node in found.nodes)
     summary = f"{found.name}: {len(found.nodes) - missing} of {len(found.nodes)} nodes alive, as {found.asked} knows it"
     titles = ("node", "state", "role", "arc", "line", "disk used", "of disk", "last heard")
-    notes = [*_blacklists(found), *(f"warning: {warning.text}" for warning in found.warnings)]
+    notes = [*_blacklists(found), *_removals(found), *(f"warning: {warning.text}" for warning in found.warnings)]
     return "\n".join((summary, "", table(titles, rows), *(["", *notes] if notes else [])))
 
 
@@ -70,6 +71,23 @@ def role_text(node: NodeState) -> str:
 def _blacklists(found: ClusterStatus) -> Sequence[str]:
     """A line for each node that keeps its copies away from others; none if nobody does."""
     return [f"{node.address} wants no copies of its data on {', '.join(node.blacklist)}" for node in found.nodes if node.blacklist]
+
+
+def _removals(found: ClusterStatus) -> Sequence[str]:
+    """A line for each of those that left last: else a node that was removed is only missing from the table."""
+    shown = [f"{one.address} is no member any more: {one.reason} (position {one.position})" for one in found.removed[:REMOVALS_SHOWN]]
+    left_out = len(found.removed) - len(shown)
+    return [*shown, f"and {left_out} more: scenectl cluster nodes --removed"] if left_out else shown
+
+
+def removed_text(found: Sequence[RemovedNode]) -> str:
+    """All removals, newest first."""
+    titles = ("node", "position", "proposed by", "incarnation", "now", "reason")
+    rows = [
+        (one.address, one.position, one.by, one.incarnation.hex()[:INCARNATION_DIGITS], "back" if one.is_back else "gone", one.reason)
+        for one in found
+    ]
+    return table(titles, rows) if rows else "No node was ever removed."
 
 
 RATE_TITLES = ("node", "role", "line", "full", "records", "records/s", "bytes/s", "rays/s")

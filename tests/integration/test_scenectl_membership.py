@@ -112,6 +112,10 @@ def test_a_spare_joins_is_listed_and_leaves(profile: str, tmp_path: Path) -> Non
         assert process.wait(LIMIT_S) == 0
     check_readable(profile)
     assert [node["address"] for node in scenectl("cluster", "nodes", "--json", profile=profile).json["nodes"]] == list(FOUNDERS)
+    (gone,) = scenectl("cluster", "nodes", "--removed", "--json", profile=profile).json["removed"]
+    assert (gone["address"], gone["by"], gone["reason"], gone["is_back"]) == (spare, spare, "drained", False)
+    status = scenectl("cluster", "status", profile=profile)
+    assert status.code == 0 and f"{spare} is no member any more: drained" in status.out.decode()
 
 
 def test_a_newcomer_without_room_gets_nothing_and_is_seen_to_wait(profile: str, tmp_path: Path) -> None:

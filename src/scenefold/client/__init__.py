@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
     from scenefold.client.reencryption import Reencryption
+    from scenefold.client.removals import RemovedNode
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scenes import SceneListing, Scenes
@@ -42,6 +43,7 @@ _HOMES = {
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.reading": "open_scene_with_keys",
     "scenefold.client.reencryption": "Reencryption",
+    "scenefold.client.removals": "RemovedNode",
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scenes": "SceneListing Scenes",
@@ -83,6 +85,7 @@ __all__ = [
     "ProgressState",
     "Rate",
     "Reencryption",
+    "RemovedNode",
     "Scene",
     "SceneInfo",
     "SceneKeys",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial, reduce
 from typing import TypeVar
 
@@ -18,6 +19,7 @@ from scenefold.client.hedging import more_telling
 from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
 from scenefold.client.membership import Membership
 from scenefold.client.public_keys import find_public_key
+from scenefold.client.removals import RemovedNode, removed_nodes, still_gone
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
@@ -90,7 +92,13 @@ class Cluster:
             if not found.is_unsteady:
                 break
             first = found.best_informed
-        return found
+        # Nobody is asked once more for this: what those who answered claim to know of the log is learnt, as far as they show it.
+        await self.log.settled()
+        return replace(found, removed=still_gone(removed_nodes(self.log.view)))
+
+    async def removed(self) -> tuple[RemovedNode, ...]:
+        """All nodes that were ever taken off the line, and why, the newest first. Unreachable if no node shows the cluster's log."""
+        return removed_nodes(await self.log.newest())
 
     async def reports(
         self, addresses: Sequence[str] | None = None, *, timeout_s: float = CLIENT_STATUS_S

@@ -13,6 +13,7 @@ from typing import Any
 from scenefold.base.cover import without
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
+from scenefold.client.removals import RemovedNode
 from scenefold.client.reports import HandoverReport, NodeReport
 
 HANDOVER_LONG_S = 60.0
@@ -139,6 +140,8 @@ class ClusterStatus:
     asked: str
     nodes: tuple[NodeState, ...]
     warnings: tuple[Concern, ...]
+    removed: tuple[RemovedNode, ...] = ()
+    """Of nodes that are not on the line any more: the last removal of each, newest first."""
 
     @property
     def degraded(self) -> bool:
@@ -164,6 +167,7 @@ class ClusterStatus:
             "degraded": self.degraded,
             "nodes": [node.document() for node in self.nodes],
             "warnings": [warning.document() for warning in self.warnings],
+            "removed": [removed.document() for removed in self.removed],
         }
 
 

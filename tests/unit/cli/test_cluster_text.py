@@ -7,11 +7,12 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from scenectl.cluster_text import movement_text, nodes_text, seconds_text, status_text
+from scenectl.cluster_text import movement_text, nodes_text, removed_text, seconds_text, status_text
 from scenectl.top import _lines, _screen
 from scenefold.base.location import WHOLE_LINE
 from scenefold.client import Movement, NodeState, rates
 from scenefold.client.health import judged
+from scenefold.client.removals import RemovedNode
 from unit.client.test_health import report
 
 SILENT = NodeState("127.0.0.2", bytes([7]) * 16, True, WHOLE_LINE, 75.0, None, "connection refused")
@@ -52,6 +53,21 @@ def test_blacklists_are_shown_where_there_are_any() -> None:
     for text in (status_text(found), nodes_text(found)):
         assert "127.0.0.2 wants no copies of its data on 127.0.0.3, 127.0.0.9" in text
         assert text.count("wants no copies") == 1
+
+
+def test_who_was_removed_is_told_with_the_reason_and_the_oldest_are_counted() -> None:
+    gone = tuple(
+        RemovedNode(f"127.0.0.{9 + number}", bytes([number]) * 16, 40 - number, "not heard for 124 s", "127.0.0.2", number == 7)
+        for number in range(8)
+    )
+    found = replace(judged("studio", "127.0.0.4", [SILENT, STRANGER]), removed=gone[:7])
+    text = status_text(found)
+    assert "127.0.0.9 is no member any more: not heard for 124 s (position 40)" in text
+    assert "127.0.0.14" not in text and "and 2 more: scenectl cluster nodes --removed" in text
+    assert found.document()["removed"][0]["address"] == "127.0.0.9"
+    rows = removed_text(gone).splitlines()
+    assert len(rows) == 9 and rows[1].split()[:5] == ["127.0.0.9", "40", "127.0.0.2", "00000000", "gone"]
+    assert " back " in rows[-1] and removed_text(()) == "No node was ever removed."
 
 
 def test_a_movement_says_how_far_it_is() -> None:

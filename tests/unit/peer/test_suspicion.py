@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -69,8 +71,8 @@ def test_the_way_from_a_cause_to_a_proposal() -> None:
 
 def test_the_reason_says_how_long_why_and_who_asked() -> None:
     suspect = probed(suspected(cause=Cause.REQUEST_FAILED), 0.0)
-    assert suspect.reason(ME, 131.4) == (
-        "not heard for 131 s (a request to it failed); no answer in 1 rounds of probing, the last by 127.0.0.2, 127.0.0.4"
+    assert suspect.reason(ME, 131.4, datetime.datetime(2027, 3, 1, 13, 20, tzinfo=datetime.UTC)) == (
+        "not heard for 131 s until 2027-03-01 13:20 UTC (a request to it failed); no answer in 1 rounds of probing, the last by 127.0.0.2, 127.0.0.4"
     )
 
 

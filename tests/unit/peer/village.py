@@ -90,6 +90,9 @@ class TrioClock:
     def now(self) -> float:
         return trio.current_time()
 
+    def wall(self) -> float:
+        return trio.current_time()
+
     async def sleep(self, seconds: float) -> None:
         await trio.sleep(seconds)
 

@@ -17,7 +17,7 @@ from scenefold.wire import LogEntry, Member, RevokeNode, SignedRecord
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser
 from scenefold.world.log_file import LOG_FILE, LogFile
 from scenefold.world.log_view import NO_INCARNATION, LogView
-from unit.peer.logs_made import LOG_KEY, add, found, key_of, node, record, remove, signed
+from unit.peer.logs_made import LOG_KEY, add, found, key_of, member, node, record, remove, signed
 from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
 from unit.world.test_roll import YEAR
 
@@ -94,6 +94,13 @@ def test_the_line_and_its_members_are_those_that_a_node_knows_after_each_record(
             registered = registry.current(node(number))
             standing = Member(node(number), NO_INCARNATION if registered is None else registered.incarnation)
             assert view.on_line(node(number)) == (standing if node(number) in registry.order else None)
+    assert [(gone.member, gone.position, gone.by) for gone in view.removals] == [
+        (member(1), 5, node(0)),
+        (member(3), 8, node(0)),
+    ]
+    assert [(gone.member, gone.reason, gone.position) for gone in view.removals] == [
+        (known.member, known.reason, known.position) for known in registry.removed.values()
+    ]
 
 
 def test_whoever_shows_it_nobody_leaves_out_changes_or_adds_a_record() -> None:

@@ -8,6 +8,7 @@ two nodes, or lost datagrams, remove nobody whom anybody hears, and nobody can v
 
 from __future__ import annotations
 
+import datetime
 import logging
 from collections.abc import Callable, Sequence
 from enum import Enum, auto
@@ -168,7 +169,9 @@ class Probing:
                 self.suspicion.nobody_to_ask(suspect, now)
 
     async def _propose(self, suspect: Suspect) -> None:
-        reason = suspect.reason(self._own.me, self._world.clock.now() - self._proof_at(suspect))
+        clock = self._world.clock
+        moment = datetime.datetime.fromtimestamp(clock.wall(), datetime.UTC)
+        reason = suspect.reason(self._own.me, clock.now() - self._proof_at(suspect), moment)
         _log.info("the removal of %s is proposed: %s", address_of(suspect.node), reason)
         try:
             with trio.fail_after(PROPOSE_S_MAX):

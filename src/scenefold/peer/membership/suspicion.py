@@ -15,6 +15,7 @@ Nothing here knows a clock or dice: the time, and a number for how long to hold 
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto
@@ -106,10 +107,11 @@ class Suspect:
     def node(self) -> NodeId:
         return self.member.node
 
-    def reason(self, me: NodeId, silence_s: float) -> str:
-        """For the log: why it is to be removed."""
+    def reason(self, me: NodeId, silence_s: float, now: datetime.datetime) -> str:
+        """For people who read the log, which has no clock: why it is to be removed, and when, by our clock."""
         asked = ", ".join(map(address_of, (me, *self.helpers)))
-        return f"not heard for {silence_s:.0f} s ({self.cause.value}); no answer in {self.rounds} rounds of probing, the last by {asked}"
+        silence = f"not heard for {silence_s:.0f} s until {now:%Y-%m-%d %H:%M} UTC"
+        return f"{silence} ({self.cause.value}); no answer in {self.rounds} rounds of probing, the last by {asked}"
 
 
 class Suspicion:
