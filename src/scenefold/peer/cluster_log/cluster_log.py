@@ -151,6 +151,10 @@ class ClusterLog:
         """Ask others for what this node lacks, until it has this position (0: until one has answered)."""
         await self._puller.pull(at_least)
 
+    async def pull_from(self, node: NodeId) -> None:
+        """Ask a node for what it says that it knows and this one lacks. No others: who claims more than there is gains nothing."""
+        await self._puller.pull_from(node)
+
     async def _ask_around(self) -> None:
         """Whether others know more than this voter: its disk may be an older one, or a new one."""
         witnesses = self._puller.others((*self.registry.members, *self._facts.founders))[:WITNESSES_MAX]
@@ -202,7 +206,9 @@ class ClusterLog:
         if not isinstance(reply, AcceptSceneProposal):
             raise PeerFault(f"a proposal was answered with a {type(reply).__name__}", where=address_of(self._facts.voter))
         position = reply.proposal.position
-        await self.pull(at_least=position)
+        await self.pull_from(self._facts.voter)
+        if self.registry.position < position:
+            await self.pull(at_least=position)
         return (await self.changed_after(position - 1)).position_of(request) or position
 
     async def ask_lease(self, lives: Lives) -> bool:

@@ -2,7 +2,8 @@
 
 It asks when somebody claims a higher position than its own, and once SYNC_S have passed since it last heard that there is
 no higher one (a lease is granted with this word); first who claims it, then the
-voter, then others, since a voter that is away or unreachable from here may well have told them.
+voter, then others, since a voter that is away or unreachable from here may well have told them. Whoever claims what nobody
+can show is not heeded for a while, so that one member cannot keep all others asking.
 """
 
 from __future__ import annotations
@@ -45,12 +46,14 @@ class LogPuller:
         self._pulling = trio.Lock()
         self._claims: dict[NodeId, int] = {}
         self._claimed = trio.Event()
+        self._in_vain_at: dict[NodeId, float] = {}
+        """When we last asked all round for what a node claims, and did not get it."""
         self._confirmed_at = -math.inf
         self._quiet = QuietLog(_log)
 
     def heard_of(self, node: NodeId, position: int) -> None:
         """A node says that its log has come to this position."""
-        if position > self._copy.position:
+        if position > self._copy.position and self._is_heeded(node):
             self._claims[node] = position
             self._claimed.set()
             self._claimed = trio.Event()
@@ -86,7 +89,14 @@ class LogPuller:
                 if await self.pull_from(node) and not wanted:
                     break
             # Who still claims more will say so again; one that cannot show it must not be asked for ever.
+            now = self._world.clock.now()
+            vain = {node: now for node, position in self._claims.items() if position > self._copy.position}
+            self._in_vain_at = {node: at for node, at in self._in_vain_at.items() if now - at < SYNC_S} | vain
             self._claims.clear()
+
+    def _is_heeded(self, node: NodeId) -> bool:
+        """Whether a claim counts: the voter's always does, since nobody else could know of its last word."""
+        return node == self._facts.voter or self._world.clock.now() - self._in_vain_at.get(node, -math.inf) >= SYNC_S
 
     async def pull_from(self, node: NodeId) -> bool:
         """Take all that a node has; whether it answered with a log."""

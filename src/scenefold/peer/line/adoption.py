@@ -110,7 +110,7 @@ class Adoption:
         reply = await parts.peers.ask(node, Priority.LOW, request, BoundConfirmed, ASK_S_MAX)
         if reply.reason or reply.log_position != registry.position:
             if reply.log_position > registry.position:
-                await parts.cluster_log.pull(reply.log_position)
+                await parts.cluster_log.pull_from(node)
             raise Unsettled(f"{address_of(node)} does not confirm its bound (reason {reply.reason}, log {reply.log_position})")
         return Bound(reply.right_bound, reply.revision, reply.pending)
 
@@ -122,7 +122,7 @@ class Adoption:
             if node_of(peer) != packet.asker.node:
                 raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} asks in the name of {address_of(packet.asker.node)}")
             if parts.cluster_log.registry.position < packet.log_position:
-                await parts.cluster_log.pull(packet.log_position)
+                await parts.cluster_log.pull_from(packet.asker.node)
             await parts.keeper.change(lambda now: now)
             async with parts.keeper.unchanging() as holding:
                 parts.require_lease()

@@ -103,7 +103,7 @@ class Receiving:
             raise Refused(RejectReason.BUSY, self.refuses)
         parts.require_lease()
         if parts.cluster_log.registry.position < packet.log_position:
-            await parts.cluster_log.pull(packet.log_position)
+            await parts.cluster_log.pull_from(packet.giver.node)
         if parts.cluster_log.registry.position < packet.log_position:
             raise Refused(RejectReason.NOT_READY, "this node does not know the cluster's log that far yet")
         await self._check_room(packet.bytes)

@@ -89,7 +89,7 @@ class KnownLog:
     def learnt_at(self, position: int) -> float:
         return self._learnt.setdefault(position, self._clock.now())
 
-    async def pull(self, at_least: int = 0) -> None:
+    async def pull_from(self, _node: NodeId) -> None:
         return None
 
 
