@@ -21,7 +21,7 @@ from scenefold.render.passes import PassPlan
 from scenefold.render.pool import keeping, share
 from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import RenderRequest
-from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_USER_MAX
+from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.sample import sample_scene_path
@@ -115,6 +115,17 @@ async def test_no_key_outlives_what_it_was_for() -> None:
         await pool.ask(owner, CancelJob(job=3))
 
 
+async def is_organised(pool: MemoryPool, number: int) -> bool:
+    askers = ("user:test", "user:other", f"user:{number}")
+    for asker in askers:
+        try:
+            await pool.deliver(asker, pool.nodes[0], JobState(job=number))
+        except Refused:
+            continue
+        return True
+    return False
+
+
 async def test_a_user_who_fills_its_places_leaves_some_to_others() -> None:
     async with memory_pool(offline_world(), records_of(sample_scene_path()), 1) as pool:
         (node,) = pool.nodes
@@ -125,6 +136,10 @@ async def test_a_user_who_fills_its_places_leaves_some_to_others() -> None:
         assert caught.value.reason is RejectReason.BUSY
         other = await pool.deliver("user:other", node, pool.request(91, TINY, [node]))
         assert isinstance(other, JobAnswer) and not other.reason
+        for number in range(92, 99):
+            await pool.deliver(f"user:{number}", node, pool.request(number, LONG, [node]))
+        live = [number for number in range(1, 99) if await is_organised(pool, number)]
+        assert len(live) == JOBS_OF_A_NODE_MAX, "more would find no place at the others"
         # Nor is anybody told of what others have rendered.
         with pytest.raises(Refused, match="organises no such job"):
             await pool.deliver("user:other", node, JobState(job=1))

@@ -11,7 +11,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.render.pool.places import Places
 
 MOST, OF_ONE = 8, 3
-PEERS = ["user:ada", "user:ben", "user:eve", "node:own"]
+PEERS = ["user:ada", "user:ben", "user:eve", "node:2130706434"]
 
 
 class Job:
@@ -22,7 +22,7 @@ class Job:
 
 
 def places() -> Places[Job]:
-    return Places("organises", MOST, OF_ONE, boundless="node:own")
+    return Places("organises", MOST, OF_ONE)
 
 
 def test_one_asker_leaves_places_for_others() -> None:
@@ -54,12 +54,21 @@ def test_whose_words_are_kept_no_longer_is_ended() -> None:
     assert all(job.is_forgotten != (job in remaining) for job in jobs) and len(remaining) < 3 * OF_ONE
 
 
-def test_a_node_takes_part_in_as_many_of_its_own_as_there_are_places() -> None:
+def test_who_asks_is_one_of_several_that_share_all_places() -> None:
     kept = places()
     for number in range(MOST):
-        kept.take(number, "node:own", Job)
+        kept.take(number, f"user:{number}", Job)
     with pytest.raises(Refused, match="organises as many jobs as it may"):
-        kept.take(99, "node:own", Job)
+        kept.take(99, "user:eve", Job)
+
+
+def test_a_node_that_asks_is_named_by_address_and_whoever_hears_it_can_end_nothing() -> None:
+    kept = places()
+    for number in range(OF_ONE):
+        kept.take(number, f"node:{0x7F000002}", Job)
+    with pytest.raises(Refused, match=r"as many jobs of 127\.0\.0\.2 as it may") as caught:
+        kept.take(99, f"node:{0x7F000002}", Job)
+    assert "end one" not in caught.value.remedy
 
 
 def test_a_place_is_given_back_by_its_own_job_only() -> None:

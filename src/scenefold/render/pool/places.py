@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from scenefold.base.errors import Refused
+from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import node_named
 
 
 class Job(Protocol):
@@ -35,9 +37,9 @@ class _Place(Generic[J]):
 class Places(Generic[J]):
     """By the jobs' ids."""
 
-    def __init__(self, what: str, most: int, most_of_one: int, *, boundless: str = "") -> None:
-        """`what` a node does with jobs, for whoever is turned away; `boundless`: an asker that may have all places."""
-        self._what, self._most, self._most_of_one, self._boundless = what, most, most_of_one, boundless
+    def __init__(self, what: str, most: int, most_of_one: int) -> None:
+        """`what` a node does with jobs, for whoever is turned away."""
+        self._what, self._most, self._most_of_one = what, most, most_of_one
         self._places: dict[int, _Place[J]] = {}
 
     def __len__(self) -> int:
@@ -62,10 +64,10 @@ class Places(Generic[J]):
         live = [place.peer for place in self._places.values() if not place.job.has_failed]
         if len(live) >= self._most:
             raise Refused(RejectReason.BUSY, f"this node {self._what} as many jobs as it may", remedy="try again later")
-        if peer != self._boundless and live.count(peer) >= self._most_of_one:
-            raise Refused(
-                RejectReason.BUSY, f"this node {self._what} as many jobs of {peer} as it may", remedy="end one, or try again later"
-            )
+        if live.count(peer) >= self._most_of_one:
+            node = node_named(peer)
+            whose, remedy = (peer, "end one, or try again later") if node is None else (address_of(node), "try again later")
+            raise Refused(RejectReason.BUSY, f"this node {self._what} as many jobs of {whose} as it may", remedy=remedy)
 
     def take(self, number: int, peer: str, make: Callable[[], J]) -> J:
         """A place for a new job, if there is one (`check`)."""

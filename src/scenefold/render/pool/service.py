@@ -40,10 +40,10 @@ from scenefold.wire import (
 )
 
 JOBS_MAX = 8
-"""Jobs that a node takes part in at a time, and as many that it organises."""
-JOBS_OF_A_USER_MAX = 4
+"""Jobs that a node takes part in at a time."""
 JOBS_OF_A_NODE_MAX = 6
-"""Of one that organises them; of its own a node takes part in as many as there are places."""
+"""Of one that organises them; and so no node organises more, since they would fail at the others."""
+JOBS_OF_A_USER_MAX = 4
 IMAGE_PART_BYTES = 4 * 1024 * 1024
 OK = 0
 
@@ -58,9 +58,8 @@ class RenderService:
         self._host = host
         self._renderer_name = renderer
         self._renderer: Renderer | None = None
-        own = f"node:{host.node_id}"
-        self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX, boundless=own)
-        self._organisers: Places[Organiser] = Places("organises", JOBS_MAX, JOBS_OF_A_USER_MAX)
+        self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX)
+        self._organisers: Places[Organiser] = Places("organises", JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX)
         self._nursery: trio.Nursery | None = None
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
