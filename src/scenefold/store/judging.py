@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from scenefold.base.location import Location
@@ -44,6 +44,8 @@ class PutResult:
     outcome: Outcome
     current: bytes = b""
     location: Location | None = None
+    has_changed: bool = field(default=False, compare=False)
+    """Whether anything was written: a repetition, or what is older, changes nothing."""
 
     @property
     def reason(self) -> RejectReason | None:

@@ -188,8 +188,10 @@ class Strays:
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
                 parts.require_lease()
                 await self._check_mode(item)
-                parts.settling.note(Arc(home, home))
                 (result,) = await parts.store.merge([put])
+                if result.has_changed:
+                    # What was here already has settled: whoever brings it again and again must not keep us from giving it away.
+                    parts.settling.note(Arc(home, home))
                 if result.outcome is Outcome.FULL:
                     raise Refused(RejectReason.STORAGE_FULL, "the disk is full")
                 parts.require_lease()

@@ -9,11 +9,15 @@ import trio
 
 from scenefold.base.location import Location
 from scenefold.peer.line import strays
+from scenefold.peer.line.settling import SETTLING_S
 from scenefold.store import Put
 from scenefold.store.changes import storage_full
 from scenefold.store.layout import RECORDS, location_of
+from scenefold.wire import HandItem, HandRecords, PutManyReply
+from scenefold.world import Priority
 from scenefold.world.sim import run_simulated
-from unit.peer.line.street import House, Street, places, record_at
+from unit.peer.line.street import HEADER, House, Street, places, record_at
+from unit.peer.scenes_made import SPACE
 
 IN_HEADER, IN_BODY = 10, -1
 """A byte of each part of a stored record."""
@@ -84,6 +88,31 @@ def test_a_rotten_stray_on_a_full_disk_ends_nothing_and_holds_nobody_up(byte: in
             nursery.cancel_scope.cancel()
 
     run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+def test_who_brings_the_same_again_and_again_keeps_nothing_from_being_given_away() -> None:
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            liar, owner = await begun(street, nursery)
+            there, new = (await street.fill(1, 2))[:1], places(owner.durable().arc, 3)[1:2]
+            await trio.sleep(SETTLING_S * 2)
+            assert owner.line.settled(owner.line.arc)
+            for places_brought, settled in ((there, True), (new, False), (new, False)):
+                items = tuple(item_of(place) for place in places_brought)
+                reply = await liar.line._parts.peers.ask(owner.node, Priority.LOW, HandRecords(items), PutManyReply, 5.0)
+                assert [outcome.reason for outcome in reply.outcomes] == [0]
+                assert owner.line.settled(owner.line.arc) is settled
+                await trio.sleep(SETTLING_S * 0.8)
+            assert owner.line.settled(owner.line.arc), "it was brought a second time"
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+def item_of(place: Location) -> HandItem:
+    record = record_at(place)
+    return HandItem(HEADER.scene, SPACE, place, b"", record.signature, record.header_bytes, record.ciphertext)
 
 
 def test_objects_that_cannot_slide_on_a_full_disk_hold_up_no_strays() -> None:
