@@ -86,7 +86,8 @@ class Copier:
         )
         request = OfferRecords(self._handover.id, listed)
         reply = await self._parts.peers.ask(self._handover.peer.node, Priority.LOW, request, RecordsWanted, LIST_S_MAX)
-        return [entries[index] for index in reply.indexes if index < len(entries)]
+        # Each once, however often it is named: else one answer could draw thousands of times what lies here.
+        return [entries[index] for index in dict.fromkeys(reply.indexes) if index < len(entries)]
 
     async def _send(self, batch: Sequence[Entry], hurry: bool) -> int:
         found = await self._parts.store.read([entry.spot for entry in batch])

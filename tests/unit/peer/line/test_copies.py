@@ -12,7 +12,9 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import RECORD_DOMAIN, Record, RecordPlace
 from scenefold.peer.line import Line, Side, copying
+from scenefold.peer.line.receiving import Receiving
 from scenefold.store import Put, Spot
+from scenefold.wire import OfferRecords, Packet, RecordsWanted
 from scenefold.world.sim import Point, run_simulated
 from unit.peer.line.street import HEADER, Street, record_at
 from unit.peer.scenes_made import SPACE, WRITER
@@ -39,6 +41,29 @@ def test_a_ciphertext_that_lies_at_two_places_is_copied_twice(monkeypatch: pytes
             street.check()
             nursery.cancel_scope.cancel()
 
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+def test_a_receiver_that_names_one_record_often_is_sent_it_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = Receiving._on_list
+
+    async def greedy(self: Receiving, packet: OfferRecords, peer: str) -> Packet:
+        await wanted(self, packet, peer)
+        return RecordsWanted(packet.handover, (0,) * 4096)
+
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            await street.begin(nursery)
+            spots = await street.fill(0, 16)
+            await trio.sleep(11.0)
+            giver = street.houses[0].line
+            assert giver is not None and giver.arc is not None
+            await giver.give(Side.RIGHT, Arc(spots[-1], giver.arc.last), why="a test")
+            assert giver.events["copied"] == 1
+            nursery.cancel_scope.cancel()
+
+    monkeypatch.setattr(Receiving, "_on_list", greedy)
     run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
 
 
