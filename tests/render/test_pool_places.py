@@ -18,7 +18,7 @@ from scenefold.partition import make_partition
 from scenefold.render.contract import load_renderer
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.passes import PassPlan
-from scenefold.render.pool import keeping, share
+from scenefold.render.pool import keeping, organiser, share
 from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX
@@ -113,6 +113,19 @@ async def test_no_key_outlives_what_it_was_for() -> None:
         await pool.until(3, owner, "rendering")
         assert keys_alive(pool) == 0
         await pool.ask(owner, CancelJob(job=3))
+
+
+async def test_images_of_clients_that_died_make_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with memory_pool(offline_world(), records_of(sample_scene_path()), 1) as pool:
+        for number in range(1, JOBS_OF_A_USER_MAX + 1):
+            await pool.until(number, await pool.start(number, TINY), "done")
+        with pytest.raises(Refused):
+            await pool.start(90, TINY)
+        monkeypatch.setattr(organiser, "IDLE_S", -1.0)
+        await pool.start(91, TINY)
+        with pytest.raises(Refused, match="organises no such job"):
+            await pool.state(1, pool.nodes[0])
+        assert (await pool.state(2, pool.nodes[0]))["image_bytes"], "its place is not needed yet"
 
 
 async def is_organised(pool: MemoryPool, number: int) -> bool:

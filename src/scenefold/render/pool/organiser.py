@@ -35,7 +35,9 @@ from scenefold.world import DiskFailed
 ASK_S_MAX = 30.0
 POLL_S = 0.2
 KEEP_S = 600.0
-"""A finished image is kept this long for whoever asked for it."""
+"""A finished image is kept this long for whoever asked for it,"""
+IDLE_S = 60.0
+"""but so long without a question only as long as nobody needs its place: a client asks all the time."""
 LAYERS = (("beauty", 3), ("albedo", 3), ("normal", 3), ("depth", 1))
 """The image as it is sent: these layers one after the other, float32, rows from the top."""
 
@@ -54,6 +56,7 @@ class Organiser:
         self._failure: Refused | None = None
         self._states: dict[int, dict[str, Value]] = {}
         self._seconds: dict[str, float] = {}
+        self._asked_at = self.now()
         self._scope = trio.CancelScope()
         self.image: bytes = b""
 
@@ -63,6 +66,7 @@ class Organiser:
             try:
                 await self._render()
                 self._phase = "done"
+                self.asked()
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
@@ -82,8 +86,17 @@ class Organiser:
         """Until all nodes have let go of the job it counts: it still speaks to them."""
         return self._failure is not None and self._job is None
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether the image is there, and nobody has asked for it for a while."""
+        return self._phase == "done" and self.now() - self._asked_at > IDLE_S
+
+    def asked(self) -> None:
+        """Somebody still wants the image."""
+        self._asked_at = self.now()
+
     def forget(self) -> None:
-        """Keep the words no longer."""
+        """Keep the words, or the image, no longer."""
         self.cancel()
 
     def cancel(self) -> None:

@@ -88,6 +88,11 @@ class Part:
     def has_failed(self) -> bool:
         return self.failure is not None
 
+    @property
+    def is_idle(self) -> bool:
+        """Never: what an organiser leaves alone ends by its hold."""
+        return False
+
     def forget(self) -> None:
         """Nothing to end: what failed has freed everything, and no task waits."""
 

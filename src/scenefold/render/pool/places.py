@@ -1,6 +1,7 @@
 """Places for jobs on a node: so many at a time, of these so many of one asker; what failed takes none. Pure.
 
-Of what failed the words are kept, for whoever asks, and of each asker the last few only.
+Of what failed the words are kept, for whoever asks, and of each asker the last few only. What is done and nobody fetches keeps its place
+until another job wants it.
 """
 
 from __future__ import annotations
@@ -21,8 +22,12 @@ class Job(Protocol):
     @property
     def has_failed(self) -> bool: ...
 
+    @property
+    def is_idle(self) -> bool:
+        """Done, and nobody has asked for it for a while: maybe whoever wanted it is no more."""
+
     def forget(self) -> None:
-        """It has no place, and nobody will ask for it: end what is left of it. Called once it has failed."""
+        """It has no place, and nobody will ask for it: end what is left of it. Called once it has failed, or is idle."""
 
 
 J = TypeVar("J", bound=Job)
@@ -61,7 +66,7 @@ class Places(Generic[J]):
 
     def check(self, peer: str) -> None:
         """Refused (13) if there is no place for one more of this peer."""
-        live = [place.peer for place in self._places.values() if not place.job.has_failed]
+        live = [place.peer for place in self._places.values() if not place.job.has_failed and not place.job.is_idle]
         if len(live) >= self._most:
             raise Refused(RejectReason.BUSY, f"this node {self._what} as many jobs as it may", remedy="try again later")
         if live.count(peer) >= self._most_of_one:
@@ -72,12 +77,24 @@ class Places(Generic[J]):
     def take(self, number: int, peer: str, make: Callable[[], J]) -> J:
         """A place for a new job, if there is one (`check`)."""
         self.check(peer)
+        self._make_way(peer)
         job = make()
         self._places[number] = _Place(peer, job)
         failed = [known for known, place in self._places.items() if place.peer == peer and place.job.has_failed]
         for oldest in failed[: -self._most_of_one]:
             self._places.pop(oldest).job.forget()
         return job
+
+    def _make_way(self, peer: str) -> None:
+        """End what is idle, the oldest first, if its place is needed."""
+        held = [(number, place) for number, place in self._places.items() if not place.job.has_failed]
+        own = [(number, place) for number, place in held if place.peer == peer]
+        too_many_own, too_many = len(own) - self._most_of_one + 1, len(held) - self._most + 1
+        for number in [number for number, place in own if place.job.is_idle][: max(0, too_many_own)]:
+            self._places.pop(number).job.forget()
+            too_many -= 1
+        for number in [number for number, place in held if number in self._places and place.job.is_idle][: max(0, too_many)]:
+            self._places.pop(number).job.forget()
 
     def drop(self, number: int, job: J) -> None:
         """Give a place back, if it is still this job's."""

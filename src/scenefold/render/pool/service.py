@@ -233,6 +233,7 @@ class RenderService:
         organiser = self._organisers.get(job)
         if organiser is None or self._organisers.asker(job) != peer:
             raise Refused(RejectReason.NOT_READY, "this node organises no such job", remedy="start the render again")
+        organiser.asked()
         return organiser
 
     def _index(self, part: Part, peer: str) -> int:
