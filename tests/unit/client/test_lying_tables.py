@@ -11,6 +11,7 @@ from trio.testing import MockClock
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import FIRST, LAST, Location
+from scenefold.client.ranging import EMPTY_MAX
 from scenefold.wire import MiniStatus, Packet, QueryRange, RequestTable, RespondTable, ReturnRange
 from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
@@ -100,3 +101,23 @@ async def test_a_list_of_what_was_not_asked_for_is_no_answer(extra: tuple[Locati
     with pytest.raises(PeerFault, match="not about"):
         assert [location async for location in space.query(PLACES[1])] == PLACES[1:]
     assert any(isinstance(packet, QueryRange) for _, packet in nodes.asked)
+
+
+class CoversOnePlace(Liars):
+    def twisted(self, packet: Packet, reply: Packet) -> Packet:
+        return replace(reply, last=reply.first, locations=(), objects=()) if isinstance(reply, ReturnRange) else reply
+
+
+async def test_who_covers_place_after_place_and_lists_nothing_is_not_asked_for_ever(autojump_clock: MockClock) -> None:
+    nodes = CoversOnePlace()
+    space = _scene(nodes).space(FILES)
+    await space.put_many(ITEMS)
+    with pytest.raises(PeerFault, match="ever smaller parts"):
+        [location async for location in space.query()]
+    assert sum(address == LIAR and isinstance(packet, QueryRange) for address, packet in nodes.asked) == EMPTY_MAX + 1
+
+
+async def test_an_empty_line_is_walked_to_its_end_again_and_again(autojump_clock: MockClock) -> None:
+    space = _scene(FakeNodes()).space(FILES)
+    for _ in range(EMPTY_MAX + 1):
+        assert [location async for location in space.query()] == []
