@@ -188,6 +188,28 @@ async def test_a_bug_over_a_job_fails_the_job_and_not_the_node(monkeypatch: pyte
         assert image
 
 
+@pytest.mark.expect_log("an internal error, ZeroDivisionError")
+async def test_any_number_of_bugs_over_jobs_are_one_line(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    async with memory_pool(offline_world(), records_of(sample_scene_path()), 1) as pool:
+        monkeypatch.setattr(share, "job_numbers", lambda *_: 1 // 0)
+        for number in range(1, 10):
+            await pool.until(number, await pool.start(number, TINY), "failed")
+    assert len([line for line in caplog.records if line.name == "scenefold.bugs"]) == 1
+
+
+async def test_another_job_of_an_id_that_is_taken_is_refused() -> None:
+    async with memory_pool(offline_world(), records_of(sample_scene_path()), 2) as pool:
+        owner = await pool.start(1, LONG)
+        await pool.until(1, owner, "rendering")
+        other = next(node for node in pool.nodes if node != owner)
+        (document,) = [packet.document for packet in map(decode_packet, pool.delivered[other]) if isinstance(packet, StartJob)]
+        job = Job.from_bytes(document)
+        assert not (await offered(pool, job, owner, other)).reason, "that it is offered twice is no matter"
+        answer = await offered(pool, replace(job, seed=job.seed + 1), owner, other)
+        assert answer.reason == RejectReason.ILL_FORMED and "another job of that id" in answer.text
+        await pool.ask(owner, CancelJob(job=1))
+
+
 async def test_an_organiser_speaks_to_all_before_it_says_go(monkeypatch: pytest.MonkeyPatch) -> None:
     """Else those that are ready first give their places back while the slowest prepares."""
     monkeypatch.setattr(keeping, "WORD_S", 0.01)

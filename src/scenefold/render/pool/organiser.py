@@ -30,7 +30,7 @@ from scenefold.render.pool.telling import error_of, failure_fields, failure_of, 
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
-from scenefold.world import DiskFailed
+from scenefold.world import DiskFailed, QuietLog
 
 ASK_S_MAX = 30.0
 POLL_S = 0.2
@@ -45,9 +45,11 @@ LAYERS = (("beauty", 3), ("albedo", 3), ("normal", 3), ("depth", 1))
 class Organiser:
     """One job, from the request to the image."""
 
-    def __init__(self, host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, own_part: Callable[[int], Part]) -> None:
+    def __init__(
+        self, host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, own_part: Callable[[int], Part], quiet: QuietLog
+    ) -> None:
         """`keys`: those of the request, opened; both dropped as soon as the job is made. `own_part(job)`: this node's own part in a job."""
-        self._host, self._renderer, self._own_part = host, renderer, own_part
+        self._host, self._renderer, self._own_part, self._quiet = host, renderer, own_part, quiet
         self._id = request.job
         self._request: RenderRequest | None = request
         self._keys: EpochKeys | None = keys
@@ -70,7 +72,7 @@ class Organiser:
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
-                self._phase, self._failure = "failed", failure_of(group, self._id)
+                self._phase, self._failure = "failed", failure_of(group, self._id, self._quiet, self.now())
             finally:
                 self._keys = self._request = None
             await self._free()

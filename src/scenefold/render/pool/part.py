@@ -18,7 +18,7 @@ from scenefold.render.pool.member import Member
 from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
-from scenefold.world import DiskFailed
+from scenefold.world import DiskFailed, QuietLog
 
 MERGE_S_MAX = 600.0
 PART_S_MAX = 120.0
@@ -38,14 +38,14 @@ class Phase(Enum):
 class Part:
     """One node's part in one job. It needs the scene's keys while it prepares, and keeps none."""
 
-    def __init__(self, host: Host, renderer: Renderer, job: Job) -> None:
+    def __init__(self, host: Host, renderer: Renderer, job: Job, quiet: QuietLog) -> None:
         if host.node_id not in job.nodes:
             raise PeerFault("this node is not among the job's")
         self.job = job
         self.me = job.nodes.index(host.node_id)
         self.phase = Phase.PREPARING
         self.failure: Refused | None = None
-        self._host, self._renderer = host, renderer
+        self._host, self._renderer, self._quiet = host, renderer, quiet
         self._loaded: LoadedShare | None = None
         self._scene: OpenScene | None = None
         self._member: Member | None = None
@@ -69,7 +69,7 @@ class Part:
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
-                self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id)
+                self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id, self._quiet, self._host.world.clock.now())
         self._prepared.set()
         self._member = self._loaded = None
         if self._scene is not None:

@@ -38,6 +38,7 @@ from scenefold.wire import (
     pack_value,
     unpack_value,
 )
+from scenefold.world import QuietLog
 
 JOBS_MAX = 8
 """Jobs that a node takes part in at a time."""
@@ -60,6 +61,7 @@ class RenderService:
         self._renderer: Renderer | None = None
         self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX)
         self._organisers: Places[Organiser] = Places("organises", JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX)
+        self._quiet = QuietLog(_log)
         self._nursery: trio.Nursery | None = None
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
@@ -115,7 +117,7 @@ class RenderService:
         request = RenderRequest.from_map(packet.job, document)
         keys = self._host.opened(request.keys, request.genesis, request.job)
         renderer = self._load()
-        organiser = self._organisers.take(packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part))
+        organiser = self._organisers.take(packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part, self._quiet))
         self._start(self._keep_organiser, packet.job, organiser)
 
     async def _keep_organiser(self, job: int, organiser: Organiser) -> None:
@@ -163,7 +165,7 @@ class RenderService:
         if part is None:
             self._parts.check(peer)
             renderer = self._load()
-            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job))
+            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job, self._quiet))
             self._start(self._keep_part, part)
         elif part.job != job:
             raise PeerFault("there is another job of that id")

@@ -9,8 +9,7 @@ from __future__ import annotations
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Value
-from scenefold.world import leaves
-from scenefold.world.quiet import BUGS
+from scenefold.world import QuietLog, leaves
 
 PART_CHARACTERS_MAX = 160
 """Of each of the three parts: together they fit a packet's text, whatever the alphabet."""
@@ -48,12 +47,14 @@ def told(error: ScenefoldError) -> Refused:
     return Refused(reason_of(error), error.what, where=error.where, remedy=error.remedy)
 
 
-def failure_of(group: ExceptionGroup[Exception], job: int) -> Refused:
-    """What a job failed of: the first error, without the traceback, whose frames hold keys. A bug is logged, and fails the job and not the node."""
+def failure_of(group: ExceptionGroup[Exception], job: int, quiet: QuietLog, now: float) -> Refused:
+    """What a job failed of: the first error, without the traceback, whose frames hold keys. A bug is told, and fails the job and not the node."""
     errors = list(leaves(group))
     for bug in errors:
         if not isinstance(bug, ScenefoldError):
-            BUGS.error("job %016x: an internal error, %s", job, type(bug).__name__, exc_info=bug)
+            kind = type(bug).__name__
+            # All jobs are one source: whoever may render may make up as many as they like.
+            quiet.say(now, "a render", kind, f"job {job:016x}: an internal error, {kind}", bug)
     known = [error for error in errors if isinstance(error, ScenefoldError)]
     return told(known[0] if known else LocalFault("a node failed over the job", remedy="its log says more"))
 
