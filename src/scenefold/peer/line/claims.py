@@ -23,6 +23,10 @@ class News(Protocol):
     """What the other nodes said of their arcs (Roster)."""
 
     def arcs(self) -> Mapping[NodeId, Arc | None]: ...
+    def is_unheard(self, member: NodeId) -> bool:
+        """Whether no status of a registered node is known: in passing it only says where its arc ends."""
+        ...
+
     def former_arcs(self, now: float) -> Sequence[Arc]:
         """What those claimed whom the log has removed, until their leases are over."""
         ...
@@ -86,9 +90,8 @@ class Claims:
         return next(claimants(piece, self._log.registry, self._news.arcs(), nodes), None)
 
     def _require_heard(self, piece: Arc, own: Arc | None, giver: NodeId | None) -> None:
-        said, standing = self._news.arcs(), self._log.registry
         for node in self._nodes(piece, own):
-            if node not in said and node != giver and standing.current(node) is not None:
+            if node != giver and self._news.is_unheard(node):
                 raise _not_ready(f"{address_of(node)} has not said yet what it owns")
 
     def _nodes(self, piece: Arc, own: Arc | None) -> tuple[NodeId, ...]:

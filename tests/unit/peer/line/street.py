@@ -143,9 +143,13 @@ class News:
     def __init__(self, street: Street) -> None:
         self._street = street
         self.former: list[Arc] = []
+        self.unheard: set[NodeId] = set()
 
     def arcs(self) -> dict[NodeId, Arc | None]:
         return {house.node: holding.arc for house in self._street.houses if (holding := house.durable()) is not None}
+
+    def is_unheard(self, member: NodeId) -> bool:
+        return member in self.unheard
 
     def former_arcs(self, now: float) -> list[Arc]:
         return self.former

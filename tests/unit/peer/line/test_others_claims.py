@@ -99,6 +99,33 @@ def test_what_somebody_claimed_who_was_removed_is_left_alone_until_its_leases_ar
     play(story)
 
 
+def test_who_has_just_started_takes_nothing_before_it_has_heard_the_others() -> None:
+    async def story(street: Street) -> None:
+        first, giver, receiver = street.houses
+        assert giver.line is not None and giver.line.arc is not None
+        street.news.unheard = {first.node}
+        assert (await offered(giver, receiver, giver.line.arc)).reason == RejectReason.NOT_READY
+        await trio.sleep(11.0)
+        assert (await offered(giver, receiver, giver.line.arc)).reason == 0, "it may never come"
+
+    play(story)
+
+
+@pytest.mark.usefixtures("only_errors")
+def test_a_gap_is_adopted_only_when_all_have_said_what_they_own() -> None:
+    async def story(street: Street) -> None:
+        first, _, last = street.houses
+        street.remove(1)
+        street.news.unheard = {first.node}
+        await trio.sleep(40.0)
+        assert last.line is not None and last.line.arc is not None and last.line.gap_left() is not None
+        street.news.unheard = set()
+        await street.until_whole()
+        street.check()
+
+    play(story)
+
+
 def test_an_old_claim_is_asked_for_anew_and_then_in_nobodys_way() -> None:
     async def story(street: Street) -> None:
         first, giver, receiver = street.houses
