@@ -87,7 +87,7 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
     from scenefold.base.errors import UsageFault
     from scenefold.base.ids import NodeId, address_of, node_id_of
     from scenefold.client.connecting import profile_place
-    from scenefold.client.enrolling import check_is_here, enrol, located, own_address
+    from scenefold.client.enrolling import check_is_here, enrol, enrol_here
     from scenefold.crypto import InvitedKind, Token, suite_named
     from scenefold.world.profile import ClusterProfile
 
@@ -99,11 +99,11 @@ def joined_by_token(text: str, address: str | None, suite: SuiteOption, output: 
     async def work() -> tuple[ClusterProfile, NodeId]:
         if is_user:
             return await enrol(folder, token, suite=suite_named(suite).number), NodeId(0)
-        if address is not None:
-            check_is_here(node_id_of(address), token.high)
-        found = await located(token)
-        node = await own_address(found[0], token) if address is None else node_id_of(address)
-        return await enrol(folder, token, node, near=found), node
+        if address is None:
+            return await enrol_here(folder, token)
+        node = node_id_of(address)
+        check_is_here(node, token.high)
+        return await enrol(folder, token, node), node
 
     profile, node = run(work)
     own = address_of(node) if node else None

@@ -137,16 +137,20 @@ async def until_admitted(folder: Path, token: Token) -> ClusterProfile:
 async def test_a_newcomer_tells_nothing_to_a_node_of_another_cluster(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 1) as nodes:
         with pytest.raises(TurnedAway, match="another cluster"):
-            await request_enrolment(newcomer_world(nodes.profile.ports).network, node_id_of(FIRST), bytes(16), GARBAGE)
+            await request_enrolment(newcomer_world(nodes.profile.ports).network, node_id_of(FIRST), bytes(16), never)
         async with connect(nodes.profile.folder) as cluster:
             token = await cluster.membership.invite("user:ada", seconds=600)
         with pytest.raises(Refused, match="no such token"):
-            await request_enrolment(newcomer_world(nodes.profile.ports).network, node_id_of(FIRST), token.mark, own_form())
+            await request_enrolment(newcomer_world(nodes.profile.ports).network, node_id_of(FIRST), token.mark, own_form)
         joined = await enrol(tmp_path / "ada", token)
         assert joined.user == "ada" and joined.facts().genesis_header == nodes.profile.facts().genesis_header
 
 
-def own_form() -> RequestEnrolment:
+async def never() -> RequestEnrolment:
+    raise AssertionError("a request is made for who showed that it is a node of the cluster")
+
+
+async def own_form() -> RequestEnrolment:
     """A form by an invitation that nobody gave."""
     key = SigningKey.generate()
     form = EnrolForm(key.public.raw, "user:eve", node_id_of("0.0.0.0"), b"t", b"k").encode()

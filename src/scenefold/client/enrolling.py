@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
@@ -16,10 +17,10 @@ from scenefold.client.hedging import first_answer, more_telling
 from scenefold.crypto import InvitedKind, Token
 from scenefold.crypto.invitations import ADDRESSES_MAX
 from scenefold.crypto.suites import DEFAULT_SUITE
-from scenefold.wire.enrol_packets import Enrolled
+from scenefold.wire.enrol_packets import Enrolled, RequestEnrolment
 from scenefold.world import Ports, World, newcomer_world
 from scenefold.world.knocking import look_around, request_enrolment
-from scenefold.world.newcomer import USER_AT, Newcomer
+from scenefold.world.newcomer import SOMEWHERE, USER_AT, Newcomer
 from scenefold.world.profile import ClusterProfile
 
 LOOKS_MAX = 3
@@ -31,58 +32,60 @@ WORDS_MAX = 160
 """Of each node that is told with its words, if there are several."""
 
 
+class Admitted(NamedTuple):
+    """By whom, with which answer, as what."""
+
+    by: NodeId
+    answer: Enrolled
+    newcomer: Newcomer
+
+
 async def enrol(
-    profile: Path,
-    token: Token,
-    node: NodeId = USER_AT,
-    *,
-    near: Sequence[NodeId] = (),
-    suite: int = DEFAULT_SUITE,
-    world: World | None = None,
+    profile: Path, token: Token, node: NodeId = USER_AT, *, suite: int = DEFAULT_SUITE, world: World | None = None
 ) -> ClusterProfile:
     """Make keys for a user, or for a node at its address, and have them certified; the profile, with those keys in it.
-
-    `near`: nodes that answered on the local network, if the token names none and somebody looked already.
 
     Errors: UsageFault if the token is for the other kind, Refused in the cluster's words, Unreachable if no node answers, OutOfDate if this
     computer's clock is wrong; whatever it was, the same token may be tried again here.
     """
+    return (await _enrolled(profile, token, node, suite, world))[0]
+
+
+async def enrol_here(profile: Path, token: Token, *, world: World | None = None) -> tuple[ClusterProfile, NodeId]:
+    """The same for a node at that address of this computer by which it reaches the node that takes it; and that address.
+
+    Not by which it reaches any that was found: a liar that names an address far away would choose under which one the token is used up.
+    """
+    return await _enrolled(profile, token, SOMEWHERE, DEFAULT_SUITE, world)
+
+
+async def _enrolled(profile: Path, token: Token, node: NodeId, suite: int, world: World | None) -> tuple[ClusterProfile, NodeId]:
     if (token.kind is InvitedKind.USER) != (node == USER_AT):
         what, remedy = ("user", "leave --address out") if token.kind is InvitedKind.USER else ("node", "run it on the node's computer")
         raise UsageFault(f"the token is for a {what}", where="token", remedy=remedy)
-    world = world or _world_of(token)
-    if not token.addresses and not near:
-        near = await located(token, world)
+    world = world or newcomer_world(Ports(token.low, token.high))
+    near = token.addresses or await _nearby(token, world)
+    if not near:
+        remedy = "connect this computer to the network of the nodes, or ask for a token that names nodes"
+        raise Unreachable("no node of the cluster answers on the local network, and the token names none", where="broadcast", remedy=remedy)
     newcomer = await world.workers.run("import", lambda: Newcomer.at(profile, token, node, suite=suite))
     now = datetime.datetime.fromtimestamp(world.clock.wall(), datetime.UTC)
     asking = _Asking(world, newcomer, now)
-    answer = await asking.of(token.addresses or near)
+    admitted = await asking.of(near)
     looks = 0
     # Whom the token names speaks for the cluster. Who was only found here may be anybody, and have answered first on purpose.
-    while answer is None and looks < LOOKS_MAX and not (token.addresses and asking.is_refused_by(token.addresses)):
+    while admitted is None and looks < LOOKS_MAX and not (token.addresses and asking.is_refused_by(token.addresses)):
         looks += 1
         found = await _nearby(token, world, asking.asked)
         if not found:
             break
-        answer = await asking.of(found)
-    if answer is None:
+        admitted = await asking.of(found)
+    if admitted is None:
         raise asking.error()
     # Where to look for the cluster from now on: not where liars are.
-    admitter, enrolled = answer
-    first = dict.fromkeys((admitter, *token.addresses))
-    newcomer = replace(newcomer, token=replace(token, addresses=tuple(first)[:ADDRESSES_MAX]))
-    return await world.workers.run("import", newcomer.admitted, enrolled, now)
-
-
-async def located(token: Token, world: World | None = None) -> Sequence[NodeId]:
-    """Nodes to ask: those that the token names, or that answer on the local network. Unreachable if there are none."""
-    if token.addresses:
-        return token.addresses
-    nearby = await _nearby(token, world or _world_of(token))
-    if not nearby:
-        remedy = "connect this computer to the network of the nodes, or ask for a token that names nodes"
-        raise Unreachable("no node of the cluster answers on the local network, and the token names none", where="broadcast", remedy=remedy)
-    return nearby
+    first = dict.fromkeys((admitted.by, *token.addresses))
+    newcomer = replace(admitted.newcomer, token=replace(token, addresses=tuple(first)[:ADDRESSES_MAX]))
+    return await world.workers.run("import", newcomer.admitted, admitted.answer, now), newcomer.node
 
 
 async def own_address(node: NodeId, token: Token) -> NodeId:
@@ -108,10 +111,6 @@ async def _nearby(token: Token, world: World, asked: Sequence[NodeId] = ()) -> l
     return await look_around(world.network, token.key, world.entropy, passed=asked)
 
 
-def _world_of(token: Token) -> World:
-    return newcomer_world(Ports(token.low, token.high))
-
-
 class _NoneToBelieve(Unreachable):
     """Why, was noted: the next node is asked."""
 
@@ -129,8 +128,8 @@ class _Asking:
         """Whether one of these said no, or what is not to be believed."""
         return any(node in self._refusals for node in nodes)
 
-    async def of(self, nodes: Sequence[NodeId]) -> tuple[NodeId, Enrolled] | None:
-        """The first answer that is to be believed, and whose it is; None if none of those has one that were not asked before.
+    async def of(self, nodes: Sequence[NodeId]) -> Admitted | None:
+        """The first answer that is to be believed; None if none of those gives one that were not asked before.
 
         A few are asked at once, since most may be there only to be waited for. It is the same request under the same keys, so whichever
         nodes take it, one certificate is issued.
@@ -143,11 +142,20 @@ class _Asking:
         except _NoneToBelieve:
             return None
 
-    async def _of(self, node: NodeId) -> tuple[NodeId, Enrolled]:
+    async def _of(self, node: NodeId) -> Admitted:
         newcomer = self._newcomer
         self.asked.append(node)
+
+        async def request() -> RequestEnrolment:
+            nonlocal newcomer
+            if newcomer.node == SOMEWHERE:
+                newcomer = replace(newcomer, node=await own_address(node, newcomer.token))
+                if newcomer.node == node:
+                    raise Unreachable("that node runs on this computer", where=address_of(node), remedy="name another --address")
+            return newcomer.request()
+
         try:
-            answer = await request_enrolment(self._world.network, node, newcomer.token.mark, newcomer.request())
+            answer = await request_enrolment(self._world.network, node, newcomer.token.mark, request)
             newcomer.check(answer, self._now)
         except Unreachable as problem:
             self._last = more_telling(self._last, problem) if isinstance(self._last, Unreachable) else problem
@@ -159,7 +167,7 @@ class _Asking:
             else:
                 self._refusals[node] = refusal
         else:
-            return node, answer
+            return Admitted(node, answer, newcomer)
         raise _NoneToBelieve("", where=address_of(node))
 
     def error(self) -> ScenefoldError:

@@ -6,7 +6,7 @@ that has this mark, and has itself the certificate of a node that this authority
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Awaitable, Callable, Container
 
 import trio
 
@@ -27,8 +27,8 @@ ROUNDS = 3
 ROUND_S = 1.0
 
 
-async def request_enrolment(network: Network, node: NodeId, mark: bytes, request: RequestEnrolment) -> Enrolled:
-    """Ask one node. Refused if the cluster says no, Unreachable if nobody answers, TurnedAway if it is a node of another cluster."""
+async def request_enrolment(network: Network, node: NodeId, mark: bytes, request: Callable[[], Awaitable[RequestEnrolment]]) -> Enrolled:
+    """Ask one node. The request is made once that has shown that it is one of the cluster. Refused if the cluster says no, Unreachable if nobody answers, TurnedAway if it is a node of another cluster."""
     where = address_of(node)
     try:
         with trio.fail_after(HANDSHAKE_S_MAX + NEWCOMER_S_MAX):
@@ -45,12 +45,14 @@ async def request_enrolment(network: Network, node: NodeId, mark: bytes, request
         raise PeerFault(str(error), where=where) from error
 
 
-async def _asked(connection: Connection, certificate: bytes, node: NodeId, mark: bytes, request: RequestEnrolment) -> Enrolled:
+async def _asked(
+    connection: Connection, certificate: bytes, node: NodeId, mark: bytes, request: Callable[[], Awaitable[RequestEnrolment]]
+) -> Enrolled:
     where, frames = address_of(node), FrameReader(ANSWER_BYTES_MAX)
     with trio.fail_after(HANDSHAKE_S_MAX):  # a node sends it unasked, so who is none holds up nobody for longer
         greeting = await _next(connection, frames)
     _check_greeting(greeting, certificate, node, mark)
-    await connection.send(encode_frame(request))
+    await connection.send(encode_frame(await request()))
     answer = await _next(connection, frames)
     if isinstance(answer, Fault):
         raise Refused(answer.reason, printable(answer.text), where=where)

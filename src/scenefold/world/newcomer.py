@@ -41,12 +41,14 @@ from scenefold.world.profile_making import AUTHORITY_CERTIFICATE, DEFAULT_USER, 
 
 USER_AT = NodeId(0)
 """Where a user is: nowhere."""
+SOMEWHERE = NodeId(0xFFFF_FFFF)
+"""Of a node whose address is not known before a node of the cluster answers it; no machine can have this one."""
 _TLS_KEY = "key.pem"
 
 
 @dataclass(frozen=True, slots=True)
 class Newcomer:
-    """Who asks: a token, and keys made for it. `node`: USER_AT for a user."""
+    """Who asks: a token, and keys made for it. `node`: USER_AT for a user, SOMEWHERE until it is known."""
 
     profile: Path
     token: Token

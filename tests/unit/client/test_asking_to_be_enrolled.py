@@ -55,7 +55,7 @@ async def asked(answers: Sequence[Enrolled | ScenefoldError], monkeypatch: pytes
     answer = await asking.of(HERE[: len(answers)])
     if answer is None:
         raise asking.error()
-    return answer[1]
+    return answer.answer
 
 
 LIES = [Refused(RejectReason.NOT_AUTHORISED, "the token was used already"), Refused(RejectReason.ILL_FORMED, "no"), BAD]
@@ -113,18 +113,19 @@ class Town:
         monkeypatch.setattr(enrolling, "request_enrolment", self.request_enrolment)
         monkeypatch.setattr(enrolling, "Newcomer", SimpleNamespace(at=self.newcomer))
 
-    def newcomer(self, _profile: Path, token: Token, *_: object, **__: object) -> Guest:
-        return Guest(token=token, town=self)
+    def newcomer(self, _profile: Path, token: Token, node: NodeId, **_: object) -> Guest:
+        return Guest(token=token, town=self, node=node)
 
     async def look_around(self, _network: object, _key: object, _entropy: object, *, passed: Sequence[NodeId]) -> list[NodeId]:
         await trio.lowlevel.checkpoint()
         self.passed.append(list(passed))
         return self.looks.pop(0) if self.looks else []
 
-    async def request_enrolment(self, _network: object, node: NodeId, *_: object) -> Enrolled:
+    async def request_enrolment(self, _network: object, node: NodeId, _mark: object, request: Any) -> Enrolled:
         await trio.lowlevel.checkpoint()
         self.asked.append(node)
         if node == self.GOOD_NODE:
+            await request()
             return GOOD
         if node >= self.SILENT:
             self.silent += 1
@@ -140,17 +141,24 @@ class Town:
         await trio.lowlevel.checkpoint()
         return function(*args)
 
-    async def enrol(self, *named: NodeId) -> object:
+    def world(self) -> Any:
         clock, entropy = SimpleNamespace(wall=NOW.timestamp), SimpleNamespace(token=bytes)
-        world: Any = SimpleNamespace(network=None, workers=self, clock=clock, entropy=entropy)
+        return SimpleNamespace(network=None, workers=self, clock=clock, entropy=entropy)
+
+    async def enrol(self, *named: NodeId) -> object:
         token = Token(InvitedKind.USER, bytes(32), bytes(16), 0, 1, 2, named)
-        return await enrolling.enrol(Path("profile"), token, world=world)
+        return await enrolling.enrol(Path("profile"), token, world=self.world())
+
+    async def enrol_here(self) -> NodeId:
+        token = Token(InvitedKind.NODE, bytes(32), bytes(16), 0, 1, 2, ())
+        return (await enrolling.enrol_here(Path("profile"), token, world=self.world()))[1]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Guest(Someone):
     token: Token
     town: Town
+    node: NodeId
 
     def admitted(self, _answer: Enrolled, _now: datetime.datetime) -> None:
         self.town.admitted.append(self.token)
@@ -200,3 +208,29 @@ async def test_only_a_few_are_asked_at_once(autojump_clock: trio.testing.MockClo
     with trio.fail_after(4 * 60), pytest.raises(Unreachable, match="does not answer"):
         await town.enrol()
     assert town.silent_most == AT_ONCE and len(town.asked) == 3 * AT_ONCE
+
+
+async def test_a_node_has_the_address_that_leads_to_who_takes_it_not_to_who_answers_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the way to a liar a newcomer would use up its token for an address at which nobody reaches it."""
+    town, ways = Town(monkeypatch, [*liars(1, 2), Town.GOOD_NODE]), list[NodeId]()
+
+    async def own_address(node: NodeId, _token: Token) -> NodeId:
+        await trio.lowlevel.checkpoint()
+        ways.append(node)
+        return NodeId(node + 1)
+
+    monkeypatch.setattr(enrolling, "own_address", own_address)
+    assert await town.enrol_here() == Town.GOOD_NODE + 1
+    assert ways == [Town.GOOD_NODE]
+
+
+async def test_a_node_does_not_ask_itself_for_its_own_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def own_address(node: NodeId, _token: Token) -> NodeId:
+        await trio.lowlevel.checkpoint()
+        return node
+
+    town = Town(monkeypatch, [Town.GOOD_NODE])
+    monkeypatch.setattr(enrolling, "own_address", own_address)
+    with pytest.raises(Unreachable, match="runs on this computer"):
+        await town.enrol_here()
+    assert town.admitted == []
