@@ -38,9 +38,12 @@ class LyingLives:
         if context is None or context is not self._liar.node.context:
             return
         self._liar.lies.told["broadcasts"] += 1
-        data = encode_packet(PingBroadcast((context.own.signed(),)))
+        data, datagrams = encode_packet(PingBroadcast((context.own.signed(),))), context.gossip._datagrams
         for node in list(context.roster.peers):
-            await context.gossip._datagrams.send(data, node)
+            if datagrams._datagrams is None:
+                # It ends just now.
+                return
+            await datagrams.send(data, node)
 
     async def _probed(self, honest: Honest, packet: Packet, peer: str) -> Packet | None:
         answer = await honest(packet, peer)
