@@ -13,7 +13,7 @@ from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, emit_event, ta
 from scenectl.values import DEFAULT_SUITE, AddressOption, SuiteOption
 
 if TYPE_CHECKING:
-    from scenefold.client.membership import Roll
+    from scenefold.client.membership import Revoked, Roll
     from scenefold.crypto import Token
     from scenefold.world.roll import Invitation
 
@@ -180,7 +180,7 @@ def users(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Let the keys of a member count no longer, anywhere in the cluster, at once. A node is taken off the line.
 
-    What the member has read, and the keys of scenes that it was given, it may have kept: see `scene revoke`.
+    If it fails half-way, give it again. What the member has read, and the keys of scenes that it was given, it may have kept: see `scene revoke`.
 
     Example: scenectl cluster revoke user:ada --profile studio
 
@@ -191,15 +191,23 @@ def revoke(who: MemberOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> 
     """
     from scenectl.running import connected, run
 
-    async def work() -> None:
+    async def work() -> Revoked:
         async with connected(output.profile) as cluster:
             if who.node is None:
-                await cluster.membership.revoke_user(who.user)
-            else:
-                await cluster.membership.revoke_node(who.node)
+                return await cluster.membership.revoke_user(who.user)
+            return await cluster.membership.revoke_node(who.node)
 
-    run(work)
-    emit(output, {"revoked": str(who)}, f"The keys of {who} count no longer.")
+    done = run(work)
+    document = {"revoked": str(who), "changed": done.keys, "removed": done.line}
+    emit(output, document, revoked_text(str(who), done, is_node=who.node is not None))
+
+
+def revoked_text(who: str, done: Revoked, *, is_node: bool) -> str:
+    """What a revocation did now, and what was done before."""
+    keys = f"The keys of {who} count no longer." if done.keys else f"The keys of {who} counted no longer already."
+    if not is_node:
+        return keys
+    return f"{keys} The node is taken off the line." if done.line else f"{keys} The node does not stand on the line."
 
 
 def renew(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of, node_id_of
@@ -64,6 +65,13 @@ class Roll:
         return [card for card in self.cards if card.name.startswith("user:")]
 
 
+class Revoked(NamedTuple):
+    """What a revocation had to do: whether the keys counted until now, and whether a node of theirs stood on the line."""
+
+    keys: bool
+    line: bool = False
+
+
 class Membership:
     """Of one cluster, under the keys of one user."""
 
@@ -111,9 +119,8 @@ class Membership:
 
     def _no_member(self, name: str, view: LogView) -> LocalFault:
         node = node_named(name)
-        was_revoked = any(revoked == name for revoked, _ in view.roll.revoked)
         is_none = f"{name} is no member of {self._profile.name}" if node is None else "no node of this cluster has this address"
-        what = f"the key of {name} is revoked" if was_revoked else is_none
+        what = f"the key of {name} is revoked" if _was_revoked(name, view) else is_none
         where = name if node is None else address_of(node)
         return LocalFault(what, where=where, remedy=f"see `scenectl cluster {'users' if node is None else 'nodes'}`")
 
@@ -146,25 +153,47 @@ class Membership:
             raise UsageFault(what, where=invitation.hex(), remedy="see `scenectl cluster invitations`")
         await self._order(Withdraw(open_ones[0]))
 
-    async def revoke_user(self, user: str) -> None:
-        """Let a user's key count no longer, anywhere in the cluster."""
-        card = await self.card_of(f"user:{user}")
+    async def revoke_user(self, user: str) -> Revoked:
+        """Let a user's key count no longer, anywhere in the cluster. That it counts no longer already is no error."""
+        name, view = f"user:{user}", await self._cluster_log.newest()
+        if not _is_member(name, view, self._profile.owners()) and _was_revoked(name, view):
+            return Revoked(keys=False)
+        card = await self.card_of(name)
         await self._order(RevokeUser(card.name, card.signing_id))
+        return Revoked(keys=True)
 
-    async def revoke_node(self, node: NodeId) -> None:
-        """Let a node's key count no longer, and take it off the line, in the incarnation that the cluster's log gives it by then."""
-        position = await self._order(RevokeNode(node, (await self._keys_of(node)).signing_id))
+    async def revoke_node(self, node: NodeId) -> Revoked:
+        """Let a node's key count no longer, and take it off the line, in the incarnation that the cluster's log gives it by then.
+
+        Whatever of this was done before is no error, so what failed between the two may be given again.
+        """
+        view = await self._cluster_log.newest()
+        keys = self._known_keys(node, view)
+        if keys is None and not _was_revoked(f"node:{node}", view):
+            raise self._no_member(f"node:{node}", view)
+        position = view.position if keys is None else await self._order(RevokeNode(node, keys.signing_id))
+        try:
+            is_removed = await self._removed_behind(position, node)
+        except ScenefoldError as problem:
+            problem.what = f"the keys of {address_of(node)} count no longer, but it may stand on the line still: {problem.what}"
+            problem.remedy = "revoke it again, which goes on from there"
+            raise
+        return Revoked(keys is not None, is_removed)
+
+    async def _removed_behind(self, position: int, node: NodeId) -> bool:
+        """Take a node whose key was revoked there off the line; whether it stood on it."""
 
         async def shown() -> LogView:
             view = await self._cluster_log.newest()
             if view.position < position:
-                what = "the node's key counts no longer, but no node shows the cluster's log so far: it may stand on the line still"
-                raise Refused(RejectReason.NOT_READY, what, where=address_of(node), remedy="see `scenectl cluster status`")
+                remedy = "see `scenectl cluster status`"
+                raise Refused(RejectReason.NOT_READY, "no node shows the cluster's log so far", where=address_of(node), remedy=remedy)
             return view
 
         member = (await self._calls.patiently(shown, refresh=False)).on_line(node)
         if member is not None:
             await self._order(RemoveNode(member, "its key was revoked"))
+        return member is not None
 
     async def trust(self, node: NodeId, *, trusted: bool = True) -> None:
         """Trust a node with the authority's key, or no longer. Who has that key seals it to the node; else a trusted node will."""
@@ -220,12 +249,17 @@ class Membership:
     async def _keys_of(self, node: NodeId) -> NodeKeys:
         """What a node signs with, and what is sealed to it, as the log says; of one that was certified and never came, as the profile does."""
         view = await self._cluster_log.newest()
-        keys = view.keys_of(node)
-        if keys is not None:
+        keys = self._known_keys(node, view)
+        if keys is None:
+            raise self._no_member(f"node:{node}", view)
+        return keys
+
+    def _known_keys(self, node: NodeId, view: LogView) -> NodeKeys | None:
+        if (keys := view.keys_of(node)) is not None:
             return keys
         known = next((member for member in self._profile.members if member.node_id == node and node not in view.nodes), None)
         if known is None or view.roll.is_revoked(f"node:{node}", known.public_key.key_id):
-            raise self._no_member(f"node:{node}", view)
+            return None
         return NodeKeys(known.public_key.raw, known.sealing_key.raw)
 
     async def _order(self, entry: SingleEntry) -> int:
@@ -249,3 +283,7 @@ class Membership:
 def _is_member(name: str, view: LogView, owners: Sequence[bytes]) -> bool:
     node = node_named(name)
     return view.card_of(name, owners) is not None or (node is not None and view.keys_of(node) is not None)
+
+
+def _was_revoked(name: str, view: LogView) -> bool:
+    return any(revoked == name for revoked, _ in view.roll.revoked)

@@ -16,7 +16,7 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.membership import Membership
 from scenefold.crypto import AUTHORITY_PURPOSE, Card
-from scenefold.wire import Member, Packet, RevokeNode
+from scenefold.wire import Packet
 from scenefold.wire.enrol_entries import Trust
 from scenefold.wire.enrol_packets import Administer, Administered, Enrolled, RequestRenewal, RespondCard
 from scenefold.wire.orders import Order
@@ -171,36 +171,6 @@ async def test_if_one_cannot_be_trusted_it_is_told_who_is_by_now(tmp_path: Path)
 
 def ordered_by(nodes: Nodes) -> list[Any]:
     return [Order.decode(packet.order).entry for packet in nodes.asked if isinstance(packet, Administer)]
-
-
-@pytest.mark.parametrize(
-    "registered, expected",
-    [({OTHER: SECOND_LIFE}, [Member(OTHER, SECOND_LIFE)]), ({}, [Member(OTHER, bytes(16))])],
-    ids=["came", "a founder that never came"],
-)
-async def test_who_is_revoked_leaves_the_line_as_the_log_has_it_whatever_a_table_says(
-    registered: dict[NodeId, bytes], expected: list[Member], tmp_path: Path
-) -> None:
-    """A table is what one node says, and it may name an incarnation of before, or leave the node out: here nobody is asked for one."""
-    nodes, view = Nodes(NOW, {}), replace(on_line(VOTER, OTHER), registered=registered, position=1)
-    await membership(nodes, tmp_path, [], view).revoke_node(OTHER)
-    revoked, *removed = ordered_by(nodes)
-    assert revoked == RevokeNode(OTHER, keys_of(1).signing_id)
-    assert [entry.member for entry in removed] == expected
-    assert {type(packet) for packet in nodes.asked} == {Administer}
-
-
-async def test_who_stands_on_no_line_is_revoked_and_that_is_all(tmp_path: Path) -> None:
-    nodes = Nodes(NOW, {})
-    await membership(nodes, tmp_path, [], replace(on_line(VOTER), position=1)).revoke_node(OTHER)
-    assert ordered_by(nodes) == [RevokeNode(OTHER, keys_of(1).signing_id)]
-
-
-async def test_by_a_log_of_before_nobody_is_taken_off_the_line(tmp_path: Path) -> None:
-    nodes = Nodes(NOW, {})
-    with pytest.raises(Refused, match="may stand on the line still"):
-        await membership(nodes, tmp_path, [], on_line(VOTER, OTHER)).revoke_node(OTHER)
-    assert ordered_by(nodes) == [RevokeNode(OTHER, keys_of(1).signing_id)]
 
 
 @pytest.mark.parametrize(
