@@ -35,7 +35,7 @@ class LyingLives:
     async def flood(self) -> None:
         """Broadcast once more than the dice say."""
         context = self._context
-        if context is None or context is not self._liar.node.context:
+        if context is None or context is not self._liar.node.context or not context.gossip._datagrams.is_open:
             return
         self._liar.lies.told["broadcasts"] += 1
         data, datagrams = encode_packet(PingBroadcast((context.own.signed(),))), context.gossip._datagrams

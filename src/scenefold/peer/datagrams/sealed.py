@@ -47,6 +47,11 @@ class SealedDatagrams:
         if datagrams is not None:
             await datagrams.aclose()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether anything can be sent."""
+        return self._datagrams is not None
+
     async def send(self, packet: bytes, target: NodeId) -> None:
         """Send a packet to a node; to one without a key it is lost."""
         data = self._exchange.seal(target, packet)
