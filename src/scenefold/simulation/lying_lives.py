@@ -12,6 +12,8 @@ from scenefold.base.ids import NodeId
 from scenefold.crypto import ALIVE_DOMAIN
 from scenefold.peer import NodeContext
 from scenefold.peer.membership.proofs import signable
+from scenefold.simulation import laws
+from scenefold.simulation.cluster import Cluster
 from scenefold.simulation.liar import Liar, Scope
 from scenefold.simulation.lying_answers import Honest, overlay
 from scenefold.wire import Packet, PingBroadcast, ProbeFor, ProbeResult, encode_packet
@@ -22,8 +24,9 @@ KEPT_MAX = 64
 class LyingLives:
     """Of one liar."""
 
-    def __init__(self, liar: Liar) -> None:
+    def __init__(self, liar: Liar, cluster: Cluster) -> None:
         self._liar = liar
+        self._cluster = cluster
         self._context: NodeContext | None = None
         self._kept: OrderedDict[NodeId, bytes] = OrderedDict()
 
@@ -60,9 +63,20 @@ class LyingLives:
         self._liar.lies.told["proofs"] += 1
         match self._liar.dice.randrange(3):
             case 0:
-                return ProbeResult(target=packet.target, proof=b"")
+                proof = b""
             case 1 if kept is not None:
-                return ProbeResult(target=packet.target, proof=kept)
+                proof = kept
             case _:
-                made_up = self._liar.key.sign(ALIVE_DOMAIN, signable(packet.target, packet.nonce))
-                return ProbeResult(target=packet.target, proof=made_up)
+                proof = self._liar.key.sign(ALIVE_DOMAIN, signable(packet.target, packet.nonce))
+        self._look_at(packet, proof, peer)
+        return ProbeResult(target=packet.target, proof=proof)
+
+    def _look_at(self, packet: ProbeFor, proof: bytes, peer: str) -> None:
+        """Whoever is told this does not believe it."""
+        slot = self._cluster.slot_of(int(peer.removeprefix("node:")))
+        node, target = self._cluster.running.get(slot), packet.target
+        if node is None or node.context is None or target.node == self._liar.node.node_id:
+            return
+        if node.context.gossip.proofs.is_right(target, packet.nonce, proof):
+            told = f"n{slot} believes n{self._liar.node.slot} that n{self._cluster.slot_of(target.node)} lives"
+            self._cluster.watch.violated(laws.VERIFIED, told, slots=(slot, self._liar.node.slot))

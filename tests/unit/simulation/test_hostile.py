@@ -10,6 +10,7 @@ import pytest
 
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordHeader
+from scenefold.peer.membership.proofs import Proofs
 from scenefold.simulation import laws
 from scenefold.simulation.faults import Kind
 from scenefold.simulation.liar import flipped
@@ -77,3 +78,10 @@ def test_that_a_node_takes_what_it_has_refused_is_noticed(monkeypatch: pytest.Mo
     monkeypatch.setattr(record_changes, "judge", forgetful)
     found = {violation.law for seed in range(2) for violation in lying(seed).violations}
     assert laws.LINEARIZABLE in found
+
+
+def test_that_a_node_is_believed_which_vouches_for_whom_it_likes_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    vouching = Order(6, kinds=(Kind.LIAR, Kind.CRASH, Kind.ONE_WAY), storm_s=40.0)
+    assert not run(vouching).violations
+    monkeypatch.setattr(Proofs, "is_right", lambda *_args: True)
+    assert laws.VERIFIED in {violation.law for violation in run(vouching).violations}
