@@ -16,6 +16,7 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, Arc, Location
+from scenefold.base.reasons import RejectReason
 from scenefold.peer import NodeContext
 from scenefold.peer.handlers import node_of
 from scenefold.peer.line.holding import handover_id
@@ -27,6 +28,8 @@ from scenefold.wire import BoundConfirmed, ClaimRange, ConfirmBound, DropHandove
 from scenefold.world import Priority
 
 OFFER_S_MAX = 2.0
+UNANSWERED_S = 15.0
+"""A claim that was not answered may be judged so long after."""
 
 
 class LyingBounds:
@@ -37,10 +40,13 @@ class LyingBounds:
         self._cluster = cluster
         self._context: NodeContext | None = None
         self._ask: Any = None
+        self._takes_nothing_until = 0.0
 
     def possess(self, context: NodeContext) -> None:
         """Confirm bounds for one life of the node."""
         overlay(context, ConfirmBound, self._confirm)
+        overlay(context, OfferRange, self._taken)
+        overlay(context, ClaimRange, self._taken)
         peers: Any = context.peers
         self._context, self._ask = context, peers.ask
 
@@ -71,14 +77,21 @@ class LyingBounds:
         position = context.cluster_log.registry.position
         offer = OfferRange(name, context.own.member, registered.member, piece.first, piece.last, 0, 0, position)
         self._liar.lies.told["what is another's is offered"] += 1
+        self._takes_nothing_until = self._cluster.net.now + UNANSWERED_S
         try:
             for packet in (offer, ClaimRange(name, piece.first, piece.last), DropHandover(name)):
                 reply = await self._ask(receiver.node_id, Priority.LOW, packet, HandoverReply, OFFER_S_MAX)
                 if reply.reason:
+                    self._takes_nothing_until = 0.0
                     return
         except (Refused, Unreachable, PeerFault, RuntimeError):
             # The last: its life has ended in the midst of it, and with it what it asks by.
             return
+
+    async def _taken(self, honest: Honest, packet: Packet, peer: str) -> Packet | None:
+        if isinstance(packet, OfferRange | ClaimRange) and self._cluster.net.now < self._takes_nothing_until:
+            return HandoverReply(handover=packet.handover, reason=int(RejectReason.BUSY), text="it is lying just now")
+        return await honest(packet, peer)
 
     async def _confirm(self, honest: Honest, packet: Packet, peer: str) -> Packet | None:
         answer = await honest(packet, peer)
