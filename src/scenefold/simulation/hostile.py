@@ -100,7 +100,9 @@ class HostileFaults:
             judge = LyingJudge(liar, watch.recorder)
             handovers = LyingHandovers(liar, watch, self._lies_in_handovers)
             bounds = LyingBounds(liar, self._cluster)
-            self._liars[slot] = _Possession(liar, judge, LyingAnswers(liar, judge), handovers, bounds, LyingLives(liar, self._cluster), LyingWords(liar))
+            self._liars[slot] = _Possession(
+                liar, judge, LyingAnswers(liar, judge), handovers, bounds, LyingLives(liar, self._cluster), LyingWords(liar)
+            )
         return self._liars[slot]
 
     def _lies_in_handovers(self, node_id: int) -> bool:
