@@ -38,12 +38,12 @@ class LyingLives:
     async def flood(self) -> None:
         """Broadcast once more than the dice say."""
         context = self._context
-        if context is None or context is not self._liar.node.context or not context.gossip._datagrams.is_open:
+        if context is None or context is not self._liar.node.context:
             return
         self._liar.lies.told["broadcasts"] += 1
         data, datagrams = encode_packet(PingBroadcast((context.own.signed(),))), context.gossip._datagrams
         for node in list(context.roster.peers):
-            if datagrams._datagrams is None:
+            if not datagrams.is_open:
                 # It ends just now.
                 return
             await datagrams.send(data, node)
