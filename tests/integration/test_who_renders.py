@@ -140,9 +140,10 @@ async def test_a_node_to_which_nothing_is_sealed_organises_nothing(tmp_path: Pat
 
 
 async def test_if_nobody_may_render_that_is_one_clear_error(tmp_path: Path) -> None:
-    async with local_cluster(2, tmp_path, ports=free_ports()) as nodes, connect(nodes.profile) as cluster:
+    options = ("--remove-after", "15")
+    async with local_cluster(2, tmp_path, ports=free_ports(), options=options) as nodes, connect(nodes.profile) as cluster:
         scene = await cluster.scenes.create("plain")
-        # Somebody must have the authority's key, and is a node that has left since.
+        # Somebody must have the authority's key, and is a node that has died since.
         await cluster.membership.trust(GRANTED)
         with trio.fail_after(30):
             while True:
@@ -151,8 +152,10 @@ async def test_if_nobody_may_render_that_is_one_clear_error(tmp_path: Path) -> N
                     break
                 except Refused:
                     await trio.sleep(0.1)
-        await cluster.drain(NODES[1])
-        await nodes.ended(NODES[1])
+        await nodes.kill(NODES[1])
+        with trio.fail_after(90):
+            while GRANTED in (await cluster.log.newest()).members:
+                await trio.sleep(0.5)
         with pytest.raises(LocalFault, match="no node may render") as caught:
             await render_still(cluster, scene, SMALL, lambda *_: None)
         assert NODES[0] in caught.value.where and "scenectl scene grant plain" in caught.value.remedy
