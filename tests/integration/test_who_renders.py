@@ -154,7 +154,7 @@ async def test_if_nobody_may_render_that_is_one_clear_error(tmp_path: Path) -> N
                     await trio.sleep(0.1)
         await nodes.kill(NODES[1])
         with trio.fail_after(90):
-            while GRANTED in (await cluster.log.newest()).members:
+            while GRANTED in (await cluster.log.newest()).members:  # noqa: ASYNC110 (what another process does)
                 await trio.sleep(0.5)
         with pytest.raises(LocalFault, match="no node may render") as caught:
             await render_still(cluster, scene, SMALL, lambda *_: None)
