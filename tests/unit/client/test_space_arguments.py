@@ -16,7 +16,7 @@ from scenefold.wire import CreateSpace
 
 HUGE = 10**400
 """A whole number that is no float."""
-NO_NUMBERS: tuple[Any, ...] = (HUGE, -HUGE, "a", "1", b"1", None, [1.0], {}, 1j, object())
+NO_NUMBERS: tuple[Any, ...] = (HUGE, -HUGE, "a", "1", b"1", None, [1.0], {}, 1j, Ellipsis)
 HALL = SpaceId(11)
 
 
