@@ -8,7 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cyclopts
 import pytest
+from rich.console import Console
 
 from scenectl.program import GROUPS, main
 
@@ -72,7 +74,8 @@ def test_every_verb_has_help_with_an_example_and_json(verb: str, capsys: pytest.
 def test_help_breaks_lines_where_the_terminal_ends_and_nowhere_else(
     verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "2000")
+    # An app keeps its console, which may have read a width from the environment when an earlier page was shown.
+    monkeypatch.setattr(cyclopts.App, "console", property(lambda _app: Console(width=2000)))
     assert main([*verb.split(), "--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert not [line for line in lines if re.match("│ {8}", line)], "a description goes on in a second line"
