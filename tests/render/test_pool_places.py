@@ -95,13 +95,18 @@ async def test_jobs_that_failed_leave_few_tasks_and_no_requests() -> None:
     async with memory_pool(offline_world(), {}, 1) as pool:
         (node,) = pool.nodes
         few = trio.lowlevel.current_statistics().tasks_living + 3 * JOBS_OF_A_USER_MAX
+        requests = requests_alive()
         for number in range(1, 6 * JOBS_OF_A_USER_MAX):
             await pool.start(number, TINY)
             await pool.until(number, node, "failed")
         await trio.testing.wait_all_tasks_blocked()
         assert trio.lowlevel.current_statistics().tasks_living < few
-        gc.collect()
-        assert not any(type(one) is RenderRequest for one in gc.get_objects())
+        assert requests_alive() <= requests
+
+
+def requests_alive() -> int:
+    gc.collect()
+    return sum(type(one) is RenderRequest for one in gc.get_objects())
 
 
 async def test_no_key_outlives_what_it_was_for() -> None:

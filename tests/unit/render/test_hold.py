@@ -44,9 +44,10 @@ class Waits:
     """A part that is ready at once."""
 
     has_failed = False
+    is_idle = False
     was_ready = True
 
-    def __init__(self, _host: object, _renderer: object, job: Any) -> None:
+    def __init__(self, _host: object, _renderer: object, job: Any, _log: object) -> None:
         self.job, self.hold, self.gone, self._ended = job, Hold(), False, trio.Event()
 
     async def run(self) -> None:
