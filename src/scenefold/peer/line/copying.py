@@ -64,11 +64,12 @@ class Copier:
             # An object that came to lie here while its home stays slides out before the piece is let go of.
             there = [entry for entry in manifest.entries if entry.home in self._handover.piece]
             entries = [entry for entry in there if _version(entry) not in self._answered]
+            unsent: set[bytes] = set()
             for batch in _batches(await self._wanted(entries, hurry), self._part_bytes):
-                stored_bytes += await self._send(batch, hurry)
+                stored_bytes += await self._send(batch, hurry, unsent)
                 records += len(batch)
             if len(self._answered) < ANSWERED_MAX:
-                self._answered.update(map(_version, entries))
+                self._answered.update(version for version in map(_version, entries) if version not in unsent)
             cursor = manifest.cursor
             if cursor is None:
                 return Pass(records, stored_bytes)
@@ -89,8 +90,10 @@ class Copier:
         # Each once, however often it is named: else one answer could draw thousands of times what lies here.
         return [entries[index] for index in dict.fromkeys(reply.indexes) if index < len(entries)]
 
-    async def _send(self, batch: Sequence[Entry], hurry: bool) -> int:
+    async def _send(self, batch: Sequence[Entry], hurry: bool, unsent: set[bytes]) -> int:
+        """What has rotted, or was replaced just now, is `unsent`: the same version may be whole again before the last pass."""
         found = await self._parts.store.read([entry.spot for entry in batch])
+        unsent.update(_version(entry) for entry, record in zip(batch, found, strict=True) if not isinstance(record, Record))
         items = tuple(hand_item(entry, record) for entry, record in zip(batch, found, strict=True) if isinstance(record, Record))
         self._parts.events["damaged"] += sum(isinstance(record, DamagedData) for record in found)
         if not items:

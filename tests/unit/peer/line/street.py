@@ -6,7 +6,7 @@ test only has to crash nodes where it likes, and to ask at the end whether the l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -334,3 +334,13 @@ class Street:
         assert not self.broken, self.broken[0]
         everywhere = set().union(*(house.stored() for house in self.houses if house.is_registered()))
         assert self.kept - set(lost) <= everywhere
+
+
+def rot(house: House, locations: Iterable[Location], byte: int) -> None:
+    """Turn a bit over in a byte of what is stored there."""
+    for folder in house.street.net.machine(house.address).disk._folders.values():
+        values = folder.tables[RECORDS].values
+        for key in [key for key in values if location_of(key) in set(locations)]:
+            damaged = bytearray(values[key])
+            damaged[byte] ^= 1
+            folder.rot(RECORDS, key, bytes(damaged))

@@ -16,7 +16,7 @@ from scenefold.peer.line.receiving import Receiving
 from scenefold.store import Put, Spot
 from scenefold.wire import OfferRecords, Packet, RecordsWanted
 from scenefold.world.sim import Point, run_simulated
-from unit.peer.line.street import HEADER, Street, record_at
+from unit.peer.line.street import HEADER, Street, record_at, rot
 from unit.peer.scenes_made import SPACE, WRITER
 
 
@@ -64,6 +64,45 @@ def test_a_receiver_that_names_one_record_often_is_sent_it_once(monkeypatch: pyt
             nursery.cancel_scope.cancel()
 
     monkeypatch.setattr(Receiving, "_on_list", greedy)
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_what_had_rotted_and_is_whole_again_before_the_last_pass_goes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the same version: somebody has brought a copy home meanwhile."""
+    original = copying.Copier.copy
+    mended: list[Location] = []
+
+    async def main() -> None:
+        street = Street(2)
+        async with trio.open_nursery() as nursery:
+            await street.begin(nursery)
+            spots = await street.fill(0, 16)
+            await trio.sleep(11.0)
+            house = street.houses[0]
+            giver, store = house.line, house.store
+            assert giver is not None and giver.arc is not None
+            place = spots[-1]
+            record = record_at(place)
+            rot(house, [place], -1)
+
+            async def copy(self: copying.Copier, *, only: Sequence[Arc] | None = None, hurry: bool = False) -> copying.Pass:
+                result = await original(self, only=only, hurry=hurry)
+                if not hurry and not mended:
+                    async with giver.writing([place]):
+                        (kept,) = await store.merge([Put(record)])
+                    assert kept.has_changed
+                    mended.append(place)
+                return result
+
+            monkeypatch.setattr(copying.Copier, "copy", copy)
+            await giver.give(Side.RIGHT, Arc(place, giver.arc.last), why="a test")
+            await street.until_whole()
+            assert mended
+            (found,) = await street.houses[1].store.read([Spot(RecordPlace(HEADER.scene, SPACE, place))])
+            assert isinstance(found, Record) and found.header == record.header
+            nursery.cancel_scope.cancel()
+
     run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import pytest
 import trio
 
@@ -12,11 +10,10 @@ from scenefold.peer.line import strays
 from scenefold.peer.line.settling import SETTLING_S
 from scenefold.store import Put
 from scenefold.store.changes import storage_full
-from scenefold.store.layout import RECORDS, location_of
 from scenefold.wire import HandItem, HandRecords, PutManyReply
 from scenefold.world import Priority
 from scenefold.world.sim import run_simulated
-from unit.peer.line.street import HEADER, House, Street, places, record_at
+from unit.peer.line.street import HEADER, House, Street, places, record_at, rot
 from unit.peer.scenes_made import SPACE
 
 IN_HEADER, IN_BODY = 10, -1
@@ -29,15 +26,6 @@ async def begun(street: Street, nursery: trio.Nursery) -> list[House]:
     while any(house.durable() is None for house in street.houses):  # noqa: ASYNC110 - a founding tells nobody
         await trio.sleep(0.1)
     return street.houses
-
-
-def rot(house: House, locations: Iterable[Location], byte: int) -> None:
-    for folder in house.street.net.machine(house.address).disk._folders.values():
-        values = folder.tables[RECORDS].values
-        for key in [key for key in values if location_of(key) in set(locations)]:
-            damaged = bytearray(values[key])
-            damaged[byte] ^= 1
-            folder.rot(RECORDS, key, bytes(damaged))
 
 
 def test_an_owner_that_is_silent_holds_up_its_own_strays_only(monkeypatch: pytest.MonkeyPatch) -> None:
