@@ -35,9 +35,14 @@ class LogPusher:
         self._nursery: trio.Nursery | None = None
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
-        async with trio.open_nursery() as self._nursery:
+        async with trio.open_nursery() as nursery:
+            self._nursery = nursery
             task_status.started()
-            await trio.sleep_forever()
+            try:
+                await trio.sleep_forever()
+            finally:
+                # What is decided while the node ends is told by whoever learns of it.
+                self._nursery = None
 
     def note(self, node: NodeId, position: int) -> None:
         """A node has the log up to here, as it says itself."""
