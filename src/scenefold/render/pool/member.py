@@ -136,6 +136,11 @@ class Member:
                 nursery.start_soon(self._deliver, index, outbox)
             for index, tracer in enumerate(self._tracers):
                 nursery.start_soon(self._trace, index, tracer)
+            try:
+                await trio.sleep_forever()
+            finally:
+                # What others report while this part ends begins nothing any more.
+                self._nursery = None
 
     @property
     def packets_sent(self) -> int:

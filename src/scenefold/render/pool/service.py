@@ -80,7 +80,10 @@ class RenderService:
         async with trio.open_nursery() as nursery:
             self._nursery = nursery
             task_status.started()
-            await self._sweep()
+            try:
+                await self._sweep()
+            finally:
+                self._nursery = None
 
     async def _sweep(self) -> None:
         """End parts whose organiser asks no more: it died, or was cut off, and nobody wants their rays."""
@@ -242,7 +245,8 @@ class RenderService:
         return index_of(part.job, peer)
 
     def _start(self, function: Callable[[*_Arguments], Awaitable[object]], *args: *_Arguments) -> None:
-        assert self._nursery is not None, "the service is not running"
+        if self._nursery is None:
+            raise Refused(RejectReason.BUSY, "this node ends just now", remedy="ask another one")
         self._nursery.start_soon(function, *args)
 
 
