@@ -87,14 +87,15 @@ class Places(Generic[J]):
 
     def _make_way(self, peer: str) -> None:
         """End what is idle, the oldest first, if its place is needed."""
-        held = [(number, place) for number, place in self._places.items() if not place.job.has_failed]
-        own = [(number, place) for number, place in held if place.peer == peer]
-        too_many_own, too_many = len(own) - self._most_of_one + 1, len(held) - self._most + 1
-        for number in [number for number, place in own if place.job.is_idle][: max(0, too_many_own)]:
-            self._places.pop(number).job.forget()
-            too_many -= 1
-        for number in [number for number, place in held if number in self._places and place.job.is_idle][: max(0, too_many)]:
-            self._places.pop(number).job.forget()
+        for asker, most in ((peer, self._most_of_one), ("", self._most)):
+            held = {
+                number: place.job
+                for number, place in self._places.items()
+                if not place.job.has_failed and (not asker or place.peer == asker)
+            }
+            idle = [number for number, job in held.items() if job.is_idle]
+            for number in idle[: max(0, len(held) + 1 - most)]:
+                self._places.pop(number).job.forget()
 
     def drop(self, number: int, job: J) -> None:
         """Give a place back, if it is still this job's."""
