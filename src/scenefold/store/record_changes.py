@@ -234,7 +234,7 @@ def _write(transaction: WriteTransaction, tally: Tally, judged: Judge, record: R
         tally.add((new.scene, new.space), 0 if value is not None else 1, len(packed) - replaced_bytes)
         if spot.object:
             note_place(transaction, spot)
-        return replace(result, has_changed=True)
+        return PutResult(result.outcome, result.current, has_changed=True)
     return result
 
 

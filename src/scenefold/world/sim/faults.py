@@ -6,6 +6,7 @@ waits: it is in force when the call returns, and stays until it is ended. `calm`
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ CLOG_BYTES_PER_S = 50.0
 BURIAL_S = 1.0
 
 
-class Faults:
+class Faults(ABC):
     """What can be done to a network and its machines."""
 
     paths: Paths
@@ -35,8 +36,9 @@ class Faults:
     _machines: dict[str, Machine]
 
     @property
+    @abstractmethod
     def now(self) -> float:
-        raise NotImplementedError
+        """Virtual seconds since the run began."""
 
     # ------------------------------------------------------------------------------------------------- paths
 
