@@ -20,6 +20,16 @@ from unit.peer.line.street import HEADER, Street, record_at, rot
 from unit.peer.scenes_made import SPACE, WRITER
 
 
+async def filled(street: Street, nursery: trio.Nursery, count: int) -> tuple[Line, list[Location], Location]:
+    """The first house's line, records in its arc that have settled, and where the arc ends."""
+    await street.begin(nursery)
+    spots = await street.fill(0, count)
+    await trio.sleep(11.0)
+    giver = street.houses[0].line
+    assert giver is not None and giver.arc is not None
+    return giver, list(spots), giver.arc.last
+
+
 def test_a_ciphertext_that_lies_at_two_places_is_copied_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(copying, "LIST_RECORDS_MAX", 4)
 
@@ -54,12 +64,8 @@ def test_a_receiver_that_names_one_record_often_is_sent_it_once(monkeypatch: pyt
     async def main() -> None:
         street = Street(2)
         async with trio.open_nursery() as nursery:
-            await street.begin(nursery)
-            spots = await street.fill(0, 16)
-            await trio.sleep(11.0)
-            giver = street.houses[0].line
-            assert giver is not None and giver.arc is not None
-            await giver.give(Side.RIGHT, Arc(spots[-1], giver.arc.last), why="a test")
+            giver, spots, last = await filled(street, nursery, 16)
+            await giver.give(Side.RIGHT, Arc(spots[-1], last), why="a test")
             assert giver.events["copied"] == 1
             nursery.cancel_scope.cancel()
 
@@ -76,15 +82,10 @@ def test_what_had_rotted_and_is_whole_again_before_the_last_pass_goes_too(monkey
     async def main() -> None:
         street = Street(2)
         async with trio.open_nursery() as nursery:
-            await street.begin(nursery)
-            spots = await street.fill(0, 16)
-            await trio.sleep(11.0)
-            house = street.houses[0]
-            giver, store = house.line, house.store
-            assert giver is not None and giver.arc is not None
-            place = spots[-1]
+            giver, spots, last = await filled(street, nursery, 16)
+            store, place = street.houses[0].store, spots[-1]
             record = record_at(place)
-            rot(house, [place], -1)
+            rot(street.houses[0], [place], -1)
 
             async def copy(self: copying.Copier, *, only: Sequence[Arc] | None = None, hurry: bool = False) -> copying.Pass:
                 result = await original(self, only=only, hurry=hurry)
@@ -96,7 +97,7 @@ def test_what_had_rotted_and_is_whole_again_before_the_last_pass_goes_too(monkey
                 return result
 
             monkeypatch.setattr(copying.Copier, "copy", copy)
-            await giver.give(Side.RIGHT, Arc(place, giver.arc.last), why="a test")
+            await giver.give(Side.RIGHT, Arc(place, last), why="a test")
             await street.until_whole()
             assert mended
             (found,) = await street.houses[1].store.read([Spot(RecordPlace(HEADER.scene, SPACE, place))])
@@ -124,13 +125,8 @@ def test_what_is_written_while_a_piece_goes_goes_with_it(monkeypatch: pytest.Mon
     async def main() -> None:
         street = Street(2)
         async with trio.open_nursery() as nursery:
-            await street.begin(nursery)
-            spots = await street.fill(0, 200)
-            await trio.sleep(11.0)
-            house = street.houses[0]
-            giver, store = house.line, house.store
-            assert giver is not None and giver.arc is not None
-            piece = Arc(spots[100], giver.arc.last)
+            giver, spots, last = await filled(street, nursery, 200)
+            store, piece = street.houses[0].store, Arc(spots[100], last)
             written: dict[Location, int] = {}
 
             async def write() -> None:
