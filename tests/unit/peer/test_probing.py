@@ -67,14 +67,7 @@ async def test_a_probe_tries_three_times_within_two_seconds(autojump_clock: trio
 async def test_one_lost_datagram_fails_no_probe(autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         await start_all(them, 2)
-        tries = 0
-
-        def lost(source: str, target: str) -> bool:
-            nonlocal tries
-            tries += (source, target) == ("127.0.0.2", "127.0.0.3")
-            return tries < 3
-
-        them.ether.lost = lost
+        them.ether.lose_first(2, "127.0.0.2", "127.0.0.3")
         assert await them.of(0).gossip.probe(node_at(1))
 
 

@@ -66,6 +66,19 @@ class Ether:
         if box is not None and not self.lost(source, target):
             box.send_nowait((data, Endpoint(source, 1)))
 
+    def lose_first(self, count: int, source: str, target: str) -> None:
+        """Of what goes from one address to another, the first few never arrive."""
+        left = count
+
+        def lost(*path: str) -> bool:
+            nonlocal left
+            if path != (source, target):
+                return False
+            left -= 1
+            return left >= 0
+
+        self.lost = lost
+
 
 class Box:
     """`Datagrams` of one address."""
