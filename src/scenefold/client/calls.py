@@ -30,6 +30,7 @@ from scenefold.base.location import FIRST, Location, arcs_between, even_right_bo
 from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
+from scenefold.client.trying import patiently, pause
 from scenefold.wire import Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
 
@@ -231,22 +232,13 @@ class Calls:
 
     async def patiently(self, call: Callable[[], Awaitable[Result]], *, refresh: bool = True) -> Result:
         """Try a call again while nodes are away or busy, as long as patience lasts, with growing pauses between."""
-        patience = Patience()
         if refresh:
             await self.learn()
-        while True:
-            try:
-                return await call()
-            except (Unreachable, Refused) as error:
-                if not patience.bears(error):
-                    raise
-            await self.pause(patience)
-            if refresh:
-                await self.refresh()
+        return await patiently(self.world, call, self.refresh if refresh else None)
 
     async def pause(self, patience: Patience) -> None:
         """Wait before the next try."""
-        await self.world.clock.sleep(patience.pause_s(self.world.entropy.uniform()))
+        await pause(self.world, patience)
 
     def _addresses_from(self, first: NodeId | None) -> list[str]:
         """All nodes: `first`, then those that own something, begun anywhere, then those that may not even run; who was silent, last.

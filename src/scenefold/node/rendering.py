@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import trio
@@ -18,6 +19,7 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import NewerThanKnown, Opened, SceneIdentity, open_all, payload_of, writers_of
+from scenefold.client.trying import patiently
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys
@@ -108,7 +110,8 @@ class NodeReader:
         async def read(start: int) -> None:
             async with slots:
                 keys = [RecordKey(space, location) for location in locations[start : start + READ_BATCH]]
-                records = await self.context.data.read(self.scene, keys, identity.position)
+                # A place may be changing hands, or its owner without a lease, for some seconds: that ends no render.
+                records = await patiently(self.context.world, partial(self.context.data.read, self.scene, keys, identity.position))
                 opened = await self._opened(identity, keys, records)
                 payloads[start : start + len(keys)] = [payload_of(one) for one in opened]
 
