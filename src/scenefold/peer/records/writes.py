@@ -31,7 +31,7 @@ VERIFY_BATCH = 128
 NEVER_HONEST = (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED)
 """Why no record of an honest program is refused."""
 FORGED_MAX = 64
-"""Such records of one write, after which the rest of it is not looked at."""
+"""Of such records a write may hold; after a batch that brings more, the rest of it is not looked at."""
 FROZEN_S_MAX = 2.0
 """How long a write waits for a frozen place: the last copy of a handover takes less, or the client asks again."""
 
@@ -67,13 +67,14 @@ class Writes:
                 continue
             claims = [(items[index], scenes[items[index].scene]) for index in batch]
             verdicts = await self._world.workers.run("crypto", verify_all, claims)
+            bad = sum(isinstance(verdict, Refused) and verdict.reason in NEVER_HONEST for verdict in verdicts)
+            forged += bad
+            charge(bad * FORGED_S)  # At once: who hangs up has paid.
             for index, verdict in zip(batch, verdicts, strict=True):
                 if isinstance(verdict, Refused):
                     outcomes[index] = _outcome(items[index], verdict.reason)
-                    forged += verdict.reason in NEVER_HONEST
                 else:
                     puts.append((index, verdict))
-        charge(forged * FORGED_S)
         results = await self._store_all([put for _, put in puts])
         for (index, _), result in zip(puts, results, strict=True):
             outcomes[index] = self._judged(items[index], result)
