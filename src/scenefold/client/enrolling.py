@@ -30,6 +30,8 @@ NEXT_AFTER_S = 1.0
 """So many nodes are asked at once: the next one as soon as one has failed, or has said nothing for a while."""
 WORDS_MAX = 160
 """Of each node that is told with its words, if there are several."""
+_FINAL = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.SIGNATURE_INVALID, RejectReason.KEY_REVOKED})
+"""Reasons of who has judged the request; others may be those of a relay behind which a trusted node has certified it."""
 
 
 class Admitted(NamedTuple):
@@ -81,6 +83,8 @@ async def _enrolled(profile: Path, token: Token, node: NodeId, suite: int, world
             break
         admitted = await asking.of(found)
     if admitted is None:
+        if asking.is_final():
+            await world.workers.run("import", newcomer.forget)
         raise asking.error()
     # Where to look for the cluster from now on: not where liars are.
     first = dict.fromkeys((admitted.by, *token.addresses))
@@ -121,6 +125,8 @@ class _Asking:
     def __init__(self, world: World, newcomer: Newcomer, now: datetime.datetime) -> None:
         self._world, self._newcomer, self._now = world, newcomer, now
         self.asked: list[NodeId] = []
+        self._told: list[NodeId] = []
+        """Those of them to which the request went."""
         self._refusals: dict[NodeId, Refused | DamagedData] = {}
         self._last: Unreachable | PeerFault | Refused | None = None
 
@@ -152,6 +158,7 @@ class _Asking:
                 newcomer = replace(newcomer, node=await own_address(node, newcomer.token))
                 if newcomer.node == node:
                     raise Unreachable("that node runs on this computer", where=address_of(node), remedy="name another --address")
+            self._told.append(node)
             return newcomer.request()
 
         try:
@@ -169,6 +176,16 @@ class _Asking:
         else:
             return Admitted(node, answer, newcomer)
         raise _NoneToBelieve("", where=address_of(node))
+
+    def is_final(self) -> bool:
+        """Whether no node can have certified the newcomer's keys: all that were given them now have judged them and said no.
+
+        If they were given to others before, whose answer was lost, so must all have that the token names: one of them alone may not have
+        heard of it, and who was only found here may be anybody.
+        """
+        final = {node for node, no in self._refusals.items() if isinstance(no, Refused) and no.reason in _FINAL}
+        named = set(self._newcomer.token.addresses) - {self._newcomer.node}
+        return final.issuperset(self._told) and (not self._newcomer.asked_before or (bool(named) and final >= named))
 
     def error(self) -> ScenefoldError:
         """Why none admits the newcomer: what each of those said that turned it down; Unreachable, in the words of the last, if none answers."""

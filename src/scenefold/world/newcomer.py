@@ -1,6 +1,6 @@
 """The profile of who joins a cluster by a token: keys before the answer, everything else after it (specs/15-cluster-log.md, Enrolling).
 
-    .<profile>.joining-<invitation>/    keys that were made for one token; gone once the profile has them
+    .<profile>.joining-<invitation>/    keys that were made for one token; gone once the profile has them, or no node can have taken them
 
 Keys are made here and go nowhere. They lie on disk before anybody is asked, so that whose answer was lost, or whose clock was wrong, may
 ask again with the same ones; the same token with other keys is refused.
@@ -48,13 +48,14 @@ _TLS_KEY = "key.pem"
 
 @dataclass(frozen=True, slots=True)
 class Newcomer:
-    """Who asks: a token, and keys made for it. `node`: USER_AT for a user, SOMEWHERE until it is known."""
+    """Who asks: a token, and keys made for it. `node`: USER_AT for a user, SOMEWHERE until it is known. `asked_before`: with these keys."""
 
     profile: Path
     token: Token
     node: NodeId
     tls_key: bytes
     secrets: MemberSecrets
+    asked_before: bool = True
 
     @classmethod
     def at(cls, profile: Path, token: Token, address: NodeId = USER_AT, *, suite: int = 1) -> Newcomer:
@@ -64,12 +65,13 @@ class Newcomer:
             remedy = "nothing is left to do if that is you; else name another folder with --profile"
             raise LocalFault(f"the profile is that of user {known.user}", where=str(profile), remedy=remedy)
         folder = _draft_of(profile, token)
-        if not (folder / _TLS_KEY).exists():
+        asked_before = (folder / _TLS_KEY).exists()
+        if not asked_before:
             shutil.rmtree(folder, ignore_errors=True)
             make_private_folder(folder)
             MemberSecrets.generate(suite).to_files(folder)
             write_secret(folder / _TLS_KEY, new_tls_key())
-        return cls(profile, token, address, read_secret(folder / _TLS_KEY), MemberSecrets.from_files(folder))
+        return cls(profile, token, address, read_secret(folder / _TLS_KEY), MemberSecrets.from_files(folder), asked_before)
 
     def request(self) -> RequestEnrolment:
         """What to ask a node. A user is told its name by the answer."""
@@ -100,8 +102,12 @@ class Newcomer:
         else:
             write_party(self.profile, identity, self.secrets)
             write_settings(self.profile, self._facts(facts, known), answer.charter, user=_user_of(name) or known.user)
-        shutil.rmtree(_draft_of(self.profile, self.token), ignore_errors=True)
+        self.forget()
         return ClusterProfile.load(self.profile)
+
+    def forget(self) -> None:
+        """Remove the keys that were made for the token: no node has certified them, nor will."""
+        shutil.rmtree(_draft_of(self.profile, self.token), ignore_errors=True)
 
     def _facts(self, chartered: ClusterFacts, known: ClusterProfile | None) -> ClusterFacts:
         """The cluster's facts as this machine shall know them: where to look first, and ourselves."""

@@ -30,6 +30,7 @@ class Someone:
     """A newcomer that believes one answer only."""
 
     node = NodeId(0)
+    asked_before = False
     token = Token(InvitedKind.USER, bytes(32), bytes(16), 0, 1, 2, ())
 
     def request(self) -> None:
@@ -102,12 +103,15 @@ class Town:
     """Nodes on the local network, found in looks around; all but GOOD_NODE turn every token down, or are silent for a minute."""
 
     GOOD_NODE = NodeId(500)
+    CLOSED, BEHIND = NodeId(501), NodeId(502)
+    """Of which one cannot be asked, and the other may have handed the request on."""
     SILENT = NodeId(1_000)
     """And all above."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *looks: list[NodeId]) -> None:
         self.looks, self.passed, self.asked = list(looks), list[list[NodeId]](), list[NodeId]()
         self.admitted: list[Token] = []
+        self.forgotten = 0
         self.silent = self.silent_most = 0
         monkeypatch.setattr(enrolling, "look_around", self.look_around)
         monkeypatch.setattr(enrolling, "request_enrolment", self.request_enrolment)
@@ -124,9 +128,13 @@ class Town:
     async def request_enrolment(self, _network: object, node: NodeId, _mark: object, request: Any) -> Enrolled:
         await trio.lowlevel.checkpoint()
         self.asked.append(node)
+        if node == self.CLOSED:
+            raise Unreachable("no connection")
+        await request()
         if node == self.GOOD_NODE:
-            await request()
             return GOOD
+        if node == self.BEHIND:
+            raise Refused(RejectReason.NOT_READY, "no trusted node answers")
         if node >= self.SILENT:
             self.silent += 1
             self.silent_most = max(self.silent, self.silent_most)
@@ -162,6 +170,9 @@ class Guest(Someone):
 
     def admitted(self, _answer: Enrolled, _now: datetime.datetime) -> None:
         self.town.admitted.append(self.token)
+
+    def forget(self) -> None:
+        self.town.forgotten += 1
 
 
 def liars(*numbers: int) -> list[NodeId]:
@@ -221,7 +232,7 @@ async def test_a_node_has_the_address_that_leads_to_who_takes_it_not_to_who_answ
 
     monkeypatch.setattr(enrolling, "own_address", own_address)
     assert await town.enrol_here() == Town.GOOD_NODE + 1
-    assert ways == [Town.GOOD_NODE]
+    assert ways == [*liars(1, 2), Town.GOOD_NODE], "each is asked under the address that leads to it"
 
 
 async def test_a_node_does_not_ask_itself_for_its_own_address(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,3 +245,44 @@ async def test_a_node_does_not_ask_itself_for_its_own_address(monkeypatch: pytes
     with pytest.raises(Unreachable, match="runs on this computer"):
         await town.enrol_here()
     assert town.admitted == []
+
+
+# ------------------------------------------------------------------------------------------------ keys that nobody certified
+
+
+@pytest.mark.parametrize(
+    ("named", "asked_before", "forgotten"),
+    [
+        (liars(1), False, True),
+        (liars(1, 2), True, True),
+        ([], True, False),  # who was only found here may be anybody
+        ([*liars(1), Town.CLOSED], False, True),
+        ([*liars(1), Town.CLOSED], True, False),  # it may be the one whose answer was lost
+        ([*liars(1), Town.BEHIND], False, False),
+        ([Town.BEHIND], False, False),
+        ([Town.CLOSED], False, True),  # nobody was told of them
+        ([Town.CLOSED], True, False),
+        ([*liars(1), Town.SILENT], False, False),
+    ],
+)
+async def test_keys_stay_as_long_as_they_may_be_certified_and_no_longer(
+    named: list[NodeId],
+    asked_before: bool,
+    forgotten: bool,
+    autojump_clock: trio.testing.MockClock,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    town = Town(monkeypatch, *([] if named else [liars(1)]))
+    monkeypatch.setattr(Guest, "asked_before", asked_before)
+    with pytest.raises((Refused, Unreachable)):
+        await town.enrol(*named)
+    assert bool(town.forgotten) is forgotten
+
+
+async def test_keys_in_an_answer_that_is_not_to_be_believed_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The certificate in it may be theirs, and this computer's clock the one that is wrong."""
+    town = Town(monkeypatch, [Town.GOOD_NODE])
+    monkeypatch.setattr(Guest, "check", lambda *_: (_ for _ in ()).throw(DamagedData("the certificate counts from tomorrow")))
+    with pytest.raises(DamagedData):
+        await town.enrol(Town.GOOD_NODE)
+    assert not town.forgotten

@@ -79,6 +79,16 @@ def test_the_same_token_has_the_same_keys_until_they_are_in_the_profile(cluster:
     assert again.admitted(answer, NOW).user == "ada", "once the clock is right, the answer is taken"
 
 
+def test_keys_that_are_forgotten_leave_nothing_beside_the_profile(cluster: ClusterProfile, tmp_path: Path) -> None:
+    token = token_of(cluster, InvitedKind.USER)
+    assert not Newcomer.at(tmp_path / "mine", token).asked_before
+    again = Newcomer.at(tmp_path / "mine", token)
+    assert again.asked_before
+    again.forget()
+    assert not list(tmp_path.iterdir())
+    assert not Newcomer.at(tmp_path / "mine", token).asked_before
+
+
 def test_an_answer_that_is_not_for_us_or_not_of_our_cluster_makes_no_profile(cluster: ClusterProfile, tmp_path: Path) -> None:
     newcomer = Newcomer.at(tmp_path / "mine", token_of(cluster, InvitedKind.USER))
     other = Newcomer.at(tmp_path / "other", token_of(cluster, InvitedKind.USER))
