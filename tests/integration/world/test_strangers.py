@@ -8,13 +8,14 @@ from contextlib import asynccontextmanager, suppress
 
 import pytest
 import trio
+import trio.testing
 
 from conformance.world.logs import logged
 from conformance.world.makers import RealWorlds
 from scenefold.base.limits import PENDING_HANDSHAKES_MAX
 from scenefold.crypto import client_context
 from scenefold.world import Connection, Priority
-from scenefold.world.real import admission
+from scenefold.world.real import admission, door
 from scenefold.world.real.network import RealNetwork
 
 LOW = Priority.LOW
@@ -126,6 +127,21 @@ async def test_a_flood_of_connections_of_one_address_is_closed_and_keeps_no_othe
         for _ in range(6 * few):
             stream = await knock(worlds, "127.0.0.77")
             stream.socket.close()
+        await is_served(worlds)
+
+
+@pytest.mark.expect_log("connection refused|connections are closed")
+async def test_addresses_that_begin_tls_and_hang_up_leave_no_queue_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "HANDSHAKE_GAP_S", 0.05)
+    worlds = RealWorlds()
+    async with serving(worlds):
+        for _ in range(6):
+            crowd = [await knock(worlds, f"127.0.1.{number + 1}") for number in range(PENDING_HANDSHAKES_MAX)]
+            for stream in crowd:
+                await stream.send_all(b"\x16\x03\x01\x00\xf0\x01")
+            await trio.testing.wait_all_tasks_blocked(0.01)
+            for stream in crowd:
+                stream.socket.close()
         await is_served(worlds)
 
 

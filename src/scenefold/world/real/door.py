@@ -7,7 +7,6 @@ says `Admission`, and what fails there is logged once a minute a source. Only th
 from __future__ import annotations
 
 import logging
-import math
 import socket
 import ssl
 import time
@@ -20,6 +19,7 @@ from scenefold.base.limits import CONNECTIONS_MAX, HANDSHAKE_GAP_S, HELLO_S_MAX,
 from scenefold.world.ports import ConnectionLost, Serve, ServeNewcomer
 from scenefold.world.quiet import QuietLog
 from scenefold.world.real.admission import HELLO_BYTES, Admission, begins_tls
+from scenefold.world.real.handshake_turns import HandshakeTurns
 from scenefold.world.real.handshakes import PendingHandshakes
 from scenefold.world.real.tls import TlsConnection, shake_hands
 from scenefold.world.versions import NoCommonVersion, Versions
@@ -42,7 +42,7 @@ class Door:
         self._quiet = QuietLog(_log)
         self._admission = Admission()
         self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
-        self._next_handshake_at = -math.inf
+        self._turns = HandshakeTurns(HANDSHAKE_GAP_S)
         self._open = 0
 
     def may_knock(self, source: str) -> bool:
@@ -114,7 +114,7 @@ class Door:
                 elif not begins_tls(first):
                     why = "what it says is not TLS" if first else "the connection was cut"
                 elif self._admission.may_shake_hands(source, time.monotonic()):
-                    await self._handshake_turn()
+                    await self._turns.wait()
                     return await shake_hands(stream, self._context, self._versions)
                 else:
                     kind, why = "handshakes", "too many TLS handshakes of this address fail, or are of one peer"
@@ -126,12 +126,6 @@ class Door:
                 self._pending.leave(scope)
         self._say(source, kind, f"connection refused: {why}")
         return None
-
-    async def _handshake_turn(self) -> None:
-        """One after the other: what comes in between is handled in between."""
-        at = max(self._next_handshake_at, trio.current_time())
-        self._next_handshake_at = at + HANDSHAKE_GAP_S
-        await trio.sleep_until(at)
 
     def _say(self, source: str, kind: str, text: str) -> None:
         self._quiet.say(time.monotonic(), source, kind, text)
