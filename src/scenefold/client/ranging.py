@@ -2,7 +2,7 @@
 
 Each answer says which part of the question it covers, and the next question begins behind that; so bounds may move
 meanwhile. An owner that lists too much for one answer (reason 6) is asked for half. One that again and again covers a little, and
-lists nothing, would keep a reader for ever: the line has 2^160 places.
+lists next to nothing, would keep a reader for ever: the line has 2^160 places.
 """
 
 from __future__ import annotations
@@ -22,19 +22,21 @@ from scenefold.client.patience import heaviest, is_passing
 from scenefold.client.table import Owner
 from scenefold.wire import QueryRange, RejectRange, ReturnRange
 
-EMPTY_MAX = 16
-"""Answers of one node in one walk that may list nothing. It owns one piece, and covers all of it unless it lists a lot, or a bound moves."""
+SHORT_LIST = 1_024
+"""An answer that lists fewer places is a short one. An honest node that does not cover all of its piece lists 65,536."""
+SHORT_MAX = 16
+"""Short answers of one node in one walk: it owns one piece, of which one answer is the last, unless a bound moves."""
 
 
 async def entries(
     calls: Calls, scene: SceneId, space: SpaceId, first: Location, last: Location, *, stale_ok: bool
 ) -> AsyncGenerator[tuple[Location, bytes], None]:
     """Locations from `first` to `last` with the object at each (b"" in a fixed space), in order; asked for as they are used."""
-    empty = Counter[NodeId]()
+    short = Counter[NodeId]()
     at: Location | None = first
     end = last
     while at is not None and at <= last:
-        reply = await _ask_patiently(calls, QueryRange(scene, space, at, min(end, last)), stale_ok, empty)
+        reply = await _ask_patiently(calls, QueryRange(scene, space, at, min(end, last)), stale_ok, short)
         if isinstance(reply, RejectRange):
             end = _shorter(reply, at, min(end, last))
             continue
@@ -44,8 +46,8 @@ async def entries(
         at, end = reply.last.next(), last
 
 
-async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool, empty: Counter[NodeId]) -> ReturnRange | RejectRange:
-    """The owner's answer for the beginning of the question; a RejectRange only for reasons that last. `empty`: answers so far."""
+async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool, short: Counter[NodeId]) -> ReturnRange | RejectRange:
+    """The owner's answer for the beginning of the question; a RejectRange only for reasons that last. `short`: such answers so far."""
 
     async def ask() -> ReturnRange | RejectRange:
         # Where claims overlap one of them is old, or a lie; which one, only those know who are asked.
@@ -80,7 +82,7 @@ async def _ask_patiently(calls: Calls, question: QueryRange, stale_ok: bool, emp
             raise Refused(RejectReason.NOT_READY, "the owner of the range is changing", where=owner.address)
         if reply.stale and not stale_ok:
             raise stale_answer(owner.address)
-        _check_progress(reply, owner, empty)
+        _check_progress(reply, owner, short)
         return reply
 
     return await calls.patiently(ask)
@@ -95,11 +97,11 @@ def _check_part(question: QueryRange, reply: ReturnRange, address: str) -> None:
         raise PeerFault("a range answer lists places that it is not about, or not in order", where=address)
 
 
-def _check_progress(reply: ReturnRange, owner: Owner, empty: Counter[NodeId]) -> None:
-    """PeerFault if a node lists nothing once too often."""
-    empty[owner.node_id] += not reply.locations
-    if empty[owner.node_id] > EMPTY_MAX:
-        raise PeerFault("a node lists a range in ever smaller parts, with nothing in them", where=owner.address)
+def _check_progress(reply: ReturnRange, owner: Owner, short: Counter[NodeId]) -> None:
+    """PeerFault if a node lists next to nothing once too often."""
+    short[owner.node_id] += len(reply.locations) < SHORT_LIST
+    if short[owner.node_id] > SHORT_MAX:
+        raise PeerFault("a node lists a range in ever smaller parts, with next to nothing in them", where=owner.address)
 
 
 def _shorter(reply: RejectRange, first: Location, last: Location) -> Location:

@@ -11,7 +11,7 @@ from trio.testing import MockClock
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.location import FIRST, LAST, Location
-from scenefold.client.ranging import EMPTY_MAX
+from scenefold.client.ranging import SHORT_MAX
 from scenefold.wire import MiniStatus, Packet, QueryRange, RequestTable, RespondTable, ReturnRange
 from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
@@ -104,20 +104,28 @@ async def test_a_list_of_what_was_not_asked_for_is_no_answer(extra: tuple[Locati
 
 
 class CoversOnePlace(Liars):
+    lists_it = False
+
     def twisted(self, packet: Packet, reply: Packet) -> Packet:
-        return replace(reply, last=reply.first, locations=(), objects=()) if isinstance(reply, ReturnRange) else reply
+        if not isinstance(reply, ReturnRange):
+            return reply
+        return replace(reply, last=reply.first, locations=(reply.first,) if self.lists_it else (), objects=())
 
 
-async def test_who_covers_place_after_place_and_lists_nothing_is_not_asked_for_ever(autojump_clock: MockClock) -> None:
+@pytest.mark.parametrize("lists_it", [False, True], ids=["nothing", "that place"])
+async def test_who_covers_place_after_place_and_lists_next_to_nothing_is_not_asked_for_ever(
+    lists_it: bool, autojump_clock: MockClock
+) -> None:
     nodes = CoversOnePlace()
+    nodes.lists_it = lists_it
     space = _scene(nodes).space(FILES)
     await space.put_many(ITEMS)
     with pytest.raises(PeerFault, match="ever smaller parts"):
         [location async for location in space.query()]
-    assert sum(address == LIAR and isinstance(packet, QueryRange) for address, packet in nodes.asked) == EMPTY_MAX + 1
+    assert sum(address == LIAR and isinstance(packet, QueryRange) for address, packet in nodes.asked) == SHORT_MAX + 1
 
 
 async def test_an_empty_line_is_walked_to_its_end_again_and_again(autojump_clock: MockClock) -> None:
     space = _scene(FakeNodes()).space(FILES)
-    for _ in range(EMPTY_MAX + 1):
+    for _ in range(SHORT_MAX + 1):
         assert [location async for location in space.query()] == []
