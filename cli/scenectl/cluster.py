@@ -12,6 +12,7 @@ from cyclopts.validators import Number
 from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
 from scenectl.member_values import TokenOption, given_token
+from scenectl.names import ClusterName
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.trusting import trust
 from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
@@ -31,7 +32,7 @@ def init(
     *,
     nodes: AddressesOption,
     spares: AddressesOption | None = None,
-    name: str | None = None,
+    name: ClusterName | None = None,
     ports: PortsOption | None = None,
     suite: SuiteOption = DEFAULT_SUITE,
     trust_all: Annotated[bool, Parameter(negative="", show_default=False)] = False,
@@ -60,11 +61,17 @@ def init(
     trust_all
         Trust all these nodes, spares too, so that they render: for machines that are all your own. Else only the first is trusted, the others store what they cannot read, and `cluster trust` changes that later.
     """
+    from scenefold.base.errors import UsageFault
     from scenefold.base.ids import address_of
+    from scenefold.base.names import is_name, name_rule
     from scenefold.client import create_cluster
     from scenefold.crypto import suite_named
 
-    more, title, number = () if spares is None else spares.all, folder.resolve().name if name is None else name, suite_named(suite).number
+    more, number = () if spares is None else spares.all, suite_named(suite).number
+    title = folder.resolve().name if name is None else name
+    if not is_name(title):
+        remedy = f"give it one with --name: {name_rule()}"
+        raise UsageFault(f"{title!r} cannot be the name of a cluster", where=f"folder {folder}", remedy=remedy)
     profile = create_cluster(folder, title, nodes.all, spares=more, ports=cluster_ports(ports), suite=number, trust_all=trust_all)
     trusted = [address_of(node) for node in (*profile.voters, *profile.trusted)]
     document = {"profile": str(profile.folder), "name": profile.name, "nodes": list(nodes.all), "spares": list(more), "trusted": trusted}
@@ -133,6 +140,7 @@ def join(
     from scenefold.world.profile import ClusterProfile
 
     seeds: tuple[str, ...] = ()
+    join_place = place_of(place)  # before a token is used
     token = given_token(token, sys.stdin)
     if token.is_address:
         folder, seeds = profile_folder(output.profile), (token.text,)
@@ -149,7 +157,7 @@ def join(
         seeds=seeds,
         seed_wait_s=seed_wait,
         capacity_bytes=capacity,
-        join_place=place_of(place),
+        join_place=join_place,
     )
     telling = Telling(output)
     run_until_stopped(settings, output, extensions=[*default_extensions(), telling], told_ready=telling.may_begin)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text
 from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceName, SpaceOption, whole
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from scenefold.client import Scene, Space
 
 app = App(name="data", help="Read and write single records of a scene.", help_format="plaintext")
-
-SceneOption = Annotated[str, Parameter(name=("--scene", "-s"))]
 
 
 @app.command

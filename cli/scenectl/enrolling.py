@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from scenectl.member_values import Duration, DurationOption, MemberOption, shown_member
+from scenectl.names import UserName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, emit_event, table
 from scenectl.values import DEFAULT_SUITE, AddressOption, SuiteOption
 
@@ -25,7 +26,7 @@ def invite(
     *,
     node: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     address: AddressOption | None = None,
-    user: str | None = None,
+    user: UserName | None = None,
     admin: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     expires: DurationOption = AN_HOUR,
     find: Annotated[bool, Parameter(negative="", show_default=False)] = False,
@@ -121,9 +122,9 @@ def _withdraw(invitation: str, output: ProfileOutput) -> None:
     try:
         key = bytes.fromhex(invitation)
     except ValueError:
-        raise UsageFault(
-            f"{invitation!r} is no id of an invitation", where="--withdraw", remedy="see `scenectl cluster invitations`"
-        ) from None
+        key = b""
+    if not key:  # With which all ids begin.
+        raise UsageFault(f"{invitation!r} is no id of an invitation", where="--withdraw", remedy="see `scenectl cluster invitations`")
 
     async def work() -> None:
         async with connected(output.profile) as cluster:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from scenectl.names import UserName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ app = App(name="key", help="Look at your keys, lock them, back them up, and take
 
 
 @app.command
-def show(*, user: str | None = None, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def show(*, user: UserName | None = None, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Show who you are in the profile, your keys' fingerprints, and how long your certificate is valid. No secret is shown.
 
     Example: scenectl key show --profile studio
@@ -39,7 +40,7 @@ def passphrase(
     *,
     remove: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     passphrase_file: Path | None = None,
-    user: str | None = None,
+    user: UserName | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Lock your keys in the profile with a passphrase, change it, or remove it.
@@ -87,7 +88,9 @@ def backup(file: Path, /, *, passphrase_file: Path | None = None, output: Profil
 
 
 @app.command
-def export(file: Path, /, *, user: str | None = None, passphrase_file: Path | None = None, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def export(
+    file: Path, /, *, user: UserName | None = None, passphrase_file: Path | None = None, output: ProfileOutput = DEFAULT_PROFILE
+) -> None:
     """Write your identity alone to a file locked by a passphrase, to work from another computer as well.
 
     It holds no scenes and not the authority's key.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Self, TextIO
 
+from scenectl.names import checked_user
 from scenectl.values import ONE_WORD, check_address, is_digits
 from scenefold.base.errors import UsageFault
 from scenefold.base.ids import NodeId, address_of, checked_node_id
@@ -82,8 +83,8 @@ class MemberName:
     @classmethod
     def parse(cls, text: str) -> Self:
         kind, _, name = text.partition(":")
-        if kind == "user" and name:
-            return cls(name, None)
+        if kind == "user":
+            return cls(checked_user(name), None)
         if kind != "node":
             raise ValueError(f"a member is user:NAME or node:ADDRESS, not {text!r}")
         if name.isdecimal() and name.isascii() and int(name) < 2**32:
@@ -95,6 +96,27 @@ class MemberName:
         return f"user:{self.user}" if self.node is None else f"node:{address_of(self.node)}"
 
 
+@dataclass(frozen=True)
+class Grantee:
+    """Who is given a scene: a member, of which a node may be named by its address alone."""
+
+    text: str
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        if ":" not in text:
+            try:
+                check_address(text)
+            except ValueError:
+                raise ValueError(f"{text[:80]!r} names no member: use user:NAME, node:ID or the address of a node") from None
+        else:
+            MemberName.parse(text)
+        return cls(text)
+
+    def __str__(self) -> str:
+        return self.text
+
+
 def shown_member(name: str) -> str:
     """A member as logs name it, for people: nodes by their address, as they are named to us."""
     from scenefold.crypto import node_named
@@ -104,5 +126,6 @@ def shown_member(name: str) -> str:
 
 
 DurationOption = Annotated[Duration, ONE_WORD]
+GranteeOption = Annotated[Grantee, ONE_WORD]
 MemberOption = Annotated[MemberName, ONE_WORD]
 TokenOption = Annotated[TokenOrAddress, ONE_WORD]

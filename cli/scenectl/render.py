@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
+from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.values import HD_QUARTER, ColourOption, PortsOption, SizeOption, whole
 
@@ -31,7 +32,7 @@ def still(
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
-    scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
+    scene: SceneOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Render one image of a scene file, or of a scene in the cluster, and wait for it.
@@ -77,7 +78,6 @@ def still(
     from scenectl.running import run
     from scenectl.still import StillJob, check_files, make_still, png_beside, report_text
     from scenefold.base.errors import UsageFault
-    from scenefold.world.keyring import checked_name
 
     if file is None and (scene is None or output.profile is None):
         raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
@@ -95,8 +95,7 @@ def still(
         camera=camera,
     )
     options.checked()
-    name = scene or scene_name_of(file)
-    checked_name(name, "scene")
+    name = scene_name_of(file) if scene is None else scene
     check_files(file, to, png)
     job = StillJob(
         file=file,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from scenectl.errors import DEGRADED, DONE
+from scenectl.member_values import GranteeOption
+from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
 
 if TYPE_CHECKING:
@@ -17,7 +19,7 @@ app = App(name="scene", help="Make scenes, fill them, and say who may use them."
 
 
 @app.command
-def create(name: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def create(name: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Make an empty scene; its keys go into the profile's keyring before any node hears of it.
 
     Example: scenectl scene create kitchen --profile studio
@@ -57,7 +59,7 @@ def list_(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 
 
 @app.command
-def info(name: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def info(name: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Show what a scene holds.
 
     Example: scenectl scene info kitchen --profile studio
@@ -83,7 +85,7 @@ def import_(
     file: Path,
     /,
     *,
-    scene: Annotated[str | None, Parameter(name=("--scene", "-s"))] = None,
+    scene: SceneOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Import a glTF, GLB, OBJ, PLY or STL file into a scene, which is made if it does not exist.
@@ -103,7 +105,7 @@ def import_(
     from scenectl.running import connected, run
     from scenefold.client import scene_name_of
 
-    name = scene or scene_name_of(file.stem)
+    name = scene_name_of(file.stem) if scene is None else scene
 
     async def work(progress: Progress) -> ImportReport:
         async with connected(output.profile) as cluster:
@@ -119,8 +121,8 @@ def import_(
 
 @app.command
 def grant(
-    scene: str,
-    who: str,
+    scene: SceneName,
+    who: GranteeOption,
     /,
     *,
     role: Annotated[str, Parameter(name=("--role", "-r"))] = "reader",
@@ -151,7 +153,7 @@ def grant(
 
     async def do() -> Access:
         async with connected(output.profile) as cluster:
-            member = await card_for(cluster, who, card)
+            member = await card_for(cluster, who.text, card)
             return await (await cluster.scenes.open(scene)).grant(member, wanted)
 
     access = run(do)
@@ -159,7 +161,7 @@ def grant(
 
 
 @app.command
-def access(scene: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def access(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Show who may use a scene, and in which role.
 
     Example: scenectl scene access kitchen --profile studio
@@ -180,7 +182,7 @@ def access(scene: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 
 
 @app.command
-def revoke(scene: str, who: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def revoke(scene: SceneName, who: GranteeOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """End somebody's access to a scene. Only owners of the scene can; the last owner stays.
 
     From now on everything is sealed under a new key. What lies there already was open to the member, and stays under the key that the member may have kept, until `scene rotate-key --resume` has sealed it anew.
@@ -197,7 +199,7 @@ def revoke(scene: str, who: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) 
     from scenectl.running import connected, run
     from scenefold.client import member_name
 
-    name = member_name(who)
+    name = member_name(who.text)
 
     async def do() -> Access:
         async with connected(output.profile) as cluster:
@@ -210,7 +212,7 @@ def revoke(scene: str, who: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) 
 
 @app.command(name="rotate-key")
 def rotate_key(
-    scene: str,
+    scene: SceneName,
     /,
     *,
     resume: Annotated[bool, Parameter(show_default=False)] = False,

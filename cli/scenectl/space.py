@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
+from scenectl.names import NewSpaceName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
-from scenectl.values import PlaceOption, name_or_number, whole
+from scenectl.values import PlaceOption, SpaceOption, name_or_number, whole
 
 if TYPE_CHECKING:
     from scenefold.client import Scene, Space
@@ -17,12 +18,10 @@ if TYPE_CHECKING:
 
 app = App(name="space", help="Make, move and query the spaces of a scene.", help_format="plaintext")
 
-SceneOption = Annotated[str, Parameter(name=("--scene", "-s"))]
-
 
 @app.command
 def create(
-    name: str,
+    name: NewSpaceName,
     /,
     *,
     scene: SceneOption,
@@ -30,7 +29,7 @@ def create(
     dimensions: Annotated[int | None, whole(1, 8)] = None,
     curve: Literal["hilbert", "z-order"] | None = None,
     managed: Annotated[bool, Parameter(negative="", show_default=False)] = False,
-    parent: str | None = None,
+    parent: SpaceOption | None = None,
     offset: PlaceOption | None = None,
     copies: Annotated[int, whole(1, 255)] = 1,
     copies_min: Annotated[int | None, whole(1, 255)] = None,
@@ -77,7 +76,7 @@ def create(
         "dimensions": dimensions,
         "curve": curve,
         "node_managed": managed or None,
-        "parent": None if parent is None else name_or_number(parent),
+        "parent": None if parent is None else name_or_number(parent.text),
         "offset": None if offset is None else offset.first,
         "copies": copies,
         "copies_min": copies_min,
@@ -119,7 +118,7 @@ def list_(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> Non
 
 @app.command
 def translate(
-    space: str,
+    space: SpaceOption,
     /,
     *,
     by: PositionOption,
@@ -142,7 +141,7 @@ def translate(
     from scenectl.running import run
 
     async def move(opened: Scene) -> LoggedSpace:
-        moved = await opened.space_named(name_or_number(space))
+        moved = await opened.space_named(name_or_number(space.text))
         known = await moved.info()
         if not known.node_managed and not known.parent:  # else it cannot be moved at all, which the log says
             check_dimensions(len(by.coordinates), known.dimensions, "an offset", f"space {space}")
@@ -153,7 +152,7 @@ def translate(
 
 @app.command
 def scale(
-    space: str,
+    space: SpaceOption,
     /,
     *,
     by: FactorOption,
@@ -176,14 +175,14 @@ def scale(
     from scenectl.running import run
 
     async def grow(opened: Scene) -> LoggedSpace:
-        return await (await opened.space_named(name_or_number(space))).scale(by)
+        return await (await opened.space_named(name_or_number(space.text))).scale(by)
 
     _emit_moved(output, scene, run(_in_scene, output.profile, scene, grow))
 
 
 @app.command
 def query(
-    space: str,
+    space: SpaceOption,
     /,
     *,
     box: BoxOption | None = None,
@@ -209,7 +208,7 @@ def query(
     from scenectl.running import run
 
     async def ask(opened: Scene) -> tuple[dict[str, Any], list[dict[str, Any]], bool]:
-        asked = await opened.space_named(name_or_number(space))
+        asked = await opened.space_named(name_or_number(space.text))
         return await _records(asked, box, limit)
 
     about, records, more = run(_in_scene, output.profile, scene, ask)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
 from cyclopts import Parameter, Token
 from cyclopts.validators import Number
 
+from scenectl.names import checked_space
 from scenefold.base.ids import SPACE_ID_MAX, checked_node_id
 from scenefold.base.limits import NODES_MAX, POOL_NODES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
@@ -220,7 +221,7 @@ class SpaceName:
             raise ValueError(f"a space has a name, such as {SPACE_NAMES[0]}, or a number")
         if text.isascii() and text.isdigit() and not (is_digits(text) and 1 <= int(text) <= SPACE_ID_MAX):
             raise ValueError(f"a space has a number from 1 to {SPACE_ID_MAX}, not {text[:80]}")
-        return cls(text)
+        return cls(text if text.isascii() and text.isdigit() else checked_space(text))
 
     @property
     def number(self) -> int | None:

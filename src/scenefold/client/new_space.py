@@ -12,6 +12,7 @@ from scenefold.base.errors import UsageFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
 from scenefold.base.location import FIRST, LOCATION_BYTES, Location
+from scenefold.base.names import SPACE_NAME_RULE, is_space_name
 from scenefold.curve import CurveKind
 from scenefold.scene.log import LoggedSpace, SceneLog
 from scenefold.scene.log.space import NO_SPACE
@@ -65,9 +66,9 @@ def new_space(
     if not isinstance(name, str):
         raise UsageFault(f"a {type(name).__name__} cannot be the name of a space", where="space name", remedy="give a text")
     where = f"space {name[:SPACE_NAME_BYTES_MAX]}"
-    if not name or len(name.encode("utf-8", "surrogatepass")) > SPACE_NAME_BYTES_MAX or not name.isprintable() or name.isdecimal():
-        remedy = f"use 1 to {SPACE_NAME_BYTES_MAX} printable characters, not all of them digits"
-        raise UsageFault(f"{name[:SPACE_NAME_BYTES_MAX]!r} cannot be the name of a space", where="space name", remedy=remedy)
+    if not is_space_name(name):
+        what = f"{name[:SPACE_NAME_BYTES_MAX]!r} cannot be the name of a space"
+        raise UsageFault(what, where="space name", remedy=f"use {SPACE_NAME_RULE}")
     if parent is not None and any(given is not None for given in (box, dimensions, curve, node_managed)):
         what = "a shadow has the box, dimensions, curve and management of its parent"
         raise UsageFault(what, where=where, remedy="leave them out")

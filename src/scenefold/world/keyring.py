@@ -13,7 +13,6 @@ meant by a name, so an existing entry is never overwritten by another scene of t
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from typing import Any
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import KeyId, SceneId
 from scenefold.base.limits import LOCKBOX_BYTES_MAX
+from scenefold.base.names import is_name, name_rule
 from scenefold.crypto import make_private_folder
 from scenefold.wire import Lockbox
 from scenefold.world.folder_lock import alone_in
@@ -28,16 +28,14 @@ from scenefold.world.toml_files import damaged, read_secret_toml, write_toml
 
 GENESIS_BYTES = 32
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
-
 
 def checked_name(name: str, what: str) -> str:
     """`name` if it can be a file name on every system; LocalFault saying what is wrong otherwise."""
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise LocalFault(
             f"{name[:80]!r} cannot be the name of a {what}",
             where=f"{what} name",
-            remedy="use 1 to 64 letters, digits, '-', '_' or '.', not beginning with '-' or '.'",
+            remedy=f"use {name_rule()}",
         )
     return name
 

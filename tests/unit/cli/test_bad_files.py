@@ -151,7 +151,7 @@ def test_outputs_that_cannot_be_written(capsys: pytest.CaptureFixture[str]) -> N
 def test_a_scene_name_that_cannot_be(capsys: pytest.CaptureFixture[str]) -> None:
     Path("square.obj").write_text(SQUARE)
     for name in ("../attic", "a/b", "x" * 65, ".hidden"):
-        assert "cannot be the name of a scene" in refusal(capsys, "square.obj", "--scene", name)
+        assert "cannot be the name of a scene" in refusal(capsys, "square.obj", "--scene", name, code=2)
 
 
 def test_an_unknown_profile(capsys: pytest.CaptureFixture[str]) -> None:

@@ -164,6 +164,52 @@ WRONG = {
     "nodes that are no number": ["node", "local", "many"],
     "a range that ends before it begins": ["data", "ls", "1", "--scene", "s", "--first", "80", "--last", "7f"],
     "nothing to render": ["render", "still"],
+    **{
+        f"a name that cannot be: {verb} {what}": [*verb.split(), *what.split("|")]
+        for verb, what in [
+            ("scene create", "a b"),
+            ("scene create", ""),
+            ("scene create", "ä"),
+            ("scene create", "x" * 65),
+            ("scene info", "../x"),
+            ("scene access", "a/b"),
+            ("scene import", "a.glb|--scene|"),
+            ("scene grant", "a b|user:ada"),
+            ("scene grant", "kitchen|ada"),
+            ("scene grant", "kitchen|user:"),
+            ("scene grant", "kitchen|user:a b"),
+            ("scene grant", "kitchen|node:4294967296"),
+            ("scene revoke", "kitchen|user:a b"),
+            ("scene revoke", "kitchen|nobody"),
+            ("scene rotate-key", "a b"),
+            ("space create", "12|--scene|kitchen"),
+            ("space create", "|--scene|kitchen"),
+            ("space create", "hall|--scene|a b"),
+            ("space create", "hall|--scene|kitchen|--parent|a\x07"),
+            ("space list", "--scene|a b"),
+            ("space translate", "0|--by|1,1,1|--scene|kitchen"),
+            ("space scale", "hall|--by|2|--scene|"),
+            ("space query", "ä" * 33 + "|--scene|kitchen"),
+            ("data get", "hall\n|00|--scene|kitchen"),
+            ("data ls", "geometry|--scene|.kitchen"),
+            ("data put", "geometry|00|file|--scene|a:b"),
+            ("data delete", "geometry|00|--scene|a:b"),
+            ("render still", "a.glb|--scene|"),
+            ("render still", "--scene|a b|--profile|studio"),
+            ("cluster init", "x|--nodes|127.0.0.2|--name|a b"),
+            ("cluster init", "a b|--nodes|127.0.0.2"),
+            ("cluster invite", "--user|a b"),
+            ("cluster invite", "--user|a@b"),
+            ("cluster invite", "--user|" + "x" * 51),
+            ("cluster invite", "--withdraw|"),
+            ("cluster revoke", "user:a b"),
+            ("cluster revoke", "user:"),
+            ("cluster join", "127.0.0.2|--place|middle"),
+            ("key show", "--user|../owner"),
+            ("key passphrase", "--user|a b"),
+            ("key export", "me.txt|--user|a b"),
+        ]
+    },
 }
 
 
@@ -198,7 +244,7 @@ def test_a_missing_scene_file_is_a_failure_with_its_name(capsys: pytest.CaptureF
 
 
 def test_a_name_that_is_given_is_the_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cluster", "init", str(tmp_path / "x"), "--nodes", "127.0.0.2", "--name", ""]) == 1
+    assert main(["cluster", "init", str(tmp_path / "x"), "--nodes", "127.0.0.2", "--name", ""]) == 2
     assert "'' cannot be the name of a cluster" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
