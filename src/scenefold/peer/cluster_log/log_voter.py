@@ -19,6 +19,7 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
+from scenefold.peer.cluster_log.beginnings import Beginnings
 from scenefold.peer.cluster_log.lives import Lives, is_restored, lives_asked_with, note_of, pack_granted, unpack_granted
 from scenefold.peer.cluster_log.log_rules import check_proposer, in_words, lease_message, predecessor
 from scenefold.peer.cluster_log.registry import Registry
@@ -27,7 +28,7 @@ from scenefold.peer.timing import T_WAIT_S
 from scenefold.store import Store
 from scenefold.wire import AddNode, LogEntry, LogRecord, Member, RemoveNode, RequestSceneLog, SceneLogPublic, SignedRecord
 from scenefold.wire.enrol_entries import Trust
-from scenefold.world import World
+from scenefold.world import QuietLog, World
 from scenefold.world.facts import ClusterFacts
 
 Veto = Callable[[Member], Awaitable[str | None]]
@@ -58,6 +59,8 @@ class Voter:
         self._granted: dict[NodeId, tuple[bytes, int]] = {}
         self._noting: dict[NodeId, trio.Lock] = {}
         self._started_at = world.clock.now()
+        self._beginnings = Beginnings()
+        self._quiet = QuietLog(_log)
         self.veto: Veto | None = None
         """Asked about removals that another node proposes: a reason against it, or None."""
 
@@ -93,10 +96,9 @@ class Voter:
             if known is not None:
                 return known
             self._refuse_unless_allowed(entry, request_id, proposer)
-            old = predecessor(entry, self._registry())
-            if old is not None:
-                await self._retire(old)
-            return await self._append(entry, request_id, proposer)
+            if not isinstance(entry, AddNode):
+                return await self._append(entry, request_id, proposer)
+            return await self._register(entry, request_id, proposer)
 
     async def found(self, entry: LogEntry) -> None:
         """Commit the first record, and whom the cluster trusts from the start: nobody becomes a member in between. What was interrupted is
@@ -131,6 +133,20 @@ class Voter:
         objection = await self.veto(member)
         if objection is not None:
             raise Refused(RejectReason.BUSY, f"{address_of(member.node)} is not removed: {objection}")
+
+    async def _register(self, entry: AddNode, request_id: bytes, node: NodeId) -> int:
+        now = self._world.clock.now()
+        try:
+            self._beginnings.check(node, now)
+        except Refused as refusal:
+            self._quiet.say(now, address_of(node), "beginnings", refusal.what)
+            raise
+        old = predecessor(entry, self._registry())
+        if old is not None:
+            await self._retire(old)
+        position = await self._append(entry, request_id, node)
+        self._beginnings.count(node, self._world.clock.now())
+        return position
 
     async def _retire(self, old: Member) -> None:
         """Remove the incarnation before a new one, once no lease of it can be alive."""

@@ -38,6 +38,9 @@ from scenefold.world.quiet import QuietLog
 Join = Callable[[], Awaitable[None]]
 """Registers this node left of another one. It may fail as requests fail, and is tried again."""
 
+WAITING = "waiting until the lease of this node's earlier incarnation is over, or for its turn if it has begun anew many times lately"
+"""What a voter that is busy with us means (beginnings.py)."""
+
 _log = logging.getLogger("scenefold.peer.enrolment.enrolment")
 
 
@@ -167,7 +170,7 @@ class Enrolment:
 
     def _say(self, problem: ScenefoldError) -> None:
         waiting = isinstance(problem, Refused) and problem.reason is RejectReason.BUSY
-        text = "waiting until the lease of this node's earlier incarnation is over" if waiting else str(problem)
+        text = WAITING if waiting else str(problem)
         if isinstance(problem, Unreachable):
             text = f"the voter, which decides who is a member, does not answer: {text}"
         self.waits_for = text
