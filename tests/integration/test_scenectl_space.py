@@ -106,7 +106,7 @@ def test_imported_geometry_is_asked_by_box_and_stays_where_it_is(profile: str, t
         (["translate", "hall", "--by", "1e15,0,0"], "so far off for its size"),
         (["translate", "hall", "--by", "1e15,0,0"], "scale it up first, or leave it nearer"),
         (["scale", "hall", "--by", "1e-320"], "less than numbers hold"),
-        (["create", "hall"], "needs a name of its own"),
+        (["create", "hall"], "has a space 'hall' already, its number is"),
         (["create", "shade", "--parent", "attic"], "no space 'attic'"),
     ],
 )

@@ -8,7 +8,7 @@ from types import NoneType
 from typing import NamedTuple, Self, TypeAlias, TypedDict
 
 from scenefold.base.arguments import as_floats, as_whole
-from scenefold.base.errors import UsageFault
+from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
 from scenefold.base.location import FIRST, LOCATION_BYTES, Location
@@ -90,6 +90,7 @@ def new_space(
     shape = _Shape.of(where, box, dimensions, curve, node_managed=bool(node_managed))
 
     def entry(log: SceneLog) -> CreateSpace:
+        _check_free(where, name, space_id, log)
         of = shape if parent is None else _Shape.like(log.space(SpaceId(parent)) if isinstance(parent, int) else log.named(parent))
         return CreateSpace(
             space=log.free_id() if space_id is None else SpaceId(space_id),
@@ -107,6 +108,15 @@ def new_space(
         )
 
     return entry
+
+
+def _check_free(where: str, name: str, space_id: int | None, log: SceneLog) -> None:
+    remedy = "choose another one; `scenectl space list` shows those that there are"
+    for space in log.spaces.values():
+        if space.name == name:
+            raise LocalFault(f"the scene has a space {name!r} already, its number is {space.id}", where=where, remedy=remedy)
+        if space.id == space_id:
+            raise LocalFault(f"the number {space.id} is that of the space {space.name!r}", where=where, remedy=remedy)
 
 
 class _Shape(NamedTuple):

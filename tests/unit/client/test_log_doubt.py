@@ -170,7 +170,7 @@ async def test_an_offer_whose_position_is_taken_is_in_doubt_no_more(autojump_clo
         nodes.headers, nodes.logs = after
 
     nodes.offered = overtaken
-    with pytest.raises(LocalFault, match="name of its own"):
+    with pytest.raises(LocalFault, match="a space 'attic' already"):
         await scene.create_space("attic", BOX)
     nodes.offered = lambda _address, packet: no(packet, RejectReason.STORAGE_FULL)
     with pytest.raises(Refused, match="storage full"):
