@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import App
 
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
+from scenectl.own_cluster import check_own_cluster
 from scenectl.values import (
     HD_QUARTER,
     ONE_AND_FIVE,
@@ -58,7 +59,7 @@ def store(
     *,
     records: Annotated[int, whole(1, 1_000_000)] = 1000,
     record_bytes: Annotated[int, whole(1, 60 * 1024)] = 60 * 1024,
-    nodes: Annotated[int, whole(1, 127)] = 3,
+    nodes: Annotated[int | None, whole(1, 127)] = None,
     ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -73,13 +74,14 @@ def store(
     record_bytes
         Payload of each.
     nodes
-        Nodes of the cluster that is started when no profile is given.
+        Nodes of the cluster that is started when no profile is given; by default 3.
     ports
         Their ports, LOW,HIGH; by default 17349,17350.
     """
     from scenectl.running import run
 
-    result = run(_measure_store, output.profile, nodes, ports, records, record_bytes)
+    check_own_cluster("scenectl bench store", output.profile, {"--nodes": (nodes, ""), "--ports": (ports, "SCENEFOLD_PORTS")})
+    result = run(_measure_store, output.profile, 3 if nodes is None else nodes, ports, records, record_bytes)
     rows = [
         ("write", f"{result['write_records_per_second']:,}", size_text(result["write_bytes_per_second"]) + "/s"),
         ("read", f"{result['read_records_per_second']:,}", size_text(result["read_bytes_per_second"]) + "/s"),

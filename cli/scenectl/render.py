@@ -10,7 +10,11 @@ from cyclopts.validators import Number
 
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
+from scenectl.own_cluster import check_own_cluster
 from scenectl.values import HD_QUARTER, ColourOption, PortsOption, SizeOption, whole
+
+NODES = 5
+"""Of a cluster that is started for one image."""
 
 app = App(name="render", help="Render images.", help_format="plaintext")
 
@@ -20,7 +24,7 @@ def still(
     file: Path | None = None,
     /,
     *,
-    nodes: Annotated[int, whole(1, 127, env_var="SCENEFOLD_NODES")] = 5,
+    nodes: Annotated[int | None, whole(1, 127, env_var="SCENEFOLD_NODES")] = None,
     algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
     samples: Annotated[int, whole(1, 1_048_576)] = 64,
@@ -48,7 +52,7 @@ def still(
     file
         glTF, GLB, OBJ, PLY or STL file; without it --scene names a scene that the cluster holds.
     nodes
-        Nodes of the cluster that is started when no profile is given.
+        Nodes of the cluster that is started when no profile is given; by default 5.
     algorithm
         How space is divided among the nodes.
     to
@@ -81,6 +85,12 @@ def still(
 
     if file is None and (scene is None or output.profile is None):
         raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
+    of_a_cluster = {
+        "--nodes": (nodes, "SCENEFOLD_NODES"),
+        "--threads": (threads, "SCENEFOLD_THREADS"),
+        "--ports": (ports, "SCENEFOLD_PORTS"),
+    }
+    check_own_cluster("scenectl render still", output.profile, of_a_cluster)
     png = png_beside(to)
     from scenefold.render.client import StillOptions
 
@@ -101,7 +111,7 @@ def still(
         file=file,
         scene_name=name,
         profile=output.profile,
-        nodes=nodes,
+        nodes=NODES if nodes is None else nodes,
         threads=threads,
         ports=ports,
         options=options,
