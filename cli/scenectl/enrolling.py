@@ -153,7 +153,10 @@ def invitations(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
         }
         for one in found
     ]
-    rows = [(one["id"], one["name"], "yes" if one["admin"] else "no", one["by"], one["expires"], one["state"]) for one in documents]
+    rows = [
+        (one["id"], shown_member(str(one["name"])), "yes" if one["admin"] else "no", one["by"], one["expires"], one["state"])
+        for one in documents
+    ]
     emit(output, {"invitations": documents}, table(("id", "for", "admin", "by", "until", "state"), rows))
 
 

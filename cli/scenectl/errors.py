@@ -6,9 +6,11 @@ fails in a nursery into groups, of which the user sees the one error that tells 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 
 DONE = 0
@@ -35,6 +37,11 @@ _REFUSALS = {
     RejectReason.BUSY: UNREACHABLE,
 }
 """Reasons by which consensus, the mode or another's record forbids, or behind which a node is away; the others are failures."""
+
+
+NODE_ID_MAX = 2**32 - 1
+_NODE_NAME = re.compile(r"(?<![\w'\"])node:(0|[1-9][0-9]{0,9})(?!\.?[0-9])")
+"""Not in quotes: what stands there is what somebody called a scene or a space."""
 
 
 class Interrupted(Exception):
@@ -118,7 +125,17 @@ def _leaves(error: BaseException) -> list[BaseException]:
 
 
 def _ending(kind: str, exit_code: int, error: ScenefoldError) -> Ending:
-    return Ending(kind, exit_code, error.what, error.where, error.remedy)
+    return Ending(kind, exit_code, *map(with_addresses, (error.what, error.where, error.remedy)))
+
+
+def with_addresses(text: str) -> str:
+    """Words that may be a node's, which knows the others by number, with their addresses, by which people know them."""
+    return _NODE_NAME.sub(_with_address, text)
+
+
+def _with_address(name: re.Match[str]) -> str:
+    number = int(name[1])
+    return f"node:{address_of(NodeId(number))}" if number <= NODE_ID_MAX else name[0]
 
 
 def _place_of(error: BaseException) -> str:

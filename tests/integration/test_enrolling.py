@@ -112,7 +112,7 @@ def test_an_address_that_this_machine_does_not_have_uses_up_no_token(profile: st
 def test_a_token_for_one_address_admits_no_other(profile: str, tmp_path: Path) -> None:
     token = token_for(profile, "--node", "--address", LATER)
     refused = scenectl("cluster", "join", token, "--address", NEWCOMER, profile=tmp_path / "node")
-    assert refused.code == 4 and f"is for node:{int.from_bytes(bytes(map(int, LATER.split('.'))))}" in refused.error
+    assert refused.code == 4 and f"is for node:{LATER}" in refused.error
 
 
 def test_invitations_are_listed_and_withdrawn(profile: str, tmp_path: Path) -> None:

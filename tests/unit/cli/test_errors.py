@@ -47,6 +47,25 @@ def test_the_line_says_what_where_and_what_to_do() -> None:
     assert ending.line == "the port is taken (127.0.0.2:17349): stop the other node"
 
 
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("node:2130706437 is not among the job's nodes", "node:127.0.0.5 is not among the job's nodes"),
+        ("the key of node:2130706437 is revoked", "the key of node:127.0.0.5 is revoked"),
+        ("between node:2130706437, node:2130706438.", "between node:127.0.0.5, node:127.0.0.6."),
+        ("node:4294967296 and node:127.0.0.5", "node:4294967296 and node:127.0.0.5"),
+        ("node:02130706437, node:21307064370", "node:02130706437, node:21307064370"),
+        ("the scene has no space 'node:2130706437'", "the scene has no space 'node:2130706437'"),
+        ("anode:2130706437, node:x, user:5", "anode:2130706437, node:x, user:5"),
+    ],
+)
+def test_nodes_are_named_by_their_address(said: str, shown: str) -> None:
+    """Nodes speak of each other by number, and people of theirs by address."""
+    for error in (Refused(RejectReason.NOT_AUTHORISED, said), Unreachable("w", where=said), LocalFault("w", remedy=said)):
+        ending = ending_of(error)
+        assert shown in (ending.what, ending.where, ending.remedy) and shown in ending.line
+
+
 def test_of_a_group_the_telling_error_is_shown() -> None:
     group = BaseExceptionGroup("", [ValueError("x"), BaseExceptionGroup("", [Unreachable("no node answers")])])
     assert ending_of(group).what == "no node answers"
