@@ -16,10 +16,10 @@ from typing import Any
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import KeyId
 from scenefold.client.connecting import DEFAULT_PROFILE, profile_folder
-from scenefold.crypto import SUITES, Card, MemberSecrets
+from scenefold.crypto import SUITES, MemberSecrets
 from scenefold.crypto.secret_folder import AskPassphrase, SecretFolder
 from scenefold.world.key_archive import Taken, export_keys, import_keys, lock_user
-from scenefold.world.own_papers import check_keys
+from scenefold.world.own_papers import own_card
 from scenefold.world.profile import ClusterProfile
 
 _GROUP = 8
@@ -68,8 +68,7 @@ def own_keys(profile: str | Path | None, user: str | None, ask: AskPassphrase) -
     folder = _user_folder(known, name)
     opened = SecretFolder(folder, ask)
     identity, private = known.user_identity(name, opened), MemberSecrets.from_files(folder, opened)
-    card = Card.verified(identity.certificate, known.authority_certificate())
-    check_keys(known, card, private)
+    card = own_card(known, identity, private)
     return OwnKeys(
         user=name,
         cluster=known.name,

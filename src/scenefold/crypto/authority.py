@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import datetime
 import ipaddress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -40,6 +42,8 @@ AUTHORITY_YEARS = 10
 LEAF_DAYS = 365
 SKEW = datetime.timedelta(days=1)
 """Certificates are valid from a day ago: an old computer's clock may be behind."""
+_UNREADABLE = (ValueError, TypeError, UnsupportedAlgorithm, x509.InvalidVersion)
+"""What the library raises for bytes that are no key or certificate, depending on which bit is wrong."""
 CERTIFICATE_FILE = "certificate.pem"
 KEY_FILE = "key.pem"
 
@@ -51,6 +55,13 @@ class Identity:
     name: str
     certificate: bytes
     key: bytes = field(repr=False)
+    folder: Path | None = field(default=None, compare=False)
+    """Whose files it was read from, for messages."""
+
+    @property
+    def where(self) -> str:
+        """What a message about the certificate or the key names."""
+        return self.name if self.folder is None else str(self.folder / CERTIFICATE_FILE)
 
     def to_files(self, folder: Path) -> None:
         """Writes certificate and key, 0600 in a folder of 0700; LocalFault if they exist."""
@@ -62,9 +73,9 @@ class Identity:
     def from_files(cls, folder: Path, secrets: SecretFolder | None = None) -> Self:
         """The identity in a folder, its key through `secrets` if they are locked; LocalFault if it is missing, exposed or damaged."""
         certificate, key = read_certificate(folder / CERTIFICATE_FILE), (secrets or SecretFolder(folder)).read(KEY_FILE)
-        name = common_name(_load_certificate(certificate, folder / CERTIFICATE_FILE))
-        _matching_key(certificate, key, folder)
-        return cls(name, certificate, key)
+        name, parsed = _matching_key(certificate, key, folder)
+        # Both anew, since TLS reads files more strictly than we do.
+        return cls(name, x509.load_pem_x509_certificate(certificate).public_bytes(Encoding.PEM), _key_pem(parsed), folder)
 
 
 class Authority:
@@ -138,7 +149,7 @@ class Authority:
         try:
             key = load_der_private_key(key_der, password=None)
             public = x509.load_pem_x509_certificate(certificate).public_key()
-        except (ValueError, TypeError, UnsupportedAlgorithm):
+        except _UNREADABLE:
             raise DamagedData("the sealed key of the authority is none") from None
         if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != public:
             raise DamagedData("the sealed key is that of another authority")
@@ -153,8 +164,8 @@ class Authority:
     @classmethod
     def from_files(cls, folder: Path) -> Self:
         """The authority in a folder; LocalFault if it is missing, exposed or damaged."""
-        certificate, key = read_certificate(folder / CERTIFICATE_FILE), read_secret(folder / KEY_FILE)
-        return cls(certificate, _matching_key(certificate, key, folder))
+        certificate = read_authority_certificate(folder)
+        return cls(certificate, _matching_key(certificate, read_secret(folder / KEY_FILE), folder)[1])
 
 
 def check_signed(certificate: bytes, signature: bytes, domain: bytes, message: bytes) -> None:
@@ -163,7 +174,7 @@ def check_signed(certificate: bytes, signature: bytes, domain: bytes, message: b
         key = x509.load_pem_x509_certificate(certificate).public_key()
         assert isinstance(key, ec.EllipticCurvePublicKey)
         key.verify(signature, _domained(domain, message), ec.ECDSA(hashes.SHA256()))
-    except (ValueError, AssertionError, _InvalidSignature):
+    except (AssertionError, _InvalidSignature, *_UNREADABLE):
         raise InvalidSignature("the signature is not that of the cluster's authority") from None
 
 
@@ -175,10 +186,12 @@ def _domained(domain: bytes, message: bytes) -> bytes:
 def read_authority_certificate(folder: Path) -> bytes:
     """The authority's certificate (PEM) alone, for members that do not hold its key; LocalFault if it is none, or damaged."""
     path = folder / CERTIFICATE_FILE
-    certificate = _load_certificate(read_certificate(path), path)
+    pem = read_certificate(path)
+    with _readable("certificate", path):
+        certificate = x509.load_pem_x509_certificate(pem)
     try:
         certificate.verify_directly_issued_by(certificate)
-    except (ValueError, TypeError, UnsupportedAlgorithm, _InvalidSignature):
+    except (_InvalidSignature, *_UNREADABLE):
         raise LocalFault("the authority's certificate is damaged", where=str(path), remedy="restore it from a backup") from None
     # Anew, since TLS reads files more strictly than we do.
     return certificate.public_bytes(Encoding.PEM)
@@ -233,7 +246,7 @@ def tls_key_in(pem: bytes) -> bytes:
     """The public half (DER) of what `new_tls_key` made; LocalFault if it is none."""
     try:
         key = load_pem_private_key(pem, password=None)
-    except (ValueError, TypeError):
+    except _UNREADABLE:
         key = None
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise LocalFault("the TLS key is none", remedy="begin again with another token")
@@ -248,7 +261,7 @@ def tls_key_of(key: ec.EllipticCurvePrivateKey) -> bytes:
 def _public_key(der: bytes) -> ec.EllipticCurvePublicKey:
     try:
         key = load_der_public_key(der)
-    except (ValueError, UnsupportedAlgorithm):
+    except _UNREADABLE:
         raise DamagedData("the TLS key to certify is no key") from None
     if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
         raise DamagedData("the TLS key to certify is not of P-256")
@@ -259,19 +272,24 @@ def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
 
 
-def _load_certificate(pem: bytes, path: Path) -> x509.Certificate:
-    try:
-        return x509.load_pem_x509_certificate(pem)
-    except ValueError:
-        raise LocalFault("the file holds no certificate", where=str(path), remedy="restore it from a backup") from None
-
-
-def _matching_key(certificate: bytes, pem: bytes, folder: Path) -> ec.EllipticCurvePrivateKey:
-    public_key = _load_certificate(certificate, folder / CERTIFICATE_FILE).public_key()
-    try:
+def _matching_key(certificate: bytes, pem: bytes, folder: Path) -> tuple[str, ec.EllipticCurvePrivateKey]:
+    """Whom the certificate names, and the key that it is for; LocalFault naming the file that is damaged."""
+    with _readable("certificate", folder / CERTIFICATE_FILE):
+        # The parts of a certificate are parsed only when they are asked for.
+        parsed = x509.load_pem_x509_certificate(certificate)
+        name, public_key = common_name(parsed), parsed.public_key()
+    with _readable("private key", folder / KEY_FILE):
         key = load_pem_private_key(pem, password=None)
-    except (ValueError, TypeError):
-        raise LocalFault("the file holds no private key", where=str(folder / KEY_FILE), remedy="restore it from a backup") from None
     if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != public_key:
-        raise LocalFault("the key does not belong to the certificate", where=str(folder), remedy="restore both from one backup")
-    return key
+        where = f"{folder / KEY_FILE} or {CERTIFICATE_FILE} beside it"
+        raise LocalFault("the key does not belong to the certificate", where=where, remedy="restore both from one backup")
+    return name, key
+
+
+@contextmanager
+def _readable(what: str, path: Path) -> Iterator[None]:
+    """LocalFault naming the file if what is parsed within is none."""
+    try:
+        yield
+    except _UNREADABLE:
+        raise LocalFault(f"the file holds no {what}, or a damaged one", where=str(path), remedy="restore it from a backup") from None

@@ -8,8 +8,9 @@ from typing import Self
 
 from scenefold.base.errors import LocalFault
 from scenefold.crypto.cards import MemberKeys
-from scenefold.crypto.keys import SigningKey
-from scenefold.crypto.sealing_keys import SealingKey
+from scenefold.crypto.key_files import KeptKey
+from scenefold.crypto.keys import PublicKey, SigningKey
+from scenefold.crypto.sealing_keys import SealingKey, SealingPublicKey
 from scenefold.crypto.secret_folder import SecretFolder
 from scenefold.crypto.suites import DEFAULT_SUITE, RSA3072
 
@@ -42,11 +43,20 @@ class MemberSecrets:
     def to_files(self, folder: Path) -> None:
         """Writes both into a private folder that exists; LocalFault if one is there already."""
         for key, name in ((self.signing, _SIGNING), (self.sealing, _SEALING)):
-            key.to_file(folder / (name + (_PEM if key.suite == RSA3072 else _SEED)))
+            key.to_file(folder / _file(name, key))
+
+    def files_besides(self, signing: PublicKey, sealing: SealingPublicKey) -> tuple[str, ...]:
+        """The files that hold other keys than the private halves of these."""
+        kept = ((_SIGNING, self.signing, signing), (_SEALING, self.sealing, sealing))
+        return tuple(_file(name, key) for name, key, public in kept if key.public != public)
 
     def public(self, *, is_administrator: bool = False) -> MemberKeys:
         """The public halves, as a certificate binds them to a name."""
         return MemberKeys(self.signing.public, self.sealing.public, is_administrator)
+
+
+def _file(name: str, key: KeptKey) -> str:
+    return name + (_PEM if key.suite == RSA3072 else _SEED)
 
 
 def _existing(folder: SecretFolder, name: str) -> str:

@@ -62,7 +62,7 @@ def renew(context: ssl.SSLContext, identity: Identity) -> None:
     try:
         _load_identity(context, identity)
     except (ssl.SSLError, ValueError) as error:
-        raise LocalFault(f"the certificate or key is unusable: {error}", where=identity.name, remedy="issue it anew") from None
+        raise LocalFault(f"the certificate or key is unusable: {error}", where=identity.where, remedy="issue it anew") from None
 
 
 def _context(protocol: ssl._SSLMethod, identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
@@ -74,7 +74,7 @@ def _context(protocol: ssl._SSLMethod, identity: Identity, authority_certificate
         context.load_verify_locations(cadata=authority_certificate.decode("ascii"))
         _load_identity(context, identity)
     except (ssl.SSLError, ValueError) as error:
-        raise LocalFault(f"the certificate or key is unusable: {error}", where=identity.name, remedy="issue it anew") from None
+        raise LocalFault(f"the certificate or key is unusable: {error}", where=identity.where, remedy="issue it anew") from None
     return context
 
 

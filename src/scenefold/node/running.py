@@ -22,7 +22,7 @@ from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
 from scenefold.store import LmdbDisk, open_store
 from scenefold.world import World, background_tasks, open_links, real_world
 from scenefold.world.facts import ClusterFacts
-from scenefold.world.own_papers import check_papers
+from scenefold.world.own_papers import check_papers, opened_authority
 from scenefold.world.profile import ClusterProfile
 
 _log = logging.getLogger("scenefold.node")
@@ -50,6 +50,8 @@ async def run_node(
     secrets, log_key = profile.node_secrets(me.address), profile.log_signing_key(me.address)
     identity = profile.node_identity(me.address)
     check_papers(profile, identity, secrets)
+    # Found out now, and not on the day that a certificate ends.
+    opened_authority(profile, me.address, secrets)
     papers = Papers(identity.certificate, profile.sealed_authority(me.address) or b"", partial(profile.keep_node_certificate, me.address))
     world = real_world(
         identity,

@@ -150,7 +150,7 @@ def _decoded(path: Path, document: dict[str, Any]) -> KeptScene:
             position=int(document.get("position", 0)),
             header_hash=bytes.fromhex(document.get("header_hash", "")),
         )
-    except (KeyError, TypeError, ValueError) as problem:
+    except (KeyError, TypeError, ValueError, OverflowError) as problem:
         raise damaged(path, f"{problem}") from problem
     if kept.scene_id != document.get("id") or kept.name != path.stem:
         raise damaged(path, "its id or name does not belong to its keys")

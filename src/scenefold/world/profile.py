@@ -129,7 +129,7 @@ class ClusterProfile:
             raise _other_format(path, document.get("format"))
         try:
             return _decoded(folder, document)
-        except (KeyError, TypeError, ValueError, LocalFault, DamagedData) as problem:
+        except (KeyError, TypeError, ValueError, OverflowError, LocalFault, DamagedData) as problem:
             raise damaged(path, f"{type(problem).__name__} {problem}") from problem
 
     @property
@@ -139,8 +139,7 @@ class ClusterProfile:
     def facts(self) -> ClusterFacts:
         """What a node is told of its cluster. LocalFault without the authority's certificate, DamagedData if the charter is not its."""
         authority = self.authority_certificate()
-        own, chartered = self._own_facts(), facts_of(self.charter, authority)
-        return replace(own, authority=authority, charter=self.charter, owners=chartered.owners)
+        return replace(self._own_facts(), authority=authority, charter=self.charter, owners=self._chartered(authority).owners)
 
     @property
     def genesis_header(self) -> SceneLogPublic:
@@ -149,7 +148,13 @@ class ClusterProfile:
 
     def owners(self) -> tuple[bytes, ...]:
         """Cards (DER) of the users that the cluster began with, by its charter; errors as those of `facts`."""
-        return facts_of(self.charter, self.authority_certificate()).owners
+        return self._chartered(self.authority_certificate()).owners
+
+    def _chartered(self, authority: bytes) -> ClusterFacts:
+        try:
+            return facts_of(self.charter, authority)
+        except DamagedData as problem:
+            raise type(problem)(problem.what, where=str(self.folder / SETTINGS), remedy="restore it from a backup") from None
 
     def _own_facts(self) -> ClusterFacts:
         return ClusterFacts(
@@ -180,7 +185,7 @@ class ClusterProfile:
     def spare_here(self, *, besides: str) -> str:
         """The address of the one node whose keys lie here, that is no founder and not `besides`; UsageFault if there is not one."""
         spares = [member for member in self.members if member.node_id not in self.founders and member.address != besides]
-        here = [member.address for member in spares if self._node_folder(member.address).is_dir()]
+        here = [member.address for member in spares if self.node_folder(member.address).is_dir()]
         if len(here) == 1:
             return here[0]
         where = str(self.folder / "nodes")
@@ -199,7 +204,7 @@ class ClusterProfile:
         return read_authority_certificate(self.folder / "authority")
 
     def node_identity(self, address: str) -> Identity:
-        return Identity.from_files(self._node_folder(address))
+        return Identity.from_files(self.node_folder(address))
 
     def keep_user_certificate(self, certificate: bytes) -> None:
         """Put a newer certificate (PEM) for the same keys in place of the user's."""
@@ -207,21 +212,21 @@ class ClusterProfile:
 
     def keep_node_certificate(self, address: str, certificate: bytes) -> None:
         """Put a newer certificate (PEM) for the same keys in place of a node's."""
-        write_secret(self._node_folder(address) / CERTIFICATE_FILE, certificate, replace=True)
+        write_secret(self.node_folder(address) / CERTIFICATE_FILE, certificate, replace=True)
 
     def node_secrets(self, address: str) -> MemberSecrets:
         """The keys that the node signs with and opens what is sealed to it; LocalFault if they are not the registered ones."""
-        folder, member = self._node_folder(address), self.member(address)
+        folder, member = self.node_folder(address), self.member(address)
         secrets = MemberSecrets.from_files(folder)
-        if (secrets.signing.public, secrets.sealing.public) != (member.public_key, member.sealing_key):
-            raise damaged(folder, f"they are not the keys that are registered for {address}")
+        for name in secrets.files_besides(member.public_key, member.sealing_key):
+            raise damaged(folder / name, f"the keys are not the keys that are registered for {address}")
         return secrets
 
     def log_signing_key(self, address: str) -> SigningKey | None:
         """The key that signs the cluster's log, if the node is a voter; LocalFault if it is not the known one."""
         if self.member(address).node_id not in self.voters:
             return None
-        path = self._node_folder(address) / LOG_SEED
+        path = self.node_folder(address) / LOG_SEED
         key = SigningKey.from_file(path)
         if key.public != self.log_key:
             raise damaged(path, "it is not the key of this cluster's log")
@@ -229,7 +234,7 @@ class ClusterProfile:
 
     def sealed_authority(self, address: str) -> bytes | None:
         """The authority's key as it was sealed to a node when the cluster was made; None for all nodes but one."""
-        path = self._node_folder(address) / SEALED_AUTHORITY
+        path = self.node_folder(address) / SEALED_AUTHORITY
         return read_secret(path) if path.exists() else None
 
     def user_identity(self, user: str | None = None, secrets: SecretFolder | None = None) -> Identity:
@@ -244,7 +249,8 @@ class ClusterProfile:
         """`secrets`: the user's folder, opened, if a passphrase locks it."""
         return MemberSecrets.from_files(self.user_folder(user), secrets)
 
-    def _node_folder(self, address: str) -> Path:
+    def node_folder(self, address: str) -> Path:
+        """Where the keys of a node lie, or would."""
         return self.folder / "nodes" / self.member(address).address
 
     def user_folder(self, user: str | None = None) -> Path:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
-from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, write_secret
+from scenefold.crypto import Authority, Card, write_secret
 from scenefold.crypto.authority import CERTIFICATE_FILE, KEY_FILE
-from scenefold.crypto.secrets_on_disk import read_certificate
+from scenefold.world.own_papers import card_in_file, opened_authority
 from scenefold.world.profile import ClusterProfile
 
 
@@ -21,7 +21,7 @@ def reissue(profile: ClusterProfile) -> list[Card]:
     """
     authority, cards = read_authority(profile), []
     for place in _places(profile.folder):
-        old = Card.verified(read_certificate(place), authority.certificate)
+        old = card_in_file(place, authority.certificate)
         pem = authority.certify(old.name, list(old.addresses), old.tls_key, keys=old.keys)
         write_secret(place, pem, replace=True)
         cards.append(Card.read(pem))
@@ -33,10 +33,9 @@ def read_authority(profile: ClusterProfile) -> Authority:
     if not (profile.folder / "authority" / KEY_FILE).exists():
         here = [member for member in profile.members if (profile.folder / "nodes" / member.address).is_dir()]
         for member in here:
-            sealed = profile.sealed_authority(member.address)
-            if sealed is not None:
-                key = profile.node_secrets(member.address).sealing.open(sealed, AUTHORITY_PURPOSE, profile.cluster_id)
-                return Authority.from_key(profile.authority_certificate(), key)
+            authority = opened_authority(profile, member.address, profile.node_secrets(member.address))
+            if authority is not None:
+                return authority
         where, remedy = str(profile.folder), "call this where the cluster was made, or with the first node's profile"
         raise LocalFault("the profile does not hold the authority's key", where=where, remedy=remedy)
     return profile.authority()

@@ -1,7 +1,13 @@
-"""TOML documents of a profile: written whole or not at all, read with one clear error."""
+"""TOML documents of a profile: written whole or not at all, read with one clear error.
+
+The first line is a comment with the SHA-256 of all behind it, so that a bit that changed on the disk, or an end that is lost, is told at
+once, and not by what comes of another port, position or list of nodes. A file without that line is read as it is: earlier versions wrote
+none, and who changes a file by hand leaves it out.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,13 +18,15 @@ from scenefold.crypto import read_secret, write_secret
 
 SETTINGS_BYTES_MAX = 1024 * 1024
 """Far more than NODES_MAX members take."""
+_SUM = b"# SHA-256 of what follows: "
 
 
 def write_toml(path: Path, document: Mapping[str, Any]) -> None:
     """Write or replace a document durably, 0600: some hold keys, and the others need no wider mode."""
     import tomlkit  # late: readers of a profile, the usual case, never need it
 
-    write_secret(path, tomlkit.dumps(document).encode(), replace=True)
+    content = tomlkit.dumps(document).encode()
+    write_secret(path, b"%b%b\n%b" % (_SUM, hashlib.sha256(content).hexdigest().encode(), content), replace=True)
 
 
 def read_secret_toml(path: Path) -> dict[str, Any]:
@@ -44,6 +52,11 @@ def damaged(path: Path, what: str) -> LocalFault:
 
 
 def _parsed(path: Path, content: bytes) -> dict[str, Any]:
+    if content.startswith(_SUM):
+        line, _, content = content.partition(b"\n")
+        if line != _SUM + hashlib.sha256(content).hexdigest().encode():
+            remedy = "restore it from a backup; if it was changed by hand, and shall stay so, remove its first line"
+            raise LocalFault("the file is damaged, or was changed by hand", where=str(path), remedy=remedy)
     try:
         return tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
