@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from scenectl.errors import DEGRADED, DONE
-from scenectl.member_values import GranteeOption
+from scenectl.member_values import GranteeOption, shown_member
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
 
@@ -157,7 +157,7 @@ def grant(
             return await (await cluster.scenes.open(scene)).grant(member, wanted)
 
     access = run(do)
-    emit(output, {"scene": scene, **access.document()}, f"{who} may use {scene} as {role}.\n{_members(access)}")
+    emit(output, {"scene": scene, **access.document()}, f"{shown_member(who.text)} may use {scene} as {role}.\n{_members(access)}")
 
 
 @app.command
@@ -207,7 +207,11 @@ def revoke(scene: SceneName, who: GranteeOption, /, *, output: ProfileOutput = D
 
     left = run(do)
     hint = f"`scenectl scene rotate-key {scene} --resume` seals anew what lies there already."
-    emit(output, {"scene": scene, **left.document()}, f"{who} has no access to {scene} any more.\n{_members(left)}\n{hint}")
+    emit(
+        output,
+        {"scene": scene, **left.document()},
+        f"{shown_member(who.text)} has no access to {scene} any more.\n{_members(left)}\n{hint}",
+    )
 
 
 @app.command(name="rotate-key")
@@ -261,8 +265,6 @@ def rotate_key(
 
 
 def _members(access: Access) -> str:
-    from scenectl.member_values import shown_member
-
     rows = [(shown_member(row["name"]), row["role"], str(row["since"])) for row in access.document()["members"]]
     return table(("member", "role", "since"), rows)
 
