@@ -6,9 +6,9 @@ import random
 
 from fuzz.findings import Finding
 from scenefold.base.errors import DamagedData
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import SealingKey
-from scenefold.peer.datagrams import Exchange, Kind, unpacked
+from scenefold.peer.datagrams import Exchange, Kind, Taken, unpacked
 from scenefold.peer.datagrams.contents import packed_answer, packed_challenge, packed_packet
 
 ADA, BOB = NodeId(167772161), NodeId(167772162)
@@ -35,9 +35,14 @@ def _said(one: Exchange, packet: bytes) -> bytes:
     return data
 
 
+def take(one: Exchange, data: bytes) -> Taken:
+    """What comes of a datagram from the address of the node that it says it is from."""
+    return one.take(data, address_of(NodeId(int.from_bytes(data[4:8]))), 0.0)[1]
+
+
 _ada = boot(ADA)
 _HELLO = _said(_ada, b"hello")
-_ANSWER = _ada.take(boot(BOB).take(_HELLO, 0.0)[1].replies[0], 0.0)[1].replies[0]
+_ANSWER = take(_ada, take(boot(BOB), _HELLO).replies[0]).replies[0]
 SEALED = [_said(_ada, packet) for packet in PACKETS]
 
 
@@ -45,21 +50,21 @@ def listener() -> Exchange:
     """Bob, always the same, who takes what Ada says."""
     bob = boot(BOB)
     for data in (_HELLO, _ANSWER):
-        bob.take(data, 0.0)
+        take(bob, data)
     return bob
 
 
 def datagram(data: bytes, _dice: random.Random) -> str:
     """What nobody has sealed counts for nothing and is not answered, and leaves no trace."""
     bob = listener()
-    _, taken = bob.take(data, 0.0)
+    taken = take(bob, data)
     if data in SEALED:
         if taken.packets != [PACKETS[SEALED.index(data)]]:
             raise Finding("a good datagram does not count")
         return "accepted a datagram"
     if taken.packets or taken.replies or len(taken.dropped) != 1:
         raise Finding("a datagram counts that nobody has sealed")
-    if bob.take(SEALED[0], 0.0)[1].packets != [PACKETS[0]]:
+    if take(bob, SEALED[0]).packets != [PACKETS[0]]:
         raise Finding("a good datagram does not count any more behind a bad one")
     return f"refused {taken.dropped[0][0]}"
 

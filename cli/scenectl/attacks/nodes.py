@@ -24,8 +24,8 @@ async def replayed_datagrams(me: Attacker) -> None:
 
     async def answer() -> None:
         while True:
-            data, _ = await datagrams.receive()
-            sender, taken = exchange.take(data, trio.current_time())
+            data, source = await datagrams.receive()
+            sender, taken = exchange.take(data, source.address, trio.current_time())
             me.seen["answers"] += len(taken.packets)
             for reply in taken.replies:
                 await datagrams.send(reply, address_of(sender) if sender is not None else me.address)

@@ -255,24 +255,27 @@ async def test_a_datagram_over_which_a_node_fails_ends_it_not(
             await them.of(0).gossip.everybody_heard()
 
 
-@pytest.mark.parametrize("kind", ["truncated", "noise", "empty", "for another", "from a stranger", "from myself", "under a stolen name"])
+@pytest.mark.parametrize(
+    "kind", ["truncated", "noise", "empty", "for another", "from a stranger", "from myself", "from elsewhere", "under a stolen name"]
+)
 @DROPPED
 async def test_what_does_not_open_is_no_datagram(kind: str, autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         await them.start(0)
         news = PingBroadcast((them.of(1).own.signed(),))
         data = Voice(them, node_at(1)).sealed(news, node_at(0))
-        forged = {
-            "truncated": data[:-10],
-            "noise": b"\x00" * 200,
-            "empty": b"",
-            "for another": Voice(them, node_at(1)).sealed(news, node_at(5)),
-            "from a stranger": Voice(them, node_id_of("9.9.9.9")).sealed(news, node_at(0)),
-            "from myself": Voice(them, node_at(0)).sealed(news, node_at(0)),
-            "under a stolen name": Voice(them, node_at(1), SealingKey(b"?" * 32)).sealed(news, node_at(0)),
+        forged, source = {
+            "truncated": (data[:-10], "127.0.0.3"),
+            "noise": (b"\x00" * 200, "127.0.0.3"),
+            "empty": (b"", "127.0.0.3"),
+            "for another": (Voice(them, node_at(1)).sealed(news, node_at(5)), "127.0.0.3"),
+            "from a stranger": (Voice(them, node_id_of("9.9.9.9")).sealed(news, node_at(0)), "9.9.9.9"),
+            "from myself": (Voice(them, node_at(0)).sealed(news, node_at(0)), "127.0.0.2"),
+            "from elsewhere": (data, "10.1.1.1"),
+            "under a stolen name": (Voice(them, node_at(1), SealingKey(b"?" * 32)).sealed(news, node_at(0)), "127.0.0.3"),
         }[kind]
         sent = len(them.ether.sent)
-        them.ether.send(forged, f"10.1.1.{len(kind)}", "127.0.0.2")
+        them.ether.send(forged, source, "127.0.0.2")
         await trio.testing.wait_all_tasks_blocked()
         assert them.of(0).gossip.dropped == 1 and len(them.ether.sent) == sent + 1, "and it is not even answered"
         assert them.of(0).roster.unheard() == [node_at(1)]

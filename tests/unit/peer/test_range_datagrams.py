@@ -79,9 +79,9 @@ class Asker:
     async def answer(self) -> Packet:
         """The next packet of the owner; what it challenges is answered on the way."""
         while True:
-            data, _ = await self.socket.receive()
+            data, source = await self.socket.receive()
             self.largest_bytes = max(self.largest_bytes, len(data))
-            sender, taken = self.exchange.take(data, trio.current_time())
+            sender, taken = self.exchange.take(data, source.address, trio.current_time())
             assert sender == self.owner
             await self.send(*taken.replies)
             if taken.packets:

@@ -48,7 +48,7 @@ class Voice:
             await trio.testing.wait_all_tasks_blocked()
             for source, to, data in list(ether.sent[sent:]):
                 if (node_id_of(source), to) == (target, self._source):
-                    for reply in self._exchange.take(data, trio.current_time())[1].replies:
+                    for reply in self._exchange.take(data, source, trio.current_time())[1].replies:
                         ether.send(reply, self._source, address_of(target))
             sent = len(ether.sent)
 

@@ -57,6 +57,7 @@ class Drop(StrEnum):
     VERSION = "version"
     STRANGER = "stranger"
     MISDIRECTED = "misdirected"
+    ELSEWHERE = "elsewhere"
     FORGED = "forged"
     REPEATED = "repeated"
     STALE = "stale"
@@ -88,7 +89,8 @@ class Held:
 
 
 class Pairing:
-    """One peer's. `incoming` gives the key of what the peer says under a salt; `token` draws challenges."""
+    """One peer's. `incoming` gives the key of what the peer says under a salt, `may_derive` says at what time it may be asked for one;
+    `token` draws challenges."""
 
     __slots__ = (
         "_answered",
@@ -100,6 +102,8 @@ class Pairing:
         "_held",
         "_incoming",
         "_key",
+        "_may_derive",
+        "_met",
         "_new_salt_at",
         "_outgoing",
         "_token",
@@ -113,14 +117,18 @@ class Pairing:
         outgoing: DatagramKey,
         incoming: Callable[[bytes], DatagramKey],
         token: Callable[[int], bytes],
+        may_derive: Callable[[float], bool],
         first_counter: int = 0,
     ) -> None:
         self._outgoing = outgoing
         self._incoming = incoming
         self._token = token
+        self._may_derive = may_derive
         self.counter = first_counter
         """Of the next datagram; none below it is used with `outgoing` any more."""
         self._key: DatagramKey | None = None
+        self._met: DatagramKey | None = None
+        """Under the last salt that opened and does not count: no forgery keeps from us what else comes under it."""
         self._window = ReplayWindow()
         self._dead: deque[bytes] = deque(maxlen=DEAD_SALTS_MAX)
         self._held: deque[Held] = deque()
@@ -145,13 +153,17 @@ class Pairing:
             return taken.drop(Drop.REPEATED, "it was there before")
         if head.salt in self._dead:
             return taken.drop(Drop.STALE, "it is of an earlier boot")
-        key = self._key if counts and self._key is not None else self._incoming(head.salt)
+        key = self._key_under(head.salt, now)
+        if key is None:
+            return taken.drop(Drop.CROWDED, "too many come under unknown salts")
         try:
             content = unpacked(key.open(data))
         except DamagedData as problem:
             return taken.drop(Drop.FORGED, str(problem))
         if counts:
             self._window.accept(head.counter)
+        else:
+            self._met = key
         match content.kind:
             case Kind.PACKET if counts:
                 taken.packets.append(content.packet)
@@ -169,6 +181,13 @@ class Pairing:
                     self._answer_proven(content.challenge, taken, now)
         return taken
 
+    def _key_under(self, salt: bytes, now: float) -> DatagramKey | None:
+        """None: nothing has opened under it lately, and no key may be derived now."""
+        for known in (self._key, self._met):
+            if known is not None and known.salt == salt:
+                return known
+        return self._incoming(salt) if self._may_derive(now) else None
+
     def _hear_answer(self, answer: Content, key: DatagramKey, counter: int, taken: Taken, now: float, *, counts: bool) -> None:
         if not self._challenge or answer.echo != self._challenge:
             taken.drop(Drop.UNASKED, "it answers no challenge of ours, or one that was answered")
@@ -176,7 +195,7 @@ class Pairing:
         if not counts:
             if self._key is not None:
                 self._dead.append(self._key.salt)
-            self._key = key
+            self._key, self._met = key, None
             # What the peer said before its answer may have been here in an earlier life of ours, but for what was held.
             self._window = ReplayWindow(0 if answer.kind is Kind.FIRST_ANSWER else counter)
             self._window.accept(counter)

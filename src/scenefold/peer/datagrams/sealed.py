@@ -75,7 +75,7 @@ class SealedDatagrams:
         return self._due.popleft()
 
     async def _take(self, data: bytes, source: str) -> None:
-        sender, taken = self._exchange.take(data, self._world.clock.now())
+        sender, taken = self._exchange.take(data, source, self._world.clock.now())
         self._complain(source, taken)
         if sender is not None:
             self._due.extend((sender, packet) for packet in taken.packets)
