@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenefold.wire.codec import PROTOCOL_VERSION, decode_packet, encode_frame, encode_packet
+    from scenefold.wire.codec import PROTOCOL_VERSION, decode_packet, encode_frame, encode_packet, request_id_of
     from scenefold.wire.common import Carrier, MiniStatus, Packet
     from scenefold.wire.data_packets import (
         DAMAGED_RECORD,
@@ -159,7 +159,7 @@ if TYPE_CHECKING:
     from scenefold.wire.table import RESERVED, ROWS
 
 _HOMES = {
-    "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet",
+    "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet request_id_of",
     "common": "Carrier MiniStatus Packet",
     "data_packets": "AcceptData DAMAGED_RECORD EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
     "documents": "Value pack_value unpack_value",
@@ -325,6 +325,7 @@ __all__ = [
     "pack_log",
     "pack_value",
     "page_of",
+    "request_id_of",
     "unpack_log",
     "unpack_value",
 ]

@@ -117,6 +117,16 @@ def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOC
     return packet
 
 
+def request_id_of(data: bytes) -> int | None:
+    """That of a packet, without a look at what is behind it; None if it cannot be read."""
+    try:
+        _, at = read_array_head(data, 0)
+        _, at = read_uint(data, at)
+    except (Misfit, *TRUNCATED):
+        return None
+    return _peek_request_id(data, at)
+
+
 def _peek_request_id(data: bytes, at: int) -> int | None:
     """The request id for the error that may follow; None if it cannot be read."""
     try:

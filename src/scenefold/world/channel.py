@@ -1,7 +1,8 @@
 """Many requests on one connection, the asking side (design: wire, ports and carriers).
 
 Each request gets an id of its own on this connection, and its answer may come in any order. When the connection is
-lost, all that wait learn it at once. An answer that nobody waits for any more is dropped.
+lost, all that wait learn it at once. An answer that nobody waits for any more is dropped unread; one that nobody asked for ends
+the connection, or the peer could have us read for ever. Who asked decodes the answer, so it is paid for like all that is done for him.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.limits import REQUESTS_IN_FLIGHT_MAX
 from scenefold.base.printable import printable
-from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame
+from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, decode_packet, encode_frame, request_id_of
+from scenefold.world.asked import Asked
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost
 from scenefold.world.quiet import QuietLog
@@ -24,19 +26,18 @@ from scenefold.world.tasks import background_tasks
 
 RECEIVE_BYTES = 256 * 1024
 FLUSH_S_MAX = 5.0
-_ID_MODULUS = 1 << 32
 
 _log = logging.getLogger("scenefold.world.channel")
 
 
 @dataclass(slots=True, eq=False)
 class _Pending:
-    """A request that waits. `answer` is set before `done`; an exception in it is raised."""
+    """A request that waits. `answer`, the bytes of a packet, is set before `done`; an exception in it is raised."""
 
     done: trio.Event = field(default_factory=trio.Event)
-    answer: Packet | Exception | None = None
+    answer: bytes | Exception = b""
 
-    def finish(self, answer: Packet | Exception) -> None:
+    def finish(self, answer: bytes | Exception) -> None:
         self.answer = answer
         self.done.set()
 
@@ -49,9 +50,8 @@ class Channel:
         self._connection = connection
         self._where = where
         self._outbox = Outbox(connection)
-        self._pending: dict[int, _Pending] = {}
+        self._asked = Asked[_Pending]()
         self._slots = trio.CapacityLimiter(REQUESTS_IN_FLIGHT_MAX)
-        self._last_id = 0
         self._lost: str | None = None
         self.closed = trio.Event()
 
@@ -88,19 +88,27 @@ class Channel:
         await self._put(replace(packet, request_id=0))
 
     async def _exchange(self, packet: Packet) -> Packet:
-        number = self._free_id()
-        pending = self._pending[number] = _Pending()
+        pending, was_sent = _Pending(), False
+        number = self._asked.ask(pending)
         try:
             await self._put(replace(packet, request_id=number))
+            was_sent = True
             await pending.done.wait()
         finally:
-            del self._pending[number]
+            self._asked.give_up(number, was_sent=was_sent)
         if isinstance(pending.answer, Exception):
             raise pending.answer
-        assert pending.answer is not None
-        if isinstance(pending.answer, Fault):
-            raise Refused(pending.answer.reason, printable(pending.answer.text), where=self._where)
-        return pending.answer
+        answer = self._decoded(pending.answer)
+        if isinstance(answer, Fault):
+            raise Refused(answer.reason, printable(answer.text), where=self._where)
+        return answer
+
+    def _decoded(self, frame: bytes) -> Packet:
+        try:
+            return decode_packet(frame, version=self._connection.version)
+        except MalformedPacket as error:
+            self._complain("malformed", str(error))
+            raise
 
     async def _put(self, packet: Packet) -> None:
         if self._lost is not None:
@@ -109,13 +117,6 @@ class Channel:
             await self._outbox.put(encode_frame(packet))
         except ConnectionLost as error:
             raise self._unreachable(self._lost or str(error)) from None
-
-    def _free_id(self) -> int:
-        # 0 is for packets without an answer. Few ids are in use, so the next free one is near.
-        while True:
-            self._last_id = (self._last_id + 1) % _ID_MODULUS
-            if self._last_id and self._last_id not in self._pending:
-                return self._last_id
 
     async def run(self) -> None:
         """Send and receive until the connection ends."""
@@ -135,6 +136,8 @@ class Channel:
         try:
             await half()
         except (ConnectionLost, PeerFault) as error:
+            if isinstance(error, PeerFault):
+                self._complain("ended", f"the connection is given up: {error}")
             self._lose(str(error))
             both.cancel()
 
@@ -148,26 +151,20 @@ class Channel:
         self._lose("the peer closed the connection")
 
     def _answer(self, frame: bytes) -> None:
-        number: int | None
-        answer: Packet | Exception
-        try:
-            answer = decode_packet(frame, version=self._connection.version)
-            number = answer.request_id
-        except MalformedPacket as error:
-            self._complain("malformed", str(error))
-            answer, number = error, error.request_id
-        pending = self._pending.get(number) if number else None
+        """Pass a frame on to who waits for it. PeerFault if it is no answer to anything."""
+        number = request_id_of(frame)
+        if number == 0 and isinstance(farewell := decode_packet(frame, version=self._connection.version), Fault):
+            raise PeerFault(f"the peer ended the connection: {printable(farewell.text)}")
+        pending = self._asked.answered(number)
         if pending is not None:
-            pending.finish(answer)
-        elif isinstance(answer, Fault) and not number:
-            raise PeerFault(f"the peer ended the connection: {answer.text}")
+            pending.finish(frame)
 
     def _lose(self, why: str) -> None:
         """Nothing here awaits: from the first loss on, no task sees this channel as open."""
         if self._lost is not None:
             return
         self._lost = why
-        for pending in self._pending.values():
+        for pending in self._asked.waiting:
             pending.finish(self._unreachable(why))
         self.closed.set()
 
