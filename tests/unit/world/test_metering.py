@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
 
 import pytest
 import trio
 
 from scenefold.base.errors import LocalFault
-from scenefold.world.metering import Bill, charge, running_bill
+from scenefold.world import metering
+from scenefold.world.metering import FORGED_S, Bill, charge, running_bill
 
 
 class Stopwatch:
@@ -134,3 +136,74 @@ async def test_what_worker_threads_do_for_a_request_is_on_its_bill_and_nothing_o
     assert till.total > 0
     assert running_bill() is None
     charge(1.0)
+
+
+async def test_what_is_little_is_paid_together_and_what_is_much_before_the_end() -> None:
+    till = Till()
+    bill = Bill(till.paid.append, None)
+    for spent_s, paid in ((0.0006, []), (0.0006, [0.0012]), (0.0004, [0.0012]), (0.5, [0.0012, 0.5004])):
+        bill.spend(spent_s)
+        assert till.paid == pytest.approx(paid)
+    bill.spend(0.0002)
+    bill.close()
+    bill.close()
+    assert till.paid == pytest.approx([0.0012, 0.5004, 0.0002]), "and nothing twice"
+
+
+async def test_what_has_cost_less_than_its_estimate_is_not_paid_back_and_nothing_is_lost_above_it() -> None:
+    till = Till()
+    bill = Bill(till.paid.append, None, 0.01)
+    bill.spend(0.005)
+    bill.close()
+    assert till.paid == [0.01]
+    bill = Bill(till.paid.append, None, 0.01)
+    bill.spend(0.0105)
+    bill.close()
+    assert till.total == pytest.approx(0.0205)
+
+
+async def test_one_forged_thing_costs_a_millisecond_more() -> None:
+    till = Till()
+
+    async def forges() -> None:
+        charge(FORGED_S)
+        await trio.lowlevel.checkpoint()
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(handled, till, None, forges)
+    assert till.paid == [0.001]
+
+
+async def test_a_request_hears_that_it_is_cancelled_and_may_clean_up() -> None:
+    watch, till, heard = Stopwatch(), Till(), list[str]()
+
+    async def cleans_up() -> None:
+        try:
+            await trio.sleep_forever()
+        except trio.Cancelled:
+            heard.append("cancelled")
+            with trio.CancelScope(shield=True):
+                await trio.lowlevel.checkpoint()
+            heard.append("clean")
+            raise
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(handled, till, watch, cleans_up)
+        await trio.testing.wait_all_tasks_blocked()
+        nursery.cancel_scope.cancel()
+    assert heard == ["cancelled", "clean"]
+
+
+async def test_a_thread_that_fails_is_paid_for_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch, till = Stopwatch(), Till()
+    monkeypatch.setattr(metering, "time", SimpleNamespace(thread_time=watch))
+
+    def fails() -> None:
+        watch.work(0.25)
+        raise LocalFault("no")
+
+    bill = Bill(till.paid.append, watch)
+    with pytest.raises(LocalFault):
+        bill.in_thread(fails)
+    bill.spend(0.0)
+    assert till.paid == [0.25]
