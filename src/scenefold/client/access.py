@@ -10,6 +10,8 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+import trio
+
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_BATCH_BYTES
@@ -17,6 +19,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import fetch
+from scenefold.client.known_log import LOOK_S
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
@@ -48,6 +51,11 @@ class SceneAccess:
     log: LogAccess | None = None
     """None: nothing is known of the scene's log, and records are written at the position of `identity`."""
 
+    def __post_init__(self) -> None:
+        # Whoever makes one has just been shown the header of `identity`.
+        self._looked_at = self.calls.world.clock.now()
+        self._looking = trio.Lock()
+
     async def put(self, wishes: Sequence[Wish], *, fresh: bool = False) -> list[Placed]:
         """Seal, send, and wait until every record is durable or refused for its version.
 
@@ -77,10 +85,31 @@ class SceneAccess:
 
         `position`: one that it is known to have reached, by the word of a record.
         """
-        if self.log is not None:
-            header = await self.log.header(max(position, self.identity.position + 1))
-            if header is not None and header.position > self.identity.position:
-                self.identity = self.identity.with_header(header, self.log.keys.epochs)
+        await self._look(max(position, self.identity.position + 1))
+
+    async def look(self) -> None:
+        """Have several nodes asked for the header in the last LOOK_S, as they are for the cluster's log: so long may what is written be under a former key.
+
+        Who only reads need not look: a record names its epoch, and is not judged by an older header than that.
+        """
+        if self._is_recent():
+            return
+        async with self._looking:
+            if not self._is_recent():
+                # What they have will do. A node that must ask others first would hold up the write.
+                await self._look()
+
+    def _is_recent(self) -> bool:
+        return self.log is None or self.calls.world.clock.now() - self._looked_at <= LOOK_S
+
+    async def _look(self, have: int = 0) -> None:
+        if self.log is None:
+            return
+        began = self.calls.world.clock.now()
+        header = await self.log.header(have)
+        self._looked_at = began
+        if header is not None and header.position > self.identity.position:
+            self.identity = self.identity.with_header(header, self.log.keys.epochs)
 
     async def _caught_up(self, unknown: NewerThanKnown) -> bool:
         """Whether more of the scene is known now than when a record was not understood. Keys of former epochs stand in the log."""
@@ -125,6 +154,7 @@ class SceneAccess:
 
     async def check(self, wishes: Sequence[Wish]) -> None:
         """An author writes nothing that is no output while the scene is being rendered (consensus.md §7), nor of the wrong kind."""
+        await self.look()
         for wish in wishes:
             self.identity.check_kind(wish.space, wish.object)
         if self._is_frozen(wishes) or not self._may_write():

@@ -175,17 +175,17 @@ class Calls:
         return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=refusal_counts)
 
     async def opinions(
-        self, packet: Packet, answer: type[Answer], judged: Callable[[Answer], Result], *, priority: Priority = Priority.HIGH
+        self, packet: Packet, answer: type[Answer], judged: Callable[[Answer], Result], *, first: NodeId | None = None
     ) -> list[Result]:
-        """What some nodes answer, up to CLIENT_OPINIONS of them; for what a node may lie about. `judged`: raises for what is not believed.
+        """What some nodes answer, up to CLIENT_OPINIONS of them, `first` among them; for what a node may lie about. `judged`: raises for what is not believed.
 
         Who answers so, refuses or says nothing is passed over. If all do, one of their errors, after some patience if it may pass.
         """
 
         async def ask(address: str) -> Result:
-            return judged(await self.ask(address, packet, answer, priority=priority))
+            return judged(await self.ask(address, packet, answer, priority=Priority.HIGH))
 
-        return await self.several(ask)
+        return await self.several(ask, first=first)
 
     async def several(self, ask: Callable[[str], Awaitable[Result]], *, first: NodeId | None = None) -> list[Result]:
         """What `ask` returns for some nodes, by address, as `opinions`; `first` is one of them."""

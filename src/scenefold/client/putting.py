@@ -44,12 +44,12 @@ async def put(access: SceneAccess, wishes: Sequence[Wish], *, fresh: bool) -> li
 
 async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: Doubt) -> list[Placed]:
     """`doubt`: by number of the wish, over all the records that it is signed as."""
-    await access.check(wishes)
     placed: list[Placed | None] = [None] * len(wishes)
     pending = list(range(len(wishes)))
     current = list(wishes)
     routes = [wish.route for wish in wishes]
     for attempt in range(CLIENT_TRIES_MAX):
+        await access.check([wishes[index] for index in pending])
         items = dict(zip(pending, await _seal(access, [current[index] for index in pending]), strict=True))
         outcomes = await deliver(access.calls, items, routes, doubt)
         behind: list[int] = []
@@ -71,7 +71,6 @@ async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: 
         if behind:
             # The log went on without us. What was not stored is signed anew, under the position that is known now.
             await access.refresh()
-            await access.check([wishes[index] for index in behind])
         stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
         there = await access.get([wishes[index].key for index in stale])
         pending = behind

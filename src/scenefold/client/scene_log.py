@@ -95,7 +95,8 @@ class LogAccess:
             return None if reply.answer is None else self._verified(reply.answer.public)
 
         request = self._request(Want.HEADER, max(have, self._memory.met.position))
-        shown = await self._calls.opinions(request, RespondSceneLog, judged)
+        origin = None if self._followed is None else self._followed.origin
+        shown = await self._calls.opinions(request, RespondSceneLog, judged, first=origin)
         await self._memory.keep()
         return max((header for header in shown if header is not None), key=lambda header: header.position, default=None)
 

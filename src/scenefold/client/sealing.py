@@ -278,6 +278,9 @@ def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id
         place = signed_place(object_id) if object_id else location
         check_claim(record, writer.key, RecordPlace(identity.scene, space, place))
         check_signature(record, writer.key)
+        if header.epoch > identity.position:
+            # Until that position is known here nobody can tell whether its writer still was one.
+            raise _newer(f"a record of position {header.epoch}, which the scene has not come to", header.epoch)
         if header.placement != (PLACED_BY_NODE if object_id else PLACED_BY_CLIENT):
             raise DamagedData("a node answered with a record of another kind of space")
         key = identity.keys.get(header.key_epoch)

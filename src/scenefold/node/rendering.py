@@ -123,19 +123,18 @@ class NodeReader:
     async def _opened(
         self, identity: SceneIdentity, keys: Sequence[RecordKey], records: Sequence[RecordBytes | None]
     ) -> list[Opened | None]:
-        workers = self.context.world.workers
-        try:
-            return await workers.run("crypto", _open, identity, keys, records)
-        except NewerThanKnown as unknown:
-            # A writer may be younger than the header that is known here.
-            identity = await self._identity(unknown.epoch)
-        try:
-            return await workers.run("crypto", _open, identity, keys, records)
-        except NewerThanKnown as unknown:
-            if unknown.key_epoch is None:
-                raise
-            what = "the scene's key was changed while the render was reading it"
-            raise Refused(RejectReason.KEY_REVOKED, what, where=unknown.where, remedy="start the render again") from unknown
+        while True:
+            try:
+                return await self.context.world.workers.run("crypto", _open, identity, keys, records)
+            except NewerThanKnown as unknown:
+                # A record may be younger than the header that is known here, and the next one of the batch younger still.
+                before, identity = identity, await self._identity(unknown.epoch)
+                if identity.position > before.position:
+                    continue
+                if unknown.key_epoch is None:
+                    raise
+                what = "the scene's key was changed while the render was reading it"
+                raise Refused(RejectReason.KEY_REVOKED, what, where=unknown.where, remedy="start the render again") from unknown
 
     async def _identity(self, position: int = 0) -> SceneIdentity:
         known = await self.context.scenes.known(self.scene, position=max(position, self.head.position))

@@ -125,6 +125,8 @@ class FakeNodes:
     """They store one more record, and have no lease by the time that they could say so."""
     rotten: set[Location] = field(default_factory=set)
     """Places whose records have changed on the disk."""
+    helpers: set[str] = field(default_factory=set)
+    """They store whatever somebody signs, under whichever key and epoch."""
     ill_timed: Callable[[], None] | None = None
     """Called once, between a lost reply and the next request."""
     asked: list[tuple[str, Packet]] = field(default_factory=list)
@@ -248,7 +250,7 @@ class FakeNodes:
             return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner.node_id)
         present = self.records.get((item.space, item.location))
         header = self.headers.get(item.scene)
-        if header is not None:
+        if header is not None and address not in self.helpers:
             try:
                 verified_put(item, KnownScene.of(header))
             except Refused as refusal:

@@ -1,15 +1,16 @@
-"""If this fails, an image is lost because a bound moved while a node read the scene."""
+"""If this fails, an image is lost because a bound moved, or somebody wrote, while a node read the scene; or it shows what a former writer forged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import SceneIdentity
@@ -60,3 +61,40 @@ async def test_what_lasts_is_said_at_once(monkeypatch: pytest.MonkeyPatch, autoj
     with pytest.RaisesGroup(Refused):
         await reader.get_many(FILES, PLACES)
     assert owners.refusals == [RejectReason.BUSY]
+
+
+def _header_known_up_to(monkeypatch: pytest.MonkeyPatch, newest: int) -> list[int]:
+    """The node knows position 1, and learns of others as they are asked for. Gives what was asked for."""
+    asked: list[int] = []
+    original = NodeReader._identity
+
+    async def known(self: NodeReader, position: int = 0) -> SceneIdentity:
+        asked.append(position)
+        return replace(await original(self), position=max(1, min(position, newest)))
+
+    monkeypatch.setattr(NodeReader, "_identity", known)
+    return asked
+
+
+async def _written_at(owners: Owners, *epochs: int) -> None:
+    scene = _scene(owners._nodes)
+    for epoch, item in zip(epochs, ITEMS, strict=False):
+        scene.access.identity = replace(scene.access.identity, position=epoch)
+        await scene.space(FILES).put(*item)
+
+
+async def test_records_of_several_later_positions_are_read(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
+    reader, owners = await _reader(monkeypatch, [])
+    await _written_at(owners, 2, 3, 4)
+    asked = _header_known_up_to(monkeypatch, 4)
+    assert await reader.get_many(FILES, PLACES) == [payload for _, payload in ITEMS]
+    assert asked == [0, 2, 3, 4]
+
+
+async def test_a_record_of_a_position_that_has_not_come_is_not_shown(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
+    reader, owners = await _reader(monkeypatch, [])
+    await _written_at(owners, 2**64 - 1)
+    asked = _header_known_up_to(monkeypatch, 4)
+    with pytest.RaisesGroup(pytest.RaisesExc(DamagedData, match="has not come to")):
+        await reader.get_many(FILES, PLACES)
+    assert asked == [0, 2**64 - 1, 2**64 - 1]
