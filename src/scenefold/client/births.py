@@ -6,7 +6,7 @@ interrupted can announce the very same scene again.
 
 from __future__ import annotations
 
-import hashlib
+import hmac
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -38,11 +38,12 @@ from scenefold.scene.log import (
     signed_header,
     unlocked,
 )
-from scenefold.wire import NO_GENESIS, Grant, KeyEntry, Role, SceneLogPublic, SceneMode, SignedRecord
+from scenefold.wire import NO_GENESIS, Grant, KeyEntry, Role, SceneLogPublic, SceneMode, SignedRecord, pack_log
 from scenefold.world.keyring import KeptScene
 
 FIRST_POSITION = 1
 FIRST_EPOCH = 0
+_FIRST_NONCE = b"scenefold/first-nonce"
 _SEED_BYTES = 32
 
 
@@ -96,16 +97,13 @@ def first_records(keys: SceneKeys, maker: Grant, origin: Decider) -> tuple[Signe
 def first_private(keys: SceneKeys, maker: Grant, origin: Decider) -> bytes:
     """That log, sealed; the same bytes each time, since the header names them.
 
-    The nonce follows from the genesis: under this key there is one log of position 1, and no second one for it to meet.
+    The nonce follows from all that is sealed, so another log gets another one: the genesis covers neither names nor layout of the first
+    spaces, and a creation may be resumed by a later version, to which these are others. It is keyed, since a bare hash of the log
+    would let nodes try names.
     """
-    nonce = hashlib.sha256(b"scenefold/first-nonce" + keys.genesis).digest()[:NONCE_BYTES]
-    return seal_private(
-        first_records(keys, maker, origin),
-        genesis=keys.genesis,
-        symmetric_key=keys.epochs[FIRST_EPOCH],
-        key_epoch=FIRST_EPOCH,
-        nonce=nonce,
-    )
+    records, key = first_records(keys, maker, origin), keys.epochs[FIRST_EPOCH]
+    nonce = hmac.digest(key, _FIRST_NONCE + keys.genesis + pack_log(records), "sha256")[:NONCE_BYTES]
+    return seal_private(records, genesis=keys.genesis, symmetric_key=key, key_epoch=FIRST_EPOCH, nonce=nonce)
 
 
 def verified_header_key(header: SceneLogPublic) -> PublicKey:

@@ -3,7 +3,7 @@
     sealed      =  version (1 byte, 1) | suite (1, 1) | key epoch (4) | nonce (12) | ciphertext with its tag of 16 bytes
     associated  =  length of domain (1 byte) | "scenefold/scene-log" | genesis (32) | position (8) | the 6 bytes in front of the nonce
 
-AES-192-GCM under the scene's symmetric key. A record's associated data begins with its version, 1, and this with 19, so that
+AES-192-GCM under the scene's symmetric key. A record's associated data begins with its version, 2, and this with 19, so that
 neither can be passed off as the other. Genesis and position bind the log to its scene and its public header: an older
 log under a newer header does not open.
 """
@@ -26,7 +26,7 @@ _SUITE = 1
 
 
 def seal_log(log: bytes, *, genesis: bytes, position: int, symmetric_key: bytes, key_epoch: int, nonce: bytes) -> bytes:
-    """The sealed log. `nonce`: 12 random bytes, fresh for every call under this key."""
+    """The sealed log. `nonce`: 12 bytes, others for every other log under this key: random, or a keyed hash of all that is sealed."""
     if len(nonce) != NONCE_BYTES:
         raise LocalFault(f"a nonce has {NONCE_BYTES} bytes, not {len(nonce)}")
     head = _HEAD.pack(_VERSION, _SUITE, key_epoch)

@@ -51,7 +51,7 @@ class Story:
     counter: Any = field(default_factory=lambda: itertools.count(1))
 
     def __post_init__(self) -> None:
-        kept = born("kitchen", MAKER, secrets_of(MAKER_NUMBER).signing, ORIGIN, self.token)
+        self.kept = kept = born("kitchen", MAKER, secrets_of(MAKER_NUMBER).signing, ORIGIN, self.token)
         self.keys = self.first_keys = kept_keys(kept, secrets_of(MAKER_NUMBER).sealing)
         header = first_header(kept, self.keys, MAKER, ORIGIN)
         assert header is not None
@@ -106,6 +106,19 @@ class Story:
         )
         assert opened.state == self.state
         return keys_with_log(keys, opened.state)
+
+
+def test_no_nonce_serves_two_first_logs_of_a_scene() -> None:
+    """The genesis covers no names: whoever resumes a creation under another one has the same key, and seals something else."""
+    story = Story()
+    again, other = (first_private(story.keys, maker, ORIGIN) for maker in (MAKER, replace(MAKER, name="user:ada")))
+    assert again == story.private
+    assert first_header(story.kept, story.keys, replace(MAKER, name="user:ada"), ORIGIN) is not None, "else nobody would seal it"
+    assert _nonce(other) != _nonce(again)
+
+
+def _nonce(sealed: bytes) -> bytes:
+    return sealed[6:18]
 
 
 ACTS = st.lists(st.tuples(st.sampled_from(["grant", "revoke", "rotate"]), st.integers(1, 5), st.sampled_from(list(Role))), max_size=10)
