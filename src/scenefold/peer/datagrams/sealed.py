@@ -70,23 +70,24 @@ class SealedDatagrams:
         """The next packet that counts, and who sent it. Challenges are answered on the way."""
         while not self._due:
             data, source = await self._opened().receive()
-            with surviving(self._quiet, self._world.clock.now(), source.address):
-                await self._take(data, source.address)
+            now = self._world.clock.now()
+            with surviving(self._quiet, now, source.address):
+                await self._take(data, source.address, now)
         return self._due.popleft()
 
-    async def _take(self, data: bytes, source: str) -> None:
-        sender, taken = self._exchange.take(data, source, self._world.clock.now())
-        self._complain(source, taken)
+    async def _take(self, data: bytes, source: str, now: float) -> None:
+        sender, taken = self._exchange.take(data, source, now)
+        self._complain(source, taken, now)
         if sender is not None:
             self._due.extend((sender, packet) for packet in taken.packets)
             for reply in taken.replies:
                 await self._opened().send(reply, address_of(sender))
 
-    def _complain(self, source: str, taken: Taken) -> None:
+    def _complain(self, source: str, taken: Taken, now: float) -> None:
         for why, text in taken.dropped:
             self.dropped[why] += 1
             quiet = self._quiet_info if why in _HARMLESS else self._quiet
-            quiet.say(self._world.clock.now(), source, why, f"a datagram is dropped: {text}")
+            quiet.say(now, source, why, f"a datagram is dropped: {text}")
 
     def _opened(self) -> Datagrams:
         assert self._datagrams is not None, "open comes first"

@@ -13,7 +13,7 @@ import socket as plain
 import trio
 
 from scenefold.world.ports import Endpoint
-from scenefold.world.real.datagrams import RealDatagrams
+from scenefold.world.real.datagrams import RealDatagrams, udp_socket
 
 EVERYWHERE = "255.255.255.255"
 LOOPBACK = "127.255.255.255"
@@ -35,12 +35,13 @@ def broadcasts_of(address: str) -> tuple[str, ...]:
 
 async def hear_broadcasts(address: str, port: int) -> tuple[RealDatagrams, ...]:
     """Sockets that hear what is sent to everybody around a node's address; several nodes of one machine may."""
+    await trio.lowlevel.checkpoint()
     heard = []
     for broadcast in broadcasts_of(address):
-        socket = trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM)
+        socket = udp_socket()
         socket.setsockopt(plain.SOL_SOCKET, plain.SO_REUSEADDR, 1)
         try:
-            await socket.bind((broadcast, port))
+            socket.bind((broadcast, port))
         except OSError as error:
             _log.info("broadcasts to %s:%d are not heard: %s", broadcast, port, error)
             socket.close()
@@ -51,10 +52,10 @@ async def hear_broadcasts(address: str, port: int) -> tuple[RealDatagrams, ...]:
 
 async def open_broadcasts(port: int) -> tuple[RealDatagrams, tuple[Endpoint, ...]]:
     """A socket at any free port that may broadcast, and where to send to reach nodes at their port."""
-    socket = trio.socket.socket(trio.socket.AF_INET, trio.socket.SOCK_DGRAM)
+    socket = udp_socket()
     try:
         socket.setsockopt(plain.SOL_SOCKET, plain.SO_BROADCAST, 1)
-        await socket.bind(("", 0))
+        socket.bind(("", 0))
         targets = dict.fromkeys((EVERYWHERE, *broadcasts_of(await _own_address()), LOOPBACK))
     except BaseException:
         socket.close()
