@@ -17,8 +17,9 @@ from scenefold.base.location import LAST
 from scenefold.node import NodeContext, NodeSettings
 from scenefold.node.running import run_assembled
 from scenefold.peer import IdentityRenewed
+from scenefold.peer.reporting import Reporting
 from scenefold.wire import Member, RemoveNode
-from scenefold.world import background_tasks
+from scenefold.world import Priority, background_tasks
 from scenefold.world.sim import SimNet, run_simulated
 from unit.peer.logs_made import LOG_KEY, facts, node, secrets_of
 
@@ -166,3 +167,22 @@ def test_leaving_ends_the_lease_of_a_running_node_at_once() -> None:
         assert machines.lives[1] == 2 and machines.contexts[1].lease.holds()
 
     simulate(scenario)
+
+
+@pytest.mark.parametrize("priority", list(Priority))
+def test_what_either_port_drops_stands_in_the_report(priority: Priority) -> None:
+    async def scenario(machines: Machines) -> None:
+        await machines.start(0)
+        await machines.joined(0)
+        context = machines.contexts[0]
+        stranger = await machines.net.world("user:eve", "127.0.0.99").network.open_datagrams(None, priority)
+        before = await dropped(context)
+        for _ in range(3):
+            await stranger.send(b"noise", context.address)
+        await trio.sleep(1)
+        assert await dropped(context) == before + 3
+
+    async def dropped(context: NodeContext) -> int:
+        return int((await Reporting(context).report())["events"]["datagrams dropped"])
+
+    simulate(scenario, founders=1)

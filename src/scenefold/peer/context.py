@@ -20,6 +20,7 @@ from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.data import DataService
+from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.settings import NodeSettings
@@ -57,6 +58,7 @@ class NodeContext:
     balancer: Balancer
     draining: Draining
     gossip: Gossip
+    range_datagrams: RangeDatagrams
     probing: Probing
     joined: trio.Event = field(default_factory=trio.Event)
     """Set once this node is a member with a lease, and knows the other members and the scenes as far as they answer."""

@@ -206,7 +206,7 @@ class Reporting:
             strays=len(strays.entries),
             damaged=context.store.damaged,
             rays_per_second=load.rays_per_second,
-            events={**line.events, "datagrams dropped": context.gossip.dropped},
+            events={**line.events, "datagrams dropped": context.gossip.dropped + context.range_datagrams.dropped},
             balance=context.balancer.report(),
             blacklist=context.settings.blacklist,
         )

@@ -143,7 +143,6 @@ class PeerServices:
             discovery.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
-        self._range_datagrams = RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges)
         self._is_seed = settings.address in seeds
         self.context = NodeContext(
             settings=settings,
@@ -167,6 +166,7 @@ class PeerServices:
             balancer=balancer,
             draining=draining,
             gossip=gossip,
+            range_datagrams=RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges),
             probing=probing,
             joined=joined,
         )
@@ -184,7 +184,7 @@ class PeerServices:
         await context.draining.load()
         async with trio.open_nursery() as nursery:
             await nursery.start(context.gossip.run)
-            await nursery.start(self._range_datagrams.run)
+            await nursery.start(context.range_datagrams.run)
             for priority in Priority:
                 newcomers = self._newcomers if priority is Priority.HIGH else None
                 listen = partial(
