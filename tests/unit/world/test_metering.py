@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import types
+from collections.abc import Awaitable, Callable, Generator
 from types import SimpleNamespace
 
 import pytest
@@ -207,3 +208,22 @@ async def test_a_thread_that_fails_is_paid_for_as_well(monkeypatch: pytest.Monke
         bill.in_thread(fails)
     bill.spend(0.0)
     assert till.paid == [0.25]
+
+
+async def test_what_is_thrown_into_a_request_reaches_it_once() -> None:
+    @types.coroutine
+    def trap() -> Generator[str, None, None]:
+        yield "waits"
+
+    async def goes_on() -> str:
+        try:
+            await trap()
+        except LocalFault:
+            await trap()
+        return "done"
+
+    request = Bill(Till().paid.append, Stopwatch()).metered(goes_on())
+    assert request.send(None) == "waits"
+    assert request.throw(LocalFault("no")) == "waits"
+    with pytest.raises(StopIteration, match="done"):
+        request.send(None)
