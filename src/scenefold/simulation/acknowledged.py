@@ -24,8 +24,8 @@ def see_acknowledged(context: NodeContext, seen: Seen) -> None:
             if outcome.reason == 0:
                 seen(item, outcome.location)
 
-    async def watched_put(items: list[PutItem]) -> list[PutOutcome]:
-        outcomes: list[PutOutcome] = await put(items)
+    async def watched_put(items: list[PutItem], *of: str) -> list[PutOutcome]:
+        outcomes: list[PutOutcome] = await put(items, *of)
         look(items, outcomes)
         return outcomes
 

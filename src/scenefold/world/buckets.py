@@ -20,11 +20,11 @@ class Buckets:
         self._per_s = per_s
         self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
-    def take(self, key: str, now: float) -> bool:
-        """Take one; False if there is none."""
+    def take(self, key: str, now: float, count: int = 1) -> bool:
+        """Take so many; False, and nothing is taken, if there are fewer."""
         left = self._content(key, now)
-        self._remember(key, left - 1 if left >= 1 else left, now)
-        return left >= 1
+        self._remember(key, left - count if left >= count else left, now)
+        return left >= count
 
     def has(self, key: str, now: float) -> bool:
         """Whether there is one to take."""

@@ -126,6 +126,11 @@ class Neighbours:
         """Owners that some node wrongly believes in, whatever the place."""
         self.also_believed: list[NodeId] = []
         """Who may have any place as well, as everybody believes."""
+        self.looked_for: list[tuple[SceneId, int, str]] = []
+        """Scenes, or later headers of them, that others would be asked for, each with the position and on whose behalf."""
+        self.meanwhile: Callable[[], object] = lambda: None
+        """What happens while they are."""
+        self.unknown_is = RejectReason.UNKNOWN_SCENE_OR_SPACE
 
     def seen_by(self, me: NodeId) -> Any:
         return _Seen(self, me)
@@ -155,9 +160,13 @@ class _Seen:
             raise Refused(RejectReason(reply.reason), reply.text)
         return reply
 
-    async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene:
+    async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene:
+        if ask and (scene != SCENE.scene or position > SCENE.position):
+            await trio.lowlevel.checkpoint()
+            self._all.looked_for.append((scene, position, asker))
+            self._all.meanwhile()
         if scene != SCENE.scene:
-            raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "unknown")
+            raise Refused(self._all.unknown_is, "unknown")
         return KnownScene.of(SCENE)
 
 

@@ -29,9 +29,11 @@ class Ranges:
     def register(self, handlers: Handlers) -> None:
         handlers.add(QueryRange, self._on_query)
 
-    async def answer(self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX, *, ask: bool = True) -> ReturnRange | RejectRange:
+    async def answer(
+        self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX, *, ask: bool = True, asker: str = ""
+    ) -> ReturnRange | RejectRange:
         """At most `limit` locations; Refused (19) if nobody knows the scene, or without `ask` this node does not."""
-        await self._scenes.known(packet.scene, ask=ask)
+        await self._scenes.known(packet.scene, ask=ask, asker=asker)
         for _ in range(LOOKS_MAX):
             mine = self._mine(packet)
             if mine is None:
@@ -68,8 +70,8 @@ class Ranges:
         arc = self._line.arc
         return None if arc is None else Arc(packet.first, packet.last).intersection(arc)
 
-    async def _on_query(self, packet: QueryRange, _peer: str) -> Packet:
-        return await self.answer(packet)
+    async def _on_query(self, packet: QueryRange, peer: str) -> Packet:
+        return await self.answer(packet, asker=peer)
 
 
 def range_rejection(packet: QueryRange, reason: RejectReason) -> RejectRange:

@@ -32,6 +32,8 @@ NEVER_HONEST = (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED)
 """Why no record of an honest program is refused."""
 FORGED_MAX = 64
 """Of such records a write may hold; after a batch that brings more, the rest of it is not looked at."""
+SCENES_MAX = 8
+"""Scenes of the records of one write; our clients write to one at a time. Each that is unknown sets off a question to every node."""
 FROZEN_S_MAX = 2.0
 """How long a write waits for a frozen place: the last copy of a handover takes less, or the client asks again."""
 
@@ -52,10 +54,9 @@ class Writes:
         handlers.add(ProposeData, self._on_propose)
         handlers.add(PutMany, self._on_put_many)
 
-    async def put(self, items: Sequence[PutItem]) -> list[PutOutcome]:
+    async def put(self, items: Sequence[PutItem], asker: str = "") -> list[PutOutcome]:
         """Verify and store; an outcome for each item, in order. What is stored is durable when this returns."""
-        scenes = await self._scenes_of(items)
-        outcomes: list[PutOutcome | None] = [self._refused_unseen(item, scenes[item.scene]) for item in items]
+        outcomes, scenes = await self._sorted(items, asker)
         open_ones = [index for index, outcome in enumerate(outcomes) if outcome is None]
         puts: list[tuple[int, Put]] = []
         forged = 0
@@ -80,15 +81,28 @@ class Writes:
             outcomes[index] = self._judged(items[index], result)
         return [outcome for outcome in outcomes if outcome is not None]
 
-    def _refused_unseen(self, item: PutItem, scene: KnownScene | None) -> PutOutcome | None:
-        """The outcome of what need not be looked at: others' places, no lease, scenes that nobody knows."""
+    async def _sorted(self, items: Sequence[PutItem], asker: str) -> tuple[list[PutOutcome | None], dict[SceneId, KnownScene]]:
+        """The outcomes of records that need not be looked at, None for the others; and the scenes of these."""
+        outcomes = [self._refused_unseen(item) for item in items]
+        open_ones = [item for item, outcome in zip(items, outcomes, strict=True) if outcome is None]
+        scenes, reasons, has_waited = await self._scenes_of(open_ones, asker)
+        for index, item in enumerate(items):
+            if outcomes[index] is None and has_waited:
+                # What was ours may be somebody else's by now.
+                outcomes[index] = self._refused_unseen(item)
+            if outcomes[index] is None and item.scene in reasons:
+                outcomes[index] = _outcome(item, reasons[item.scene])
+        return outcomes, scenes
+
+    def _refused_unseen(self, item: PutItem) -> PutOutcome | None:
+        """The outcome of what need not be looked at: others' places, no lease. Nobody is asked about the scenes of such."""
         home = home_of(item)
         if not self._line.owns(home):
             return self._not_ours(item, home)
         if not self._lease.holds():
             # Our own id: whoever wrote need not fear that it is here.
             return PutOutcome(RejectReason.NOT_READY, item.location, self._me)
-        return _outcome(item, RejectReason.UNKNOWN_SCENE_OR_SPACE) if scene is None else None
+        return None
 
     def _not_ours(self, item: PutItem, place: Location) -> PutOutcome:
         try:
@@ -119,19 +133,34 @@ class Writes:
             return _outcome(item, RejectReason.NOT_READY)
         return PutOutcome(result.reason or 0, item.location if result.location is None else result.location, NodeId(0))
 
-    async def _scenes_of(self, items: Sequence[PutItem]) -> dict[SceneId, KnownScene | None]:
-        scenes: dict[SceneId, KnownScene | None] = {}
-        for scene, epoch in epochs_of(items).items():
+    async def _scenes_of(self, items: Sequence[PutItem], asker: str) -> tuple[dict[SceneId, KnownScene], dict[SceneId, RejectReason], bool]:
+        """The scenes of these records; why there is none, of the others; and whether anybody was waited for."""
+        scenes: dict[SceneId, KnownScene] = {}
+        too_many = list(dict.fromkeys(item.scene for item in items))[SCENES_MAX:]
+        reasons = dict.fromkeys(too_many, RejectReason.LIMIT_EXCEEDED)
+        has_waited = False
+        for scene, epoch in epochs_of(item for item in items if item.scene not in reasons).items():
             try:
-                scenes[scene] = await self._scenes.known(scene, position=epoch)
-            except Refused:
-                scenes[scene] = None
-        return scenes
+                known = await self._here(scene)
+                if known is None or known.public.position < epoch:
+                    has_waited = True
+                    known = await self._scenes.known(scene, position=epoch, asker=asker)
+                scenes[scene] = known
+            except Refused as refusal:
+                reasons[scene] = refusal.reason
+        return scenes, reasons, has_waited
 
-    async def _on_put_many(self, packet: PutMany, _peer: str) -> Packet:
-        return PutManyReply(outcomes=tuple(await self.put(packet.items)))
+    async def _here(self, scene: SceneId) -> KnownScene | None:
+        """What this node itself has of the scene; this waits for nobody."""
+        try:
+            return await self._scenes.known(scene, ask=False)
+        except Refused:
+            return None
 
-    async def _on_propose(self, packet: ProposeData, _peer: str) -> Packet:
+    async def _on_put_many(self, packet: PutMany, peer: str) -> Packet:
+        return PutManyReply(outcomes=tuple(await self.put(packet.items, peer)))
+
+    async def _on_propose(self, packet: ProposeData, peer: str) -> Packet:
         item = PutItem(
             scene=packet.scene,
             space=packet.space,
@@ -140,7 +169,7 @@ class Writes:
             header=packet.header,
             ciphertext=packet.ciphertext,
         )
-        (outcome,) = await self.put([item])
+        (outcome,) = await self.put([item], peer)
         if outcome.reason == 0:
             return AcceptData(signature=packet.signature, location=outcome.location)
         reason = RejectReason(outcome.reason)

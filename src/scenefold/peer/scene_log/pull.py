@@ -10,6 +10,7 @@ from scenefold.base.ids import SceneId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.rounds import Rounds
 from scenefold.peer.scene_log.scene_asking import shown_by
 from scenefold.wire import RequestSceneLog, SceneLogPublic, Want
 from scenefold.world import World
@@ -17,7 +18,7 @@ from scenefold.world import World
 Take = Callable[[SceneLogPublic, str], Awaitable[None]]
 """What becomes of a header that somebody shows, and who that is."""
 MISS_S = 1.0
-"""A scene that nobody knows is not asked for again within this time: unknown ids must not multiply requests."""
+"""A scene that nobody knows is not asked for again within this time."""
 BEYOND_ORIGIN = 3
 """So many others are asked for what the node that decides the scene does not know: it may have lost its disk."""
 
@@ -37,6 +38,7 @@ class Pull:
         self._peers = peers
         self._known = known
         self._take = take
+        self._begun = Rounds()
         self._missed_at: dict[SceneId, float] = {}
         self._rounds: dict[SceneId, trio.Event] = {}
 
@@ -44,24 +46,30 @@ class Pull:
         """There are news of the scene: the next who lacks something of it asks at once."""
         self._missed_at.pop(scene, None)
 
-    async def until(self, scene: SceneId, position: int) -> None:
-        """Ask the others for a header of this position or later, whoever needs it; it may be that nobody has it."""
+    async def until(self, scene: SceneId, position: int, asker: str = "") -> bool:
+        """Ask the others for a header of this position or later, whoever needs it; it may be that nobody has it.
+
+        False if they are not asked, because `asker`, or all askers together, have set off too many rounds lately.
+        """
         while not self._is_known(scene, position):
             missed_at = self._missed_at.get(scene)
             if missed_at is not None and self._world.clock.now() - missed_at < MISS_S:
-                return
+                return True
             running = self._rounds.get(scene)
             if running is None:
                 break
             await running.wait()
         else:
-            return
+            return True
+        if not self._begun.begin(asker, len(self._peers.others()), self._world.clock.now()):
+            return False
         done = self._rounds[scene] = trio.Event()
         try:
             await self._ask_around(scene, position)
         finally:
             del self._rounds[scene]
             done.set()
+        return True
 
     async def _ask_around(self, scene: SceneId, position: int) -> None:
         request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)

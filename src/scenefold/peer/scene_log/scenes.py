@@ -124,12 +124,18 @@ class Scenes:
             await self._try_adopt(public, address_of(member))
         return listed
 
-    async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True) -> KnownScene:
-        """The scene, at this log position or later if anybody is so far; Refused (19) if nobody knows it."""
-        found = self._known.get(scene)
+    async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene:
+        """The scene, at this log position or later if anybody is so far; Refused (19) if nobody knows it.
+
+        `asker`: the peer for which others would be asked; Refused (13) if it is unknown here and he has had them asked too often.
+        """
+        found, was_looked_for = self._known.get(scene), True
         if ask and (found is None or found.public.position < position):
-            await self._pull.until(scene, position)
+            was_looked_for = await self._pull.until(scene, position, asker)
             found = self._known.get(scene)
+        if found is None and not was_looked_for:
+            what = f"scene {scene:08x} is unknown here, and the other nodes were asked for too many lately"
+            raise Refused(RejectReason.BUSY, what, remedy="see that the scene is one of this cluster, or try again in a while")
         if found is None:
             raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"scene {scene:08x} is unknown in this cluster")
         return found
@@ -231,7 +237,7 @@ class Scenes:
         """5: the newest header, and the sealed log with it if that was asked for and is kept here."""
         try:
             # Nodes that ask each other must not set off a round of asking: only users' questions do.
-            scene = await self.known(packet.scene, position=packet.have, ask=node_of(peer) is None)
+            scene = await self.known(packet.scene, position=packet.have, ask=node_of(peer) is None, asker=peer)
         except Refused:
             return RespondSceneLog(answer=None)
         if packet.genesis not in (b"", scene.public.genesis):

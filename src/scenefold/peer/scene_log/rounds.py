@@ -1,0 +1,30 @@
+"""How many questions about scenes anybody may have this node put to the others (specs/03-wire.md, Limits). Pure.
+
+Nobody meters what members ask each other, so a small packet that sets off a question to every node would be a lever.
+"""
+
+from __future__ import annotations
+
+from scenefold.world.buckets import Buckets
+
+ASKER_QUESTIONS_BURST = 256
+"""Of one peer: two rounds through a cluster of a hundred nodes, a hundred through one of three."""
+ASKER_QUESTIONS_PER_S = 16.0
+QUESTIONS_BURST = 1_024
+"""Of all together."""
+QUESTIONS_PER_S = 64.0
+"""Were all nodes made to ask at once, each would be asked this often, however many there are."""
+
+
+class Rounds:
+    """Those that are begun for others. What this node wants to know for itself is not counted."""
+
+    def __init__(self) -> None:
+        self._of_asker = Buckets(ASKER_QUESTIONS_BURST, ASKER_QUESTIONS_PER_S)
+        self._of_all = Buckets(QUESTIONS_BURST, QUESTIONS_PER_S)
+
+    def begin(self, asker: str, members: int, now: float) -> bool:
+        """Whether so many members may be asked for this peer now. In the largest clusters a round takes all that one peer may at once."""
+        count = min(members, ASKER_QUESTIONS_BURST)
+        # The peer's own first: who has none left takes nothing from the others.
+        return not asker or (self._of_asker.take(asker, now, count) and self._of_all.take("", now, count))
