@@ -14,7 +14,9 @@ from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import Bound, bound_for
+from scenefold.peer.line.sightings import Sightings
 from scenefold.peer.line.survey import Survey, Unsettled, surveys
+from scenefold.peer.timing import T_WAIT_S
 from scenefold.wire import BoundConfirmed, ConfirmBound, Packet
 from scenefold.world import Priority
 
@@ -29,6 +31,7 @@ class Adoption:
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
         self._surveyed: tuple[int, Arc | None] | None = None
+        self._sightings = Sightings()
         self.gap: Arc | None = None
         """A gap that was found and is not adopted yet."""
 
@@ -70,13 +73,12 @@ class Adoption:
         # Drops, durably, what the log has ended.
         holding = await parts.keeper.change(lambda now: now)
         registry = parts.cluster_log.registry
-        if self._wait_s(registry):
-            raise Unsettled("somebody was removed meanwhile")
         for survey in surveys(holding, registry, parts.own.me):
             gap = await self._found(survey, registry)
             if gap is None:
                 continue
             self.gap = gap
+            gap = self._without_leases(gap, holding, registry)
             # Whoever was asked may have said too little: then it would be another's.
             await parts.claims.look(gap, holding.arc)
             parts.require_lease()
@@ -92,6 +94,18 @@ class Adoption:
             parts.events["adopted"] += 1
             _log.warning("the arc %s..%s had no owner any more: it is this node's now", gap.first.hex()[:8], gap.last.hex()[:8])
         self.gap = None
+
+    def _without_leases(self, gap: Arc, holding: Holding, registry: Registry) -> Arc:
+        """What of the gap nobody holds a lease for any more, whoever was removed meanwhile; Unsettled if that is nothing yet."""
+        wait_s = self._wait_s(registry)
+        if holding.arc is not None:
+            now = self._parts.world.clock.now()
+            seen = self._sightings.see(gap, holding.revision, now)
+            if wait_s and now - seen.moment >= T_WAIT_S:
+                return seen.gap
+        if wait_s:
+            raise Unsettled("somebody was removed meanwhile")
+        return gap
 
     async def _found(self, survey: Survey, registry: Registry) -> Arc | None:
         """Play a survey to its end."""

@@ -7,13 +7,13 @@ invariants of specs/12-line.md; line_calm ends all faults and asks for a tiled l
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
-from scenefold.base.location import arcs_between
+from scenefold.base.location import Arc, arcs_between
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Handover, Holding, Step, handover_id
 from scenefold.peer.line.holding_note import encode_holding
@@ -148,8 +148,19 @@ class Model:
             self.nodes[member].leased = False
         return True
 
-    def may_adopt(self, node: Node) -> bool:
-        return not any(self.nodes[member].leased for member in self.view(node).removals)
+    def adoptable(self, node: Node, gap: Arc, revision: int) -> Arc | None:
+        """What of a gap may be adopted as far as leases go: all of it, or what was seen before the last ones were removed."""
+        removals = self.view(node).removals
+        seen = None if node.holding.arc is None else node.sightings.see(gap, revision, len(removals))
+        if not self._any_leased(removals):
+            return gap
+        if seen is None or self._any_leased(removals[: int(seen.moment)]):
+            return None
+        self.counts["adopted as seen"] = self.counts.get("adopted as seen", 0) + 1
+        return seen.gap
+
+    def _any_leased(self, members: Sequence[Member]) -> bool:
+        return any(self.nodes[member].leased for member in members)
 
     # ---------------------------------------------------------------------------------------------- durable steps
 
@@ -296,7 +307,7 @@ class Model:
         """Begin a survey, or ask the next node again, or adopt what it found."""
         search = node.search
         view = self.view(node)
-        if not (node.leased and view.is_current(node.member) and self.may_adopt(node)):
+        if not (node.leased and view.is_current(node.member)):
             return False
         if search is None:
             self.change(node, lambda now: now)
@@ -312,9 +323,8 @@ class Model:
             return True
         node.search = None
         gap = search.gap
-        if gap is None or search.position != node.position:
-            return False
-        return self.change(node, lambda now: now.adopt(gap, revision=search.revision))
+        part = None if gap is None or search.position != node.position else self.adoptable(node, gap, search.revision)
+        return part is not None and self.change(node, lambda now: now.adopt(part, revision=search.revision))
 
     def _advance(self, node: Node, search: Search, bound: Bound | None) -> None:
         try:

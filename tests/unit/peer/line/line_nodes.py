@@ -10,6 +10,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc, Location
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.holding_note import decode_holding, encode_holding
+from scenefold.peer.line.sightings import Sightings
 from scenefold.peer.line.survey import Survey
 from scenefold.wire import Member
 
@@ -90,6 +91,8 @@ class Node:
     frozen: set[bytes] = field(default_factory=set)
     answered: dict[bytes, set[tuple[int, int]]] = field(default_factory=dict)
     search: Search | None = None
+    sightings: Sightings = field(default_factory=Sightings)
+    """Their moment: how many had been removed."""
 
     @property
     def holding(self) -> Holding:
@@ -100,6 +103,7 @@ class Node:
 
     def crash(self) -> None:
         self.frozen, self.answered, self.search, self.leased = set(), {}, None, False
+        self.sightings = Sightings()
 
     def strays(self) -> list[int]:
         holding = self.holding
