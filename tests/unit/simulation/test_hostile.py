@@ -81,7 +81,7 @@ def test_that_a_node_takes_what_it_has_refused_is_noticed(monkeypatch: pytest.Mo
 
 
 def test_that_a_node_is_believed_which_vouches_for_whom_it_likes_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    vouching = Order(6, kinds=(Kind.LIAR, Kind.CRASH, Kind.ONE_WAY), storm_s=40.0)
+    vouching = Order(5, kinds=(Kind.LIAR, Kind.CRASH, Kind.ONE_WAY), storm_s=40.0)
     assert not run(vouching).violations
     monkeypatch.setattr(Proofs, "is_right", lambda *_args: True)
     assert laws.VERIFIED in {violation.law for violation in run(vouching).violations}

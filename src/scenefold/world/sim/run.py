@@ -13,16 +13,14 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import random
 import warnings
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar, TypeVarTuple
 
 import trio
-from trio._core import _run
 
-from scenefold.world.sim.rounds import spare_rounds
+from scenefold.world.sim.rounds import SchedulingDice, spare_rounds, tasks_by
 from scenefold.world.sim.time import SimulationStuck, VirtualTime
 
 T = TypeVar("T")
@@ -82,18 +80,15 @@ def _unstuck(clock: VirtualTime, main: Callable[..., Awaitable[T]], args: tuple[
 @contextmanager
 def deterministic(seed: int) -> Iterator[None]:
     """Trio runs tasks in an order that depends on the seed alone; the collector keeps to the steps of the clock."""
-    switch, dice, collecting = _run._ALLOW_DETERMINISTIC_SCHEDULING, _run._r.getstate(), gc.isenabled()
+    collecting = gc.isenabled()
     gc.collect()
     # What is there already (modules, what the test has made) is not looked through again at every collection of the run.
     gc.freeze()
     gc.disable()
-    _run._ALLOW_DETERMINISTIC_SCHEDULING = True  # type: ignore[misc]
-    _run._r.setstate(random.Random(hashlib.sha256(b"scheduling %d" % seed).digest()).getstate())
     try:
-        yield
+        with tasks_by(SchedulingDice(hashlib.sha256(b"scheduling %d" % seed).digest())):
+            yield
     finally:
-        _run._ALLOW_DETERMINISTIC_SCHEDULING = switch  # type: ignore[misc]
-        _run._r.setstate(dice)
         gc.unfreeze()
         if collecting:
             gc.enable()

@@ -1,7 +1,8 @@
 """Work for threads, run inline (port `Workers`).
 
-A call is atomic, but never at once: tasks have their turn before it and after it, and in lanes with a cost virtual time
-passes on both sides. As with threads, the wait for the lane can be cancelled and a call that has begun is waited for.
+A call is atomic, but never at once: tasks have their turn before it or after it, and in lanes with a cost virtual time
+passes there: on both sides of what changes a disk, on one of both, by dice, of what only reads or computes. As with threads, the
+wait for the lane can be cancelled and a call that has begun is waited for.
 """
 
 from __future__ import annotations
@@ -68,13 +69,21 @@ class SimWorkers:
             await trio.lowlevel.cancel_shielded_checkpoint()
             return result
         async with self._lane(lane):
-            before = cost * self._process.machine.dice.random()
-            await self._elapse(before)
+            before = self._before(lane, cost)
+            if before:
+                await self._elapse(before)
             if not self._process.is_alive:
                 await trio.lowlevel.checkpoint()
             result = await self._call(function, *args)
-            await self._elapse(cost - before)
+            if before < cost:
+                await self._elapse(cost - before)
             return result
+
+    def _before(self, lane: str, cost: float) -> float:
+        """How much of a call's time is over when it happens."""
+        dice = self._process.machine.dice
+        # A read sees what is there at its beginning, or at its end: what lies between shows nothing more.
+        return cost * dice.random() if lane == SYNCING_LANE else cost * dice.getrandbits(1)
 
     async def _call(self, function: Callable[..., T], *args: object) -> T:
         try:
