@@ -1,4 +1,8 @@
-"""If this fails, who has a node's disk, or listens on the network, reads what they have no key for."""
+"""If this fails, who has a node's disk or its log, or listens on the network, reads what they have no key for.
+
+Two of the nodes render the scene, the one that is trusted and one that it was granted to: they hold its keys in memory, and may leave no
+more on their disks and in their logs than the third, which only stores.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,8 @@ from loopback import ports_option
 
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 CHUNK_BYTES = 16 * 1024 * 1024
+KERNELS_S = 300.0
+"""The first render after a change of the kernels compiles them."""
 
 SCENE, SPACE = "zebra-scene-7f31", "giraffe-space-9c02"
 MATERIAL, OBJECT = "walrus-material-51aa", "ostrich-object-e8d4"
@@ -32,6 +38,8 @@ MARKERS = {
 }
 CONTROL = b"a stranger's words, which anybody may read"
 
+pytestmark = pytest.mark.timeout(360)
+
 
 @dataclass(frozen=True)
 class Traces:
@@ -39,6 +47,7 @@ class Traces:
 
     capture: Capture
     data_folders: tuple[Path, ...]
+    logs: tuple[Path, ...]
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +56,14 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> Traces:
     ports = ports_option(*ADDRESSES)
     low, high = map(int, ports.split(","))
     with captured(low, high) as capture:
-        with running("node", "local", "3", "--folder", folder, "--ports", ports, "--json") as (_, ready):
+        with running("node", "local", "3", "--no-trust", "--folder", folder, "--ports", ports, "--json") as (_, ready):
             profile = ready["profile"]
             _use(profile, folder)
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
                 stranger.sendto(CONTROL, (ADDRESSES[0], high))
     # All nodes have ended, so what they had in memory is on their disks.
-    return Traces(capture, tuple(sorted(path.parent for path in folder.rglob("data.mdb"))))
+    data_folders = tuple(sorted(path.parent for path in folder.rglob("data.mdb")))
+    return Traces(capture, data_folders, tuple(sorted((folder / "logs").iterdir())))
 
 
 def _use(profile: str, folder: Path) -> None:
@@ -72,6 +82,32 @@ def _use(profile: str, folder: Path) -> None:
     assert call("data", "get", "files", "5f", "--scene", SCENE) == PAYLOAD
     assert SCENE.encode() in call("scene", "list")
     assert SPACE.encode() in call("space", "list", "--scene", SCENE)
+    _share(profile, folder / "ada")
+    assert call("data", "get", "files", "a1", "--scene", SCENE) == PAYLOAD
+    call("scene", "grant", SCENE, f"node:{ADDRESSES[1]}", "--role", "reader")
+    _render(profile, folder)
+    call("scene", "revoke", SCENE, "user:ada")
+    call("data", "put", "files", "a2", "-", "--scene", SCENE, stdin=PAYLOAD)
+
+
+def _share(profile: str, guest: Path) -> None:
+    """A user joins, is granted the scene, and reads and writes it."""
+    invited = scenectl("cluster", "invite", "--user", "ada", "--json", profile=profile)
+    for arguments, whose in (
+        (("cluster", "join", invited.json["token"]), guest),
+        (("scene", "grant", SCENE, "user:ada", "--role", "writer"), profile),
+        (("data", "put", "files", "a1", "-", "--scene", SCENE), guest),
+    ):
+        done = scenectl(*arguments, profile=whose, stdin=PAYLOAD)
+        assert done.code == 0, done.err
+    assert scenectl("data", "get", "files", "5f", "--scene", SCENE, profile=guest).out == PAYLOAD
+
+
+def _render(profile: str, folder: Path) -> None:
+    picture = ("--sky", "0.5,0.6,0.7", "--size", "16x16", "--samples", "1", "-o", folder / "o.exr", "--json")
+    done = scenectl("render", "still", "--scene", SCENE, *picture, profile=profile, limit_s=KERNELS_S)
+    assert done.code == 0, done.err
+    assert [left["address"] for left in done.json["left_out"]] == [ADDRESSES[2]], "the others have its keys"
 
 
 def _model(folder: Path) -> Path:
@@ -83,11 +119,12 @@ def _model(folder: Path) -> Path:
 
 
 def test_what_is_in_the_clear_is_found(traces: Traces) -> None:
-    """A stranger's datagram on the wire, and members' addresses on the disks: else the other tests could not fail."""
+    """A stranger's datagram on the wire, members' addresses on the disks and in the logs: else the other tests could not fail."""
     assert traces.capture.found(CONTROL), "the capture sees nothing"
     assert traces.capture.bytes_of("tcp") > 20_000 and traces.capture.bytes_of("udp") > 2_000
     assert len(traces.data_folders) == len(ADDRESSES)
     assert all(_holds(folder / "data.mdb", ADDRESSES[0].encode()) for folder in traces.data_folders)
+    assert len(traces.logs) == len(ADDRESSES) and all(_holds(log, b"127.0.0.") for log in traces.logs)
 
 
 @pytest.mark.parametrize("what", MARKERS)
@@ -96,6 +133,11 @@ def test_no_disk_of_a_node_holds(what: str, traces: Traces) -> None:
         path for folder in traces.data_folders for path in sorted(folder.rglob("*")) if path.is_file() and _holds(path, MARKERS[what])
     ]
     assert not holders
+
+
+@pytest.mark.parametrize("what", MARKERS)
+def test_no_log_of_a_node_says(what: str, traces: Traces) -> None:
+    assert not [path for path in traces.logs if _holds(path, MARKERS[what])]
 
 
 @pytest.mark.parametrize("what", MARKERS)
