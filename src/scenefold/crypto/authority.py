@@ -242,14 +242,14 @@ def new_tls_key() -> bytes:
     return _key_pem(ec.generate_private_key(ec.SECP256R1()))
 
 
-def tls_key_in(pem: bytes) -> bytes:
-    """The public half (DER) of what `new_tls_key` made; LocalFault if it is none."""
+def tls_key_in(pem: bytes, where: str = "") -> bytes:
+    """The public half (DER) of what `new_tls_key` made; LocalFault naming `where` if it is none."""
     try:
         key = load_pem_private_key(pem, password=None)
     except _UNREADABLE:
         key = None
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise LocalFault("the TLS key is none", remedy="begin again with another token")
+        raise LocalFault("the TLS key is none, or damaged", where=where, remedy="begin again with another token")
     return tls_key_of(key)
 
 

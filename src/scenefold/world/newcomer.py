@@ -71,7 +71,9 @@ class Newcomer:
             make_private_folder(folder)
             MemberSecrets.generate(suite).to_files(folder)
             write_secret(folder / _TLS_KEY, new_tls_key())
-        return cls(profile, token, address, read_secret(folder / _TLS_KEY), MemberSecrets.from_files(folder), asked_before)
+        tls_key = read_secret(folder / _TLS_KEY)
+        tls_key_in(tls_key, str(folder / _TLS_KEY))  # Here, where its file can be named.
+        return cls(profile, token, address, tls_key, MemberSecrets.from_files(folder), asked_before)
 
     def request(self) -> RequestEnrolment:
         """What to ask a node. A user is told its name by the answer."""

@@ -120,3 +120,20 @@ def test_a_profile_of_another_cluster_is_left_alone(cluster: ClusterProfile, tmp
     (tmp_path / "taken" / "picture.png").write_bytes(b"")
     with pytest.raises(LocalFault, match="taken by something else"):
         Newcomer.at(tmp_path / "taken", token_of(cluster, InvitedKind.USER))
+
+
+def test_a_damaged_key_that_waits_for_its_certificate_is_named(cluster: ClusterProfile, tmp_path: Path) -> None:
+    """Whichever bit it is; what still is a key becomes the one that is certified."""
+    token = token_of(cluster, InvitedKind.USER)
+    Newcomer.at(tmp_path / "mine", token)
+    (kept,) = tmp_path.glob(".mine*/key.pem")
+    content, problems = kept.read_bytes(), list[LocalFault]()
+    for bit in range(0, 8 * len(content), 13):
+        changed = bytearray(content)
+        changed[bit // 8] ^= 1 << bit % 8
+        kept.write_bytes(changed)
+        try:
+            Newcomer.at(tmp_path / "mine", token).request()
+        except LocalFault as problem:
+            problems.append(problem)
+    assert problems and all(problem.where == str(kept) and problem.remedy for problem in problems)
