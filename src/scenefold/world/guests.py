@@ -77,7 +77,11 @@ class Share:
 
     def bill(self, estimate_s: float = 0.0) -> Bill:
         """For something that is done for this peer. Who may take all is not measured."""
-        return Bill(self._pay, None if self._turns.is_free(self._guest[0]) else self._stopwatch, estimate_s)
+        is_free = self._turns.is_free(self._guest[0], trio.current_time())
+        return Bill(self._pay, None if is_free else self._stopwatch, estimate_s, self._accuse)
+
+    def _accuse(self) -> None:
+        self._turns.accuse(self._guest[0], trio.current_time())
 
     def _pay(self, work_s: float) -> None:
         self._turns.pay(self._guest, work_s, trio.current_time())

@@ -29,9 +29,19 @@ PAID_AT_ONCE_S = 0.001
 
 
 class Bill:
-    """Of one request, or of all that a connection costs beside them. `estimate_s` is paid at once, and is the least that it costs."""
+    """Of one request, or of all that a connection costs beside them. `estimate_s` is paid at once, and is the least that it costs.
 
-    def __init__(self, pay: Callable[[float], None], stopwatch: Stopwatch | None, estimate_s: float = 0.0) -> None:
+    `accuse`: called when what is asked turns out to be forged.
+    """
+
+    def __init__(
+        self,
+        pay: Callable[[float], None],
+        stopwatch: Stopwatch | None,
+        estimate_s: float = 0.0,
+        accuse: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.accuse = accuse
         self._pay = pay
         self._stopwatch = stopwatch
         self._estimate_s = estimate_s
@@ -77,11 +87,12 @@ def running_bill() -> Bill | None:
     return _running.get()
 
 
-def charge(seconds: float) -> None:
-    """To whoever asked for what is being done."""
+def charge_forged(count: int) -> None:
+    """To whoever asked for what is being done: it holds so many packets or records that no honest program sends."""
     bill = _running.get()
-    if bill is not None:
-        bill.spend(seconds)
+    if bill is not None and count:
+        bill.accuse()
+        bill.spend(count * FORGED_S)
 
 
 @types.coroutine

@@ -20,7 +20,7 @@ from scenefold.base.limits import BULK_ANSWERS_MAX, FRAME_S_MAX, REQUEST_BYTES_H
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, UnsupportedPacket, decode_packet, encode_frame
 from scenefold.world.guests import BYTE_S, REQUEST_S, Budget, Guests, Share
-from scenefold.world.metering import FORGED_S, charge
+from scenefold.world.metering import charge_forged
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost
 from scenefold.world.quiet import QuietLog
@@ -175,7 +175,7 @@ class _Serving:
             # A packet of a later version is no sign of a broken peer.
             if not isinstance(error, UnsupportedPacket):
                 self._malformed += 1
-                charge(FORGED_S)
+                charge_forged(1)
             self._complain("malformed", str(error))
             # Id 0 would end the connection at the other side; but whoever waits there has a timeout.
             number = number or error.request_id or 0

@@ -3,17 +3,18 @@
 All requests are handled by one thread, in tasks that run in turns: of a hundred of one peer and one of another, the one has a
 hundredth of the time. So a peer beside others begins only a few at a time, the next once one of them has ended; one that takes
 long, as it waits for a disk or another node, takes nobody's time, and soon counts no more. And it gets at most a share of the
-thread's time (shares.py), but for members, whose traffic all have caused. A peer that is alone may begin all, and take all.
+thread's time (shares.py), but for members, whose traffic all have caused, as long as nothing of it is forged. A peer that is alone may begin all, and take all.
 
 Requests are counted for each port, so that what is small and urgent does not wait behind a peer's own bulk.
 """
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, takewhile
 
 from scenefold.world.ports import Priority
 from scenefold.world.shares import Shares
@@ -27,6 +28,8 @@ TICK_S = 1e-6
 """A shorter wait is none: the clock might not move at all."""
 BESIDE_S = 0.25
 """Others are beside a peer for so long after their last request."""
+ACCUSED_S = 60.0
+"""For so long nobody is trusted with the whole time after it sent what was forged."""
 
 Guest = tuple[str, int]
 """A peer, and at which port."""
@@ -42,26 +45,42 @@ class _Begun:
 
 
 class Turns:
-    """Of all peers at one node. `is_free`: whether a peer's share of the time has no bound."""
+    """Of all peers at one node. `is_trusted`: whether a peer's share of the time has no bound until it is accused."""
 
-    def __init__(self, is_free: Callable[[str], bool] = lambda _peer: False) -> None:
-        self.is_free = is_free
+    def __init__(self, is_trusted: Callable[[str], bool] = lambda _peer: False) -> None:
+        self._is_trusted = is_trusted
+        self._accused: dict[str, float] = {}
+        """Who sent what is forged, and when it did so last, the latest last. None but trusted ones."""
         self._guests: OrderedDict[Guest, _Begun] = OrderedDict()
         """Whoever began a request last is the last one."""
         self._number = 0
         self._shares = Shares()
+
+    def is_free(self, peer: str, now: float) -> bool:
+        """Whether its share of the time has no bound now."""
+        return self._is_trusted(peer) and self._accused.get(peer, -math.inf) <= now - ACCUSED_S
+
+    def accuse(self, peer: str, now: float) -> None:
+        """It sent what no honest program sends: for a while it gets the share of everybody."""
+        if not self._is_trusted(peer):
+            return
+        self._accused.pop(peer, None)
+        self._accused[peer] = now
+        for other in list(takewhile(lambda other: self._accused[other] <= now - ACCUSED_S, self._accused)):
+            del self._accused[other]
 
     def wait_s(self, guest: Guest, now: float) -> float:
         """How long the next request of one has to wait, unless one of its others ends before; 0: it may begin."""
         if not self._is_beside_others(guest[0], now):
             return 0.0
         begun, wait_s = self._guests.get(guest), 0.0
-        turns_max = 1 if self._shares.is_used_up(guest[0]) and not self.is_free(guest[0]) else TURNS_MAX
+        is_free = self.is_free(guest[0], now)
+        turns_max = 1 if self._shares.is_used_up(guest[0]) and not is_free else TURNS_MAX
         if begun is not None and len(begun.at) >= turns_max:
             # If this one counts no more, so many are left at most.
             at = next(islice(reversed(begun.at.values()), turns_max - 1, None))
             wait_s = at + TURN_S - now
-        if not self.is_free(guest[0]):
+        if not is_free:
             wait_s = max(wait_s, self._shares.wait_s(guest[0], _is_urgent(guest), now))
         return wait_s if wait_s >= TICK_S else 0.0
 

@@ -27,9 +27,13 @@ class Written:
 
     reasons: Sequence[int] = ()
     paid_s: float = 0.0
+    accused: int = 0
 
     def pay(self, seconds: float) -> None:
         self.paid_s += seconds
+
+    def accuse(self) -> None:
+        self.accused += 1
 
     @property
     def forged(self) -> float:
@@ -38,7 +42,7 @@ class Written:
 
 
 async def write(node: Node, items: Sequence[PutItem], written: Written) -> None:
-    bill = Bill(written.pay, None)
+    bill = Bill(written.pay, None, 0.0, written.accuse)
     reply = await bill.metered(node.ask(PutMany(tuple(items))))
     bill.close()
     assert isinstance(reply, PutManyReply)
@@ -73,7 +77,7 @@ def test_each_forged_record_is_charged_and_the_honest_ones_beside_it_are_stored(
     async def test(_: Neighbours, node: Node) -> None:
         one = await written(node, [item(1), forged(2), item(3), forged(4), forged(5)])
         assert one.reasons == [0, FORGED, 0, FORGED, FORGED]
-        assert one.forged == pytest.approx(3)
+        assert one.forged == pytest.approx(3) and one.accused
         assert await kept(node, 1, 2, 3, 4, 5) == [True, False, True, False, False]
 
     with_nodes(test, ALL)
@@ -93,7 +97,7 @@ def test_what_no_honest_program_sends_is_charged_whatever_is_wrong_with_it(bend:
         assert callable(bend)
         one = await written(node, [bend(item(1))])
         assert one.reasons[0] in (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED)
-        assert one.forged == pytest.approx(1)
+        assert one.forged == pytest.approx(1) and one.accused
 
     with_nodes(test, ALL)
 

@@ -11,7 +11,7 @@ import trio
 
 from scenefold.base.errors import LocalFault
 from scenefold.world import metering
-from scenefold.world.metering import FORGED_S, Bill, charge, running_bill
+from scenefold.world.metering import FORGED_S, Bill, charge_forged, running_bill
 
 
 class Stopwatch:
@@ -117,11 +117,11 @@ async def test_without_a_stopwatch_estimates_and_charges_are_paid() -> None:
     till = Till()
 
     async def forges() -> None:
-        charge(0.5)
+        charge_forged(500)
         await trio.lowlevel.checkpoint()
 
     await handled(till, None, forges, 0.01)
-    assert till.total == 0.5
+    assert till.total == 500 * FORGED_S
 
 
 async def test_what_worker_threads_do_for_a_request_is_on_its_bill_and_nothing_outside() -> None:
@@ -136,7 +136,7 @@ async def test_what_worker_threads_do_for_a_request_is_on_its_bill_and_nothing_o
         nursery.start_soon(handled, till, watch, verifies)
     assert till.total > 0
     assert running_bill() is None
-    charge(1.0)
+    charge_forged(1)
 
 
 async def test_what_is_little_is_paid_together_and_what_is_much_before_the_end() -> None:
@@ -167,7 +167,7 @@ async def test_one_forged_thing_costs_a_millisecond_more() -> None:
     till = Till()
 
     async def forges() -> None:
-        charge(FORGED_S)
+        charge_forged(1)
         await trio.lowlevel.checkpoint()
 
     async with trio.open_nursery() as nursery:

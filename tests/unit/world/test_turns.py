@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.world.shares import BUSY_SHARE, SAVED_S_MAX
-from scenefold.world.turns import BESIDE_S, TURN_S, TURNS_MAX, Guest, Turns
+from scenefold.world.turns import ACCUSED_S, BESIDE_S, TURN_S, TURNS_MAX, Guest, Turns
 
 ME, OTHER, ANOTHER, PUSHY = (("user:me", 0), ("user:other", 0), ("user:another", 0), ("user:pushy", 0))
 
@@ -82,12 +82,30 @@ def test_who_is_alone_takes_all_the_time_and_beside_others_a_share() -> None:
 
 
 def test_members_take_all_the_time_but_begin_no_more_at_a_time_than_others() -> None:
-    turns = Turns(is_free=lambda peer: peer == ME[0])
+    turns = Turns(is_trusted=lambda peer: peer == ME[0])
     visit(turns, OTHER, 0.0)
     for guest in (ME, OTHER, PUSHY):
         turns.pay(guest, 3.0, 0.0)
     visit(turns, ANOTHER, 0.0)
     assert turns.wait_s(PUSHY, 0.0) and len(begin_all(turns, ME, 0.0, 100)) == TURNS_MAX
+
+
+def test_a_member_that_sends_what_is_forged_has_the_share_of_everybody_for_a_minute() -> None:
+    turns = Turns(is_trusted=lambda peer: peer in (ME[0], OTHER[0]))
+    turns.accuse(ME[0], 10.0)
+    for guest in (ME, OTHER):
+        turns.pay(guest, 0.2 + SAVED_S_MAX, 10.0)
+        visit(turns, ANOTHER, 10.0)
+    assert turns.wait_s(ME, 10.0) > 0 and not turns.wait_s(OTHER, 10.0)
+    assert not turns.is_free(ME[0], 10.0 + ACCUSED_S - 1.0) and turns.is_free(ME[0], 10.0 + ACCUSED_S)
+
+
+def test_who_has_no_more_than_a_share_is_not_remembered_as_accused_and_others_not_for_ever() -> None:
+    turns = Turns(is_trusted=lambda peer: peer.startswith("node:"))
+    for number in range(1_000):
+        turns.accuse(f"user:{number}", 0.0)
+        turns.accuse(f"node:{number}", number * 1.0)
+    assert len(turns._accused) <= ACCUSED_S + 1
 
 
 def test_who_was_quiet_for_long_is_forgotten() -> None:

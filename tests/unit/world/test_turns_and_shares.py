@@ -28,7 +28,7 @@ def begun(turns: Turns, now: float) -> int:
 @pytest.mark.parametrize(("is_member", "spent_s", "count"), [(False, 0.0, 4), (False, 0.9, 1), (False, 0.7, 4), (True, 5.0, 4)])
 def test_who_has_saved_next_to_nothing_begins_one_request_at_a_time(is_member: bool, spent_s: float, count: int) -> None:
     """`spent_s`: of what one may have saved; members have no share."""
-    turns = Turns(is_free=lambda _: is_member)
+    turns = Turns(is_trusted=lambda _: is_member)
     beside(turns, 0.0)
     turns.pay(ME, spent_s * SAVED_S_MAX, 0.0)
     assert begun(turns, 0.0) == count

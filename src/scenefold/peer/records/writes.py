@@ -24,7 +24,7 @@ from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Outcome, Put, PutResult, Store
 from scenefold.wire import AcceptData, Packet, ProposeData, PutItem, PutMany, PutManyReply, PutOutcome, RejectData
 from scenefold.world import World
-from scenefold.world.metering import FORGED_S, charge
+from scenefold.world.metering import charge_forged
 
 VERIFY_BATCH = 128
 """Records that one call in a worker thread verifies: some 10 ms."""
@@ -70,7 +70,7 @@ class Writes:
             verdicts = await self._world.workers.run("crypto", verify_all, claims)
             bad = sum(isinstance(verdict, Refused) and verdict.reason in NEVER_HONEST for verdict in verdicts)
             forged += bad
-            charge(bad * FORGED_S)  # At once: who hangs up has paid.
+            charge_forged(bad)  # At once: who hangs up has paid.
             for index, verdict in zip(batch, verdicts, strict=True):
                 if isinstance(verdict, Refused):
                     outcomes[index] = _outcome(items[index], verdict.reason)
