@@ -219,7 +219,7 @@ class ClusterProfile:
         folder, member = self.node_folder(address), self.member(address)
         secrets = MemberSecrets.from_files(folder)
         for name in secrets.files_besides(member.public_key, member.sealing_key):
-            raise damaged(folder / name, f"the keys are not the keys that are registered for {address}")
+            raise damaged(folder / name, f"these are not the keys that are registered for {address}")
         return secrets
 
     def log_signing_key(self, address: str) -> SigningKey | None:
