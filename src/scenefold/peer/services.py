@@ -44,6 +44,7 @@ from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.reporting import Reporting
 from scenefold.peer.routing import Routing
+from scenefold.peer.scene_log.makers import check_decider
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.settings import NodeSettings
 from scenefold.store import Store
@@ -93,7 +94,8 @@ class PeerServices:
         peers = Peers(world, links, own, roster, routing)
         cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
         lease = OwnerLease(world, store, cluster_log, own)
-        scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts))
+        check_new = partial(check_decider, voter=facts.credential(facts.voter))
+        scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts), check_new)
         claims = Claims(world.clock, cluster_log, roster, me)
         line = Line(
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s

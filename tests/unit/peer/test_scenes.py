@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -9,10 +11,11 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import SigningKey
+from scenefold.crypto import SealingKey, SigningKey
+from scenefold.peer.scene_log.makers import check_decider
 from scenefold.peer.scene_log.pull import MISS_S
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.scene.log import FOR_EVER
@@ -35,6 +38,7 @@ from scenefold.wire import (
     WriterEntry,
     page_of,
 )
+from scenefold.world.facts import Credential
 from unit.peer.scenes_made import DECIDER, HEADER_KEY, LOG, STRANGER, WRITER, first_header, later_header
 
 ME, OTHER, THIRD = NodeId(1), NodeId(2), NodeId(3)
@@ -126,12 +130,12 @@ class PlainPeers:
 
 
 class Rig:
-    def __init__(self, voter: NodeId = ME) -> None:
+    def __init__(self, voter: NodeId = ME, check_new: Callable[[SceneLogPublic], None] = lambda _public: None) -> None:
         self.peers, self.store = PlainPeers(), PlainStore()
         world: Any = PlainWorld()
         own: Any = type("Own", (), {"me": ME, "member": Member(ME, bytes(16)), "key": DECIDER})()
         self.users = [WRITER.public]
-        self.scenes = Scenes(world, self.store, self.peers, own, voter, lambda key: key in self.users)  # type: ignore[arg-type]
+        self.scenes = Scenes(world, self.store, self.peers, own, voter, lambda key: key in self.users, check_new)  # type: ignore[arg-type]
 
 
 def second_of(first: SceneLogPublic) -> SceneLogPublic:
@@ -388,6 +392,22 @@ async def test_what_a_member_decides_in_a_users_name_costs_the_user_nothing(orig
         await rig.scenes.on_push(pushed(in_adas_name), NODE)
     assert len(rig.scenes.all()) == SCENES_PER_USER_MAX
     assert await reason_of(rig, FIRST) is None
+
+
+@pytest.mark.expect_log("was not begun at the cluster's first voter")
+@pytest.mark.parametrize("position", [1, 2])
+async def test_who_meets_a_members_own_scene_does_not_take_it_and_still_takes_a_true_one(position: int, autojump_clock: MockClock) -> None:
+    """Ids are short: a member searches for another's, and newcomers that meet its header first would refuse the true one for ever."""
+    voter = Credential(OTHER, address_of(OTHER), DECIDER.public, SealingKey(b"s" * 32).public)
+    rig, liar = Rig(OTHER, partial(check_decider, voter=voter)), SigningKey.generate()
+    for first in (first_header(decider=liar, origin=THIRD), first_header(decider=liar, origin=OTHER), first_header(origin=THIRD)):
+        shown = first if position == 1 else later_header(first, decider=liar if first.origin_key == liar.public.raw else DECIDER)
+        await rig.scenes.on_push(pushed(shown), NODE)
+        assert rig.scenes.all() == []
+    true = first_header(origin=OTHER)
+    shown = true if position == 1 else later_header(true)
+    await rig.scenes.on_push(pushed(shown), NODE)
+    assert rig.scenes.all() == [shown]
 
 
 async def test_nobody_makes_scenes_at_the_cost_of_another(autojump_clock: MockClock) -> None:

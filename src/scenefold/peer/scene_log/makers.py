@@ -1,8 +1,10 @@
 """Who made a scene, and may that one make another? (specs/16-scene-log.md, Deciding.) Pure.
 
+All scenes begin at the cluster's first voter, so a header that names another one as who decides is taken by nobody that meets its scene for
+the first time: a member that decides scenes itself could search for the id of another one, and shut that out wherever its own is met first.
+
 The maker is the first writer of every header, and has signed the lockbox of the first one, so nobody makes a scene at the cost of
-another. The first voter takes so many scenes of each user, and no more: else one alone could fill the list of all nodes. Other nodes
-let no scene begin; what members decide all the same counts for nobody, since they may name whom they like.
+another. The first voter takes so many scenes of each user, and no more: else one alone could fill the list of all nodes.
 """
 
 from __future__ import annotations
@@ -15,6 +17,15 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey
 from scenefold.peer.records.verification import KnownScene
 from scenefold.scene.log.lockboxes import check_sealed_by
+from scenefold.wire import SceneLogPublic
+from scenefold.world.facts import Credential
+
+
+def check_decider(public: SceneLogPublic, voter: Credential | None) -> None:
+    """Refused unless the scene, which is unknown here, is one that the cluster's first voter decides. Its key in the header is whole, no id
+    that can be searched for, and genesis is a hash of it; so the other scene of a 32-bit id would have to be decided by the voter, too."""
+    if voter is None or (public.origin, public.origin_key) != (voter.node_id, voter.public_key.raw):
+        raise Refused(RejectReason.NOT_AUTHORISED, "the scene was not begun at the cluster's first voter")
 
 
 def maker_of(scene: KnownScene) -> PublicKey | None:

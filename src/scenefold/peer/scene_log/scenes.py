@@ -54,10 +54,19 @@ class Scenes:
     """The scenes that this node knows. Used from the Trio thread only."""
 
     def __init__(
-        self, world: World, store: Store, peers: Peers, own: OwnStatus, voter: NodeId, may_make: Callable[[PublicKey], bool]
+        self,
+        world: World,
+        store: Store,
+        peers: Peers,
+        own: OwnStatus,
+        voter: NodeId,
+        may_make: Callable[[PublicKey], bool],
+        check_new: Callable[[SceneLogPublic], None],
     ) -> None:
-        """`voter`: the one node where scenes begin. `may_make`: whether the holder of a signing key may make them."""
+        """`voter`: the one node where scenes begin. `may_make`: whether the holder of a signing key may make them. `check_new`: Refused for a
+        header of a scene that is unknown here, and that did not begin there."""
         self._voter = voter
+        self._check_new = check_new
         self._may_make = may_make
         self._world = world
         self._store = store
@@ -157,6 +166,8 @@ class Scenes:
             before = self._known.get(public.scene)
             if before is not None and before.public == public:
                 return before
+            if before is None:
+                self._check_new(public)
             self._check_room(before)
             scene = await self._world.workers.run("crypto", checked_header, public, before)
             if public.origin == self._own.me and before is not None and await self._log_of(before.public) is not None:
