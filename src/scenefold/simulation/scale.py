@@ -29,9 +29,9 @@ from scenefold.simulation.cluster import Cluster, Habits, key_of
 from scenefold.simulation.disks import arc_of, records_of
 from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.removals import watch_removals
-from scenefold.simulation.scale_boot import fill_tables, nothing_balanced, nothing_told_at_start, prepare, quick_packets
+from scenefold.simulation.scale_boot import fill_tables, nothing_balanced, nothing_told_at_start, prepare
 from scenefold.simulation.scale_traffic import counted
-from scenefold.simulation.speed import remembered_signatures
+from scenefold.simulation.speed import quick_packets, remembered_signatures
 from scenefold.simulation.usage import SEED_MAX, Parser, number
 from scenefold.world.sim import CALM, SimNet, SimulationStuck, Trace, run_simulated
 

@@ -3,7 +3,7 @@
 A thousand nodes that start for the first time make a log of a thousand records and tables of a million statuses, which takes a
 simulation on one core longer than what is measured afterwards. So every disk gets the cluster's log beforehand, with all
 nodes registered on their founding seats, and each roster a status of everybody, as relayed by gossip. From then on everything is
-done by the nodes themselves. `quick_packets` keeps decoded datagrams: pure functions of bytes that a thousand nodes receive alike.
+done by the nodes themselves.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 from scenefold.base.ids import NodeId
@@ -19,12 +18,11 @@ from scenefold.crypto import HEADER_DOMAIN, LOG_DOMAIN
 from scenefold.peer.balance import balancer
 from scenefold.peer.cluster_log.log_book import LogBook
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.peer.membership import gossip, hearing
+from scenefold.peer.membership import gossip
 from scenefold.simulation.cluster import DATA_FOLDER, Cluster, Node, key_of
 from scenefold.store import open_store
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, SignedRecord
 
-REMEMBERED_MAX = 8_192
 NEVER_S = 1e9
 
 
@@ -89,15 +87,3 @@ def nothing_balanced() -> Iterator[None]:
         yield
     finally:
         balancer.LOOK_S = before
-
-
-@contextmanager
-def quick_packets() -> Iterator[None]:
-    """Each datagram is decoded, and each status judged, once in this process."""
-    module: Any = hearing
-    decode, problem_of = module.decode_packet, module.problem_of
-    module.decode_packet, module.problem_of = lru_cache(REMEMBERED_MAX)(decode), lru_cache(REMEMBERED_MAX)(problem_of)
-    try:
-        yield
-    finally:
-        module.decode_packet, module.problem_of = decode, problem_of

@@ -14,8 +14,10 @@ from functools import lru_cache
 from typing import Any
 
 from scenefold.crypto import PublicKey, SealingKey, SealingPublicKey, SigningKey, datagrams
+from scenefold.peer.membership import hearing
 
 REMEMBERED_MAX = 50_000
+PACKETS_MAX = 8_192
 
 _Signed = tuple[bytes, bytes, bytes, bytes]
 
@@ -48,6 +50,18 @@ def remembered_signatures() -> Iterator[None]:
             yield
     finally:
         PublicKey.verify, SigningKey.sign = verify, sign  # type: ignore[method-assign]
+
+
+@contextmanager
+def quick_packets() -> Iterator[None]:
+    """Each datagram of gossip is decoded, and each status judged, once in this process: pure functions of what all receive alike."""
+    module: Any = hearing
+    decode, problem_of = module.decode_packet, module.problem_of
+    module.decode_packet, module.problem_of = lru_cache(PACKETS_MAX)(decode), lru_cache(PACKETS_MAX)(problem_of)
+    try:
+        yield
+    finally:
+        module.decode_packet, module.problem_of = decode, problem_of
 
 
 @contextmanager

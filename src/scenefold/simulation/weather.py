@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, TAKEN, VOTER, Fault, Kind, Schedule, Shape, Whom
 
-STORM_S = 70.0
+STORM_S = 60.0
 """Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
 QUIET_START_S = 4.0
 """The cluster forms and the first records are written before anything goes wrong."""
