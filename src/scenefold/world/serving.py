@@ -165,17 +165,13 @@ class _Serving:
         """The answer to a packet. `held` keeps what must stay taken until the answer has left."""
         number = 0
         try:
-            packet = decode_packet(frame, version=self._connection.version)
+            packet = self._decoded(frame)
             number = packet.request_id
             if packet.BULK_ANSWER:
                 await held.enter_async_context(self._bulk_slots)
                 await held.enter_async_context(self._share.bulk_slots)
             answer = await self._handler(packet, self._connection.peer)
         except MalformedPacket as error:
-            # A packet of a later version is no sign of a broken peer.
-            if not isinstance(error, UnsupportedPacket):
-                self._malformed += 1
-                charge_forged(1)
             self._complain("malformed", str(error))
             # Id 0 would end the connection at the other side; but whoever waits there has a timeout.
             number = number or error.request_id or 0
@@ -190,6 +186,17 @@ class _Serving:
             say_bug(self._quiet, trio.current_time(), self._connection.peer, error)
             return _fault(number, RejectReason.NOT_READY, BUG) if number else None
         return replace(answer, request_id=number) if answer is not None and number else None
+
+    def _decoded(self, frame: bytes) -> Packet:
+        """The packet of a frame. Only what is none itself is held against the peer: what it holds may be others' words."""
+        try:
+            return decode_packet(frame, version=self._connection.version)
+        except UnsupportedPacket:
+            raise  # A packet of a later version is no sign of a broken peer.
+        except MalformedPacket:
+            self._malformed += 1
+            charge_forged(1)
+            raise
 
     def _frame_of(self, answer: Packet) -> bytes:
         try:

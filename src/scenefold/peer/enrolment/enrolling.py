@@ -36,7 +36,7 @@ from scenefold.wire.enrol_packets import (
     RequestRenewal,
     RespondCard,
 )
-from scenefold.wire.orders import EnrolForm
+from scenefold.wire.orders import EnrolForm, Order
 from scenefold.world import Connection, ConnectionLost, Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.surviving import BUG, ends_the_node, say_bug
@@ -254,6 +254,7 @@ class Enrolling:
 
     async def _on_order(self, packet: Administer, _peer: str) -> Packet:
         voter = self._facts.voter
+        Order.decode(packet.order)  # What is none is not passed on: the voter would take it for ours.
         if voter != self._me:
             return await self._peers.ask(voter, Priority.HIGH, packet, Administered, ASK_S_MAX)
         order = judge_order(packet.order, packet.signature, self._registry, self._facts, self._world.clock.wall())
