@@ -49,6 +49,7 @@ def test_a_writers_record_is_taken_as_it_is() -> None:
         (offered(sealed(SCENE, space=SpaceId(11))), RejectReason.UNKNOWN_SCENE_OR_SPACE),
         (offered(sealed(SCENE, space=SpaceId(11), epoch=2)), RejectReason.NOT_READY),
         (offered(sealed(SCENE, STRANGER)), RejectReason.NOT_AUTHORISED),
+        (offered(sealed(SCENE, STRANGER, epoch=2)), RejectReason.NOT_READY),
     ],
     ids=[
         "signature bit",
@@ -64,6 +65,7 @@ def test_a_writers_record_is_taken_as_it_is() -> None:
         "unknown space",
         "space of a later header",
         "no writer",
+        "writer of a later header",
     ],
 )
 def test_anything_else_is_refused(item: PutItem, reason: RejectReason) -> None:
@@ -83,8 +85,21 @@ def test_a_writer_writes_in_its_time_only() -> None:
         assert caught.value.reason == RejectReason.KEY_REVOKED
 
 
+def test_who_may_write_by_a_header_that_is_not_here_yet_is_not_refused_for_good() -> None:
+    """He may be new, or have been given his access back."""
+    revoked = first_header(writers=(WriterEntry(WRITER.key_id, 0, 0),))
+    for scene, key in ((SCENE, STRANGER), (revoked, WRITER)):
+        known, record = KnownScene.of(scene), sealed(scene, key, epoch=2)
+        with pytest.raises(Refused) as caught:
+            verified_put(offered(record), known)
+        assert caught.value.reason is RejectReason.NOT_READY
+        with pytest.raises(Refused) as caught:
+            verified_copy(HandItem(scene.scene, SPACE, PLACE, b"", record.signature, record.header_bytes, record.ciphertext), known)
+        assert caught.value.reason is RejectReason.NOT_READY
+
+
 def test_an_epoch_below_the_floor_is_refused() -> None:
-    scene = first_header(write_floor=4)
+    scene = later_header(SCENE, position=4, write_floor=4)
     with pytest.raises(Refused) as caught:
         verified_put(offered(sealed(scene, epoch=3)), KnownScene.of(scene))
     assert caught.value.reason == RejectReason.MODE_FORBIDS

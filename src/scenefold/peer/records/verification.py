@@ -1,8 +1,8 @@
 """May this record be stored here? (Algorithm 6; specs/18-data.md, Writes). Pure; runs in the crypto lane.
 
-In this order, cheapest first: the header is that of the place it is offered for, and of the scene with this genesis;
-its epoch is not below the write floor, nor one that the log has not come to; the scene's public header lists the writer for that epoch; the signature and
-the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
+In this order, cheapest first: the header is that of the scene with this genesis, and the log has come to its epoch, else nothing definite can be
+said of it; the scene's public header lists the space, and the writer for that epoch; it is that of the place it is offered for; the epoch is not below
+the write floor; the signature and the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
 
 Copies that another node hands over are verified alike, but for the write floor and former keys: they were accepted once, and must
 be movable in every mode. Of an epoch that has not come, or under a key that the scene does not have yet, no record was ever accepted.
@@ -104,7 +104,7 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
     if header.key_epoch < scene.public.key_epoch:
         raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
-    _check_has_come(header, scene)
+    _check_key_epoch(header, scene)
     return Claim(Put(record), key)
 
 
@@ -113,7 +113,7 @@ def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
     header, key = _claimed(record, item, scene)
     if item.object != object_of(header):
         raise Refused(RejectReason.ILL_FORMED, "the record is that of another object")
-    _check_has_come(header, scene)
+    _check_key_epoch(header, scene)
     return Claim(Put(record, at=item.location if item.object else None), key)
 
 
@@ -143,11 +143,8 @@ def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tup
     return header, key
 
 
-def _check_has_come(header: RecordHeader, scene: KnownScene) -> None:
-    """Refused if the scene's log has not come as far as the record says, or has no such key: no owner ever took such a record."""
-    if header.epoch > scene.public.position:
-        # Versions are ordered by epoch first: nothing would ever be newer than a record of the last one.
-        raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
+def _check_key_epoch(header: RecordHeader, scene: KnownScene) -> None:
+    """Refused if the scene has no such key: no owner ever took such a record."""
     if header.key_epoch > scene.public.key_epoch:
         raise Refused(RejectReason.ILL_FORMED, f"the scene has no key of epoch {header.key_epoch}")
 
@@ -168,10 +165,11 @@ def _refused(problem: DamagedData) -> Refused:
 def _check_scene(header: RecordHeader, scene: KnownScene) -> None:
     if header.genesis != scene.public.genesis:
         raise Refused(RejectReason.ILL_FORMED, "the signed header is that of another scene")
+    if header.epoch > scene.public.position:
+        # By the header that the author knows there may be another space, or writer: nothing definite can be said. Nor is it stored: versions
+        # are ordered by epoch first, so nothing would ever be newer than a record of the last one.
+        raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
     if header.space not in scene.spaces:
-        if header.epoch > scene.public.position:
-            # The author may know of a space that this node will hear of: nothing definite can be said.
-            raise Refused(RejectReason.NOT_READY, f"the scene's header of position {header.epoch} is not here yet")
         raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"the scene has no space {header.space}")
     if header.placement == PLACED_BY_NODE and (header.location != signed_place(object_of(header)) or not any(header.location)):
         raise Refused(RejectReason.ILL_FORMED, "a node-managed record names a place, or no object")
