@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.errors import LocalFault, Refused, ScenefoldError
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_BATCH_BYTES
 from scenefold.base.location import Location
@@ -55,6 +55,8 @@ class SceneAccess:
         # Whoever makes one has just been shown the header of `identity`.
         self._looked_at = self.calls.world.clock.now()
         self._looking = trio.Lock()
+        self._look_failed: ScenefoldError | None = None
+        """How the last look ended, if it failed."""
 
     async def put(self, wishes: Sequence[Wish], *, fresh: bool = False) -> list[Placed]:
         """Seal, send, and wait until every record is durable or refused for its version.
@@ -90,14 +92,23 @@ class SceneAccess:
     async def look(self) -> None:
         """Have several nodes asked for the header in the last LOOK_S, as they are for the cluster's log: so long may what is written be under a former key.
 
-        Who only reads need not look: a record names its epoch, and is not judged by an older header than that.
+        Who only reads need not look: a record names its epoch, and is not judged by an older header than that. A look that fails does
+        so for all who wait for it; it takes long enough once.
         """
         if self._is_recent():
             return
+        failed_before = self._look_failed
         async with self._looking:
-            if not self._is_recent():
+            if self._is_recent():
+                return
+            if self._look_failed is not None and self._look_failed is not failed_before:
+                raise self._look_failed
+            try:
                 # What they have will do. A node that must ask others first would hold up the write.
                 await self._look()
+            except ScenefoldError as problem:
+                self._look_failed = problem
+                raise
 
     def _is_recent(self) -> bool:
         return self.log is None or self.calls.world.clock.now() - self._looked_at <= LOOK_S
@@ -107,8 +118,11 @@ class SceneAccess:
             return
         began = self.calls.world.clock.now()
         header = await self.log.header(have)
+        if header is None:
+            # Of a scene that this log was never shown: nobody was asked who could know.
+            return
         self._looked_at = began
-        if header is not None and header.position > self.identity.position:
+        if header.position > self.identity.position:
             self.identity = self.identity.with_header(header, self.log.keys.epochs)
 
     async def _caught_up(self, unknown: NewerThanKnown) -> bool:

@@ -88,11 +88,17 @@ class LogAccess:
     async def header(self, have: int = 0) -> SceneLogPublic | None:
         """The newest header that some nodes know, at position `have` or later if any has that; None if the scene is unknown.
 
+        Who does not know it once we were shown one has lost it, or never heard of it: others are asked, then Refused (16).
         None that is older than one that was met before, whoever shows it: its key may be one that somebody has whose access was revoked.
         """
 
         def judged(reply: RespondSceneLog) -> SceneLogPublic | None:
-            return None if reply.answer is None else self._verified(reply.answer.public)
+            if reply.answer is not None:
+                return self._verified(reply.answer.public)
+            if self._followed is not None:
+                remedy = "start all nodes of the cluster; one of them had it"
+                raise Refused(RejectReason.NOT_READY, "the cluster does not know the scene", where=f"scene {self._name}", remedy=remedy)
+            return None
 
         request = self._request(Want.HEADER, max(have, self._memory.met.position))
         origin = None if self._followed is None else self._followed.origin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.errors import DamagedData, Refused, Unreachable
 from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
@@ -22,7 +23,7 @@ from scenefold.client.sealing import Draft, NewerThanKnown, Opened, SceneIdentit
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
 from scenefold.scene.layout import GEOMETRY
 from scenefold.scene.log import EpochKeys
-from scenefold.wire import PutMany, RecordBytes, RequestSceneLog, Role
+from scenefold.wire import Packet, PutMany, RecordBytes, RequestSceneLog, Role
 from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_grants import PLACES, Studio, card_of
@@ -206,3 +207,80 @@ async def test_a_node_that_decides_and_hangs_holds_a_write_up_for_a_moment_only(
     write = partial(kitchen.ben.space(GEOMETRY).put, PLACES[0], b"soon")
     with trio.fail_after(1.0):
         await write()
+
+
+async def _all_write(scene: Scene, ends: list[BaseException | None]) -> None:
+    async def put(number: int) -> None:
+        try:
+            await scene.space(GEOMETRY).put(PLACES[number], b"new")
+        except Unreachable as error:
+            ends.append(error)
+        else:
+            ends.append(None)
+
+    async with trio.open_nursery() as nursery:
+        for number in range(len(PLACES)):
+            nursery.start_soon(put, number)
+
+
+async def test_who_waits_for_a_look_that_fails_fails_with_it_and_writes_nothing(autojump_clock: MockClock, kitchen: Kitchen) -> None:
+    await trio.sleep(LOOK_S + 1)
+    kitchen.nodes.away = set(kitchen.nodes.addresses)
+    kitchen.nodes.asked.clear()
+    with pytest.raises(Unreachable):
+        await kitchen.ben.space(GEOMETRY).put(PLACES[0], b"alone")
+    alone, ends = len(kitchen.asked_for_headers()), list[BaseException | None]()
+    assert len(kitchen.nodes.asked) == alone
+    kitchen.nodes.asked.clear()
+    await _all_write(kitchen.ben, ends)
+    assert len(ends) == len(PLACES) and None not in ends
+    assert len(kitchen.nodes.asked) == len(kitchen.asked_for_headers()) == alone, "they failed together, not one after the other"
+    kitchen.nodes.away.clear()
+    await _all_write(kitchen.ben, ends)
+    assert ends[len(PLACES) :] == [None] * len(PLACES), "a look that failed is not remembered against later ones"
+
+
+async def test_who_gives_up_while_he_looks_lets_those_who_wait_look_themselves(autojump_clock: MockClock, kitchen: Kitchen) -> None:
+    await trio.sleep(LOOK_S + 1)
+    kitchen.nodes.hung = set(kitchen.nodes.addresses)
+    ends = list[BaseException | None]()
+    async with trio.open_nursery() as nursery:
+        with trio.move_on_after(1) as given_up:
+            nursery.start_soon(_after, 0.5, partial(_all_write, kitchen.ben, ends))
+            await kitchen.ben.space(GEOMETRY).put(PLACES[0], b"given up")
+        assert given_up.cancelled_caught
+        kitchen.nodes.hung.clear()
+    assert ends == [None] * len(PLACES)
+
+
+async def _after(seconds: float, function: Callable[[], Awaitable[None]]) -> None:
+    await trio.sleep(seconds)
+    await function()
+
+
+@pytest.mark.parametrize("wiped", [{"127.0.0.2"}, {"127.0.0.3"}, {"127.0.0.4"}, {"127.0.0.3", "127.0.0.4"}])
+async def test_that_the_scene_is_unknown_is_no_look_at_it(autojump_clock: MockClock, kitchen: Kitchen, wiped: set[str]) -> None:
+    """Who has lost the scene's header answers first; the others a moment too late to be waited for."""
+    await kitchen.owner.revoke("user:ada")
+    kitchen.nodes.helpers = set(kitchen.nodes.addresses)
+    Liars(kitchen.studio, dict.fromkeys(wiped, None))
+    as_before = kitchen.nodes.request
+
+    async def request(address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if isinstance(packet, RequestSceneLog) and address not in wiped:
+            await trio.sleep(1)
+        return await as_before(address, priority, packet, timeout)
+
+    kitchen.nodes.request = request  # type: ignore[method-assign]
+    await trio.sleep(LOOK_S + 1)
+    await kitchen.ben.space(GEOMETRY).put(PLACES[0], b"secret")
+    assert kitchen.key_epochs() == [1]
+
+
+async def test_nothing_is_written_while_nobody_knows_the_scene(autojump_clock: MockClock, kitchen: Kitchen) -> None:
+    Liars(kitchen.studio, dict.fromkeys(kitchen.nodes.addresses, None))
+    await trio.sleep(LOOK_S + 1)
+    with pytest.raises(Refused, match="does not know the scene") as refused:
+        await kitchen.ben.space(GEOMETRY).put(PLACES[0], b"secret")
+    assert refused.value.reason is RejectReason.NOT_READY
+    assert not kitchen.nodes.records
