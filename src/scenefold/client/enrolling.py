@@ -178,14 +178,13 @@ class _Asking:
         raise _NoneToBelieve("", where=address_of(node))
 
     def is_final(self) -> bool:
-        """Whether no node can have certified the newcomer's keys: all that were given them now have judged them and said no.
+        """Whether no node can have certified the newcomer's keys: all that were given them have judged them and said no.
 
-        If they were given to others before, whose answer was lost, so must all have that the token names: one of them alone may not have
-        heard of it, and who was only found here may be anybody.
+        Of an earlier try, whose answer was lost, none of them can say that: whoever certified the keys then may have been found by
+        chance, and who refuses them now may not have heard of it.
         """
         final = {node for node, no in self._refusals.items() if isinstance(no, Refused) and no.reason in _FINAL}
-        named = set(self._newcomer.token.addresses) - {self._newcomer.node}
-        return final.issuperset(self._told) and (not self._newcomer.asked_before or (bool(named) and final >= named))
+        return not self._newcomer.asked_before and final.issuperset(self._told)
 
     def error(self) -> ScenefoldError:
         """Why none admits the newcomer: what each of those said that turned it down; Unreachable, in the words of the last, if none answers."""
