@@ -102,9 +102,10 @@ class PlainPeers:
         self.told: list[tuple[NodeId, Packet]] = []
         self.away: set[NodeId] = set()
         self.seem_alive: list[NodeId] = []
+        self.members = [OTHER, THIRD]
 
     def others(self, *, first: NodeId | None = None) -> list[NodeId]:
-        return sorted([OTHER, THIRD], key=lambda node: (node != first, node))
+        return sorted(self.members, key=lambda node: (node != first, node))
 
     def witnesses(self) -> list[NodeId]:
         return self.seem_alive

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
 
 import trio
 
-from scenefold.base.ids import SceneId, address_of
+from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
-from scenefold.peer.scene_log.rounds import Rounds
+from scenefold.peer.scene_log.rounds import ASKED_OF_KNOWN, BEYOND_ORIGIN, Rounds
 from scenefold.peer.scene_log.scene_asking import shown_by
 from scenefold.wire import RequestSceneLog, SceneLogPublic, Want
 from scenefold.world import World
@@ -19,8 +20,15 @@ Take = Callable[[SceneLogPublic, str], Awaitable[None]]
 """What becomes of a header that somebody shows, and who that is."""
 MISS_S = 1.0
 """A scene that nobody knows is not asked for again within this time."""
-BEYOND_ORIGIN = 3
-"""So many others are asked for what the node that decides the scene does not know: it may have lost its disk."""
+
+
+@dataclass
+class _Round:
+    askers: set[str]
+    """Whom it is for. Of each name one, so that who asks again and again does not fill it."""
+    ended: trio.Event = field(default_factory=trio.Event)
+    was_cut: bool = False
+    """None of them might have the others asked as well."""
 
 
 class Pull:
@@ -40,7 +48,7 @@ class Pull:
         self._take = take
         self._begun = Rounds()
         self._missed_at: dict[SceneId, float] = {}
-        self._rounds: dict[SceneId, trio.Event] = {}
+        self._rounds: dict[SceneId, _Round] = {}
 
     def found(self, scene: SceneId) -> None:
         """There are news of the scene: the next who lacks something of it asks at once."""
@@ -49,7 +57,7 @@ class Pull:
     async def until(self, scene: SceneId, position: int, asker: str = "") -> bool:
         """Ask the others for a header of this position or later, whoever needs it; it may be that nobody has it.
 
-        False if they are not asked, because `asker`, or all askers together, have set off too many rounds lately.
+        False if they are not asked, or not all that should be, because `asker`, or all askers together, have set off too many questions lately.
         """
         while not self._is_known(scene, position):
             missed_at = self._missed_at.get(scene)
@@ -58,25 +66,35 @@ class Pull:
             running = self._rounds.get(scene)
             if running is None:
                 break
-            await running.wait()
+            running.askers.add(asker)
+            await running.ended.wait()
+            if running.was_cut:
+                return False
         else:
             return True
-        if not self._begun.begin(asker, len(self._peers.others()), self._world.clock.now()):
-            return False
-        done = self._rounds[scene] = trio.Event()
-        try:
-            await self._ask_around(scene, position)
-        finally:
-            del self._rounds[scene]
-            done.set()
-        return True
-
-    async def _ask_around(self, scene: SceneId, position: int) -> None:
-        request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
         known = self._known(scene)
         order = self._peers.others(first=None if known is None else known.public.origin)
+        if not self._begun.begin(asker, len(order), self._world.clock.now(), is_known=known is not None):
+            return False
+        begun = self._rounds[scene] = _Round({asker})
+        try:
+            begun.was_cut = not await self._ask_around(begun, order, scene, position)
+        finally:
+            del self._rounds[scene]
+            begun.ended.set()
+        return not begun.was_cut
+
+    async def _ask_around(self, begun: _Round, order: list[NodeId], scene: SceneId, position: int) -> bool:
+        """False if it ends before all were asked that should be."""
+        request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
+        members, asked = len(order), 0
+        was_known = self._known(scene) is not None
         while order:
+            if was_known and asked == ASKED_OF_KNOWN and not self._begun.go_on(sorted(begun.askers), members, self._world.clock.now()):
+                # Nothing is noted as missed: for who has questions left the others are asked at once.
+                return False
             member = order.pop(0)
+            asked += 1
             public = await shown_by(self._peers, member, request)
             if public is None:
                 continue
@@ -95,10 +113,11 @@ class Pull:
                 # Somebody claims too much, most likely. But it may have lost its disk.
                 order = order[:BEYOND_ORIGIN]
         if self._is_known(scene, position):
-            return
+            return True
         if len(self._missed_at) > SCENES_LISTED_MAX:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
+        return True
 
     def _is_known(self, scene: SceneId, position: int) -> bool:
         found = self._known(scene)

@@ -245,11 +245,14 @@ class Scenes:
         return accepted(packet, scene.public, self._own.member)
 
     async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
-        """5: the newest header, and the sealed log with it if that was asked for and is kept here."""
+        """5: the newest header, and the sealed log with it if that was asked for and is kept here. Refused (13) if others had to be asked for it, and were not."""
         try:
             # Nodes that ask each other must not set off a round of asking: only users' questions do.
             scene = await self.known(packet.scene, position=packet.have, ask=node_of(peer) is None, asker=peer)
-        except Refused:
+        except Refused as refusal:
+            if refusal.reason is RejectReason.BUSY:
+                # Nil says that nobody knows the scene, and nobody was asked.
+                raise
             return RespondSceneLog(answer=None)
         if packet.genesis not in (b"", scene.public.genesis):
             return RespondSceneLog(answer=None)
