@@ -217,7 +217,9 @@ async def test_where_who_decides_is_silent_the_others_are_asked_for_who_has_ques
     rig, header = await used_up_but_for_a_few()
     assert (await rig.scenes.known(header.scene, position=2, asker=USER)).public == header
     assert len(rig.peers.asked) == ASKED_OF_KNOWN
-    assert (await rig.scenes.known(header.scene, position=2, asker="user:ben")).public == later_header(header), "at once: nothing was missed"
+    assert (await rig.scenes.known(header.scene, position=2, asker="user:ben")).public == later_header(header), (
+        "at once: nothing was missed"
+    )
 
 
 async def test_who_waits_for_anothers_round_has_it_go_on(autojump_clock: MockClock) -> None:
