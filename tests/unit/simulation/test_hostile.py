@@ -22,6 +22,9 @@ from scenefold.store import Outcome, PutResult, record_changes
 from scenefold.store.judging import judge, judge_copy
 from scenefold.wire import PutItem
 
+VOUCHING_SEEDS = 20
+"""A lie about who hears whom comes to something in one of some five."""
+
 
 @pytest.mark.parametrize("size", [1, 16, 1400])
 def test_one_bit_is_turned_over(size: int) -> None:
@@ -81,7 +84,11 @@ def test_that_a_node_takes_what_it_has_refused_is_noticed(monkeypatch: pytest.Mo
 
 
 def test_that_a_node_is_believed_which_vouches_for_whom_it_likes_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    vouching = Order(5, kinds=(Kind.LIAR, Kind.CRASH, Kind.ONE_WAY), storm_s=40.0)
-    assert not run(vouching).violations
-    monkeypatch.setattr(Proofs, "is_right", lambda *_args: True)
-    assert laws.VERIFIED in {violation.law for violation in run(vouching).violations}
+    def laws_broken(seed: int) -> set[str]:
+        return {violation.law for violation in run(Order(seed, kinds=(Kind.LIAR, Kind.CRASH, Kind.ONE_WAY), storm_s=40.0)).violations}
+
+    with monkeypatch.context() as believing:
+        believing.setattr(Proofs, "is_right", lambda *_args: True)
+        noticed = next((seed for seed in range(VOUCHING_SEEDS) if laws.VERIFIED in laws_broken(seed)), None)
+    assert noticed is not None
+    assert not laws_broken(noticed), "and the product holds there"
