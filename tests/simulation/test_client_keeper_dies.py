@@ -69,7 +69,7 @@ class Play:
         assert (await hall.info()).world_box[0] == (1.0, 0.0, 0.0)
 
 
-@pytest.mark.expect_log("connection was cut|no connection to the node|no lease from the voter")
+@pytest.mark.expect_log("connection was cut|connection was reset|no connection to the node|no lease from the voter")
 @pytest.mark.parametrize("what", ["create", "move"])
 def test_a_keeper_that_dies_behind_its_decision_has_not_refused(what: str) -> None:
     Play().run(what)
