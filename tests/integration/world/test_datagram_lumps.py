@@ -36,7 +36,8 @@ async def test_what_is_there_is_taken_in_lumps_and_others_have_their_turn_in_bet
     async with trio.open_nursery() as nursery:
         nursery.start_soon(another)
         heard = [await hearer.receive() for _ in range(COUNT)]
-        assert COUNT // AT_ONCE_MAX - 1 <= rounds <= COUNT // 4
+        # In the first turn it only begins, and in the last one it may come after us.
+        assert COUNT // AT_ONCE_MAX - 2 <= rounds <= COUNT // 4
         nursery.cancel_scope.cancel()
     assert heard == [(b"%d" % number, sender.here) for number in range(COUNT)]
     await hearer.aclose()
