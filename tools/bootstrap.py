@@ -25,6 +25,9 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 OLDEST = (3, 11)
 CANDIDATES = ("python3", "python3.11", "python3.12", "python3.13", "python3.14")
 GET_PYTHON = "install Python %d.%d or newer, or name one with: make PYTHON=/path/to/python3" % OLDEST
+# What an editable install needs, and what builds those requirements that the registry has no wheel of (setuptools:
+# numpy-hilbert-curve); the one that venv brings is too old for it, and from Python 3.12 on it brings none.
+BUILD_TOOLS = ["hatchling", "editables", "setuptools"]
 PROBE = (
     "import sys, json, importlib.util as u; "
     "print(json.dumps([list(sys.version_info[:3]), all(u.find_spec(name) for name in ('venv', 'ensurepip'))]))"
@@ -291,7 +294,7 @@ def bring_up(root: str, wanted: str, extras: List[str]) -> None:
         os.unlink(stamp_path)
     say("installing scenefold and its pinned packages into .venv, a minute or two (log: .venv/bootstrap.log)")
     # Built with the pinned tools, not with whatever an isolated build would fetch today.
-    pip_install(root, ["hatchling", "editables"])
+    pip_install(root, BUILD_TOOLS)
     pip_install(root, ["--no-build-isolation", "-e", ".[%s]" % ",".join(extras) if extras else "."])
     with open(stamp_path, "w", encoding="utf-8") as file:
         json.dump(stamp, file)

@@ -17,6 +17,8 @@ import tomllib
 import venv
 from pathlib import Path
 
+from bootstrap import BUILD_TOOLS
+
 ROOT = Path(__file__).resolve().parent.parent
 HEAD = """\
 # The exact versions that scenefold is tested with: runtime, dev, docs and all extras. Written by tools/pin.py.
@@ -25,11 +27,11 @@ HEAD = """\
 
 
 def wanted_names() -> list[str]:
-    """Every requirement that pyproject.toml names, and what an editable build needs."""
+    """Every requirement that pyproject.toml names, and what builds them from source."""
     described = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     project = described["project"]
     extras = [name for names in project["optional-dependencies"].values() for name in names]
-    return [*described["build-system"]["requires"], "editables", *project["dependencies"], *extras]
+    return [*BUILD_TOOLS, *project["dependencies"], *extras]
 
 
 def main() -> int:
@@ -45,7 +47,8 @@ def main() -> int:
         installed = subprocess.run([*pip, "install", "--quiet", *held, *wanted_names()], check=False)
         if installed.returncode:
             return installed.returncode
-        frozen = subprocess.run([*pip, "freeze"], check=True, capture_output=True, text=True).stdout
+        # All of it: setuptools, which builds what has no wheel, is left out otherwise.
+        frozen = subprocess.run([*pip, "freeze", "--all", "--exclude", "pip"], check=True, capture_output=True, text=True).stdout
     constraints.write_text(HEAD + frozen, encoding="utf-8")
     print(f"{constraints.name}: {len(frozen.splitlines())} packages")
     return 0

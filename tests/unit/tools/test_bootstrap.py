@@ -5,9 +5,11 @@ Fake Pythons are small shell scripts that answer the probe; no environment is ma
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -173,3 +175,15 @@ def test_problems_are_one_line_on_standard_output(
     stamp(clone, "dev")
     assert bootstrap.main(["--root", str(clone), "--extras", "dev"]) == 0
     assert capsys.readouterr().out == "ready\n"
+
+
+def test_every_build_tool_is_pinned() -> None:
+    pinned = {line.split("==")[0] for line in (Path(bootstrap.ROOT) / "constraints.txt").read_text().splitlines()}
+    requires = tomllib.loads((Path(bootstrap.ROOT) / "pyproject.toml").read_text())["build-system"]["requires"]
+    assert set(bootstrap.BUILD_TOOLS) <= pinned
+    assert set(requires) <= set(bootstrap.BUILD_TOOLS)
+
+
+def test_this_environment_builds_requirements_that_have_no_wheel() -> None:
+    # Nothing is isolated while make installs: what the environment lacks here, a machine without pip's cache lacks too.
+    assert importlib.util.find_spec("setuptools.command.bdist_wheel")
