@@ -4,7 +4,8 @@ Whom the cluster does not know has no key, so nothing of it is opened; of a know
 nothing twice. Who is known is asked each time: a key that was revoked a moment ago counts no longer.
 
 Nodes send from the address that is their id, so what says otherwise is dropped before any key is looked for. Who can write any source
-on a datagram still makes us derive keys for salts that it invents; of these we derive only so many.
+on a datagram still makes us derive keys for salts that it invents; of these we derive only so many: of all together, and beyond that
+a few of each node that nobody else takes away. So who writes one address, or many, keeps no node of another one from being met.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ UNKNOWN_SALTS_BURST = 4_096
 """Datagrams under unknown salts that are opened at once: a few of each member, when it or we have started."""
 UNKNOWN_SALTS_PER_S = 2_000.0
 """And this many more each second, of all nodes together: each costs 17 microseconds, which makes a thirtieth of a core."""
+OWN_UNKNOWN_SALTS_BURST = 4
+"""Of one node, when those of all are used up. One that opens is enough: what else comes under its salt is no longer unknown."""
+OWN_UNKNOWN_SALTS_PER_S = 1.0
+"""In the largest clusters half as many as those of all together."""
 
 KeyOf = Callable[[NodeId], SealingPublicKey | None]
 """The key that is sealed to of a node that may send datagrams and get some; None: it may not."""
@@ -43,6 +48,8 @@ class Exchange:
         self._token = token
         self._salt = token(SALT_BYTES)
         self._unknown_salts = Buckets(UNKNOWN_SALTS_BURST, UNKNOWN_SALTS_PER_S)
+        self._unknown_salts_of = Buckets(OWN_UNKNOWN_SALTS_BURST, OWN_UNKNOWN_SALTS_PER_S)
+        """By node: only known ones come so far."""
         self._pairings: dict[NodeId, tuple[SealingPublicKey, Pairing | None]] = {}
         self._first_counter = 0
         """Pairings that were forgotten may have counted so far, and come back."""
@@ -91,7 +98,7 @@ class Exchange:
         if secret is not None:
             outgoing = DatagramKey(secret, self._cluster_id, self._port, self._me, node, self._salt)
             incoming = partial(DatagramKey, secret, self._cluster_id, self._port, node, self._me)
-            pairing = Pairing(outgoing, incoming, self._token, partial(self._unknown_salts.take, ""), self._first_counter)
+            pairing = Pairing(outgoing, incoming, self._token, partial(self._may_derive, node), self._first_counter)
         self._pairings[node] = key, pairing
 
     def _pairing(self, node: NodeId) -> Pairing | None:
@@ -109,6 +116,9 @@ class Exchange:
             return self._key.agree(key)
         except DamagedData:
             return None
+
+    def _may_derive(self, node: NodeId, now: float) -> bool:
+        return self._unknown_salts.take("", now) or self._unknown_salts_of.take(str(node), now)
 
     def _forget(self, node: NodeId) -> None:
         _, pairing = self._pairings.pop(node, (None, None))

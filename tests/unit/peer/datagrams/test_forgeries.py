@@ -10,8 +10,13 @@ import pytest
 from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import SealingPublicKey
 from scenefold.peer.datagrams import Drop
-from scenefold.peer.datagrams.exchange import UNKNOWN_SALTS_BURST, UNKNOWN_SALTS_PER_S
-from unit.peer.datagrams.four_nodes import ADA, BOB, CAROL, boot, introduced, key_of, kinds, reply, said, take
+from scenefold.peer.datagrams.exchange import (
+    OWN_UNKNOWN_SALTS_BURST,
+    OWN_UNKNOWN_SALTS_PER_S,
+    UNKNOWN_SALTS_BURST,
+    UNKNOWN_SALTS_PER_S,
+)
+from unit.peer.datagrams.four_nodes import ADA, BOB, CAROL, DAVE, boot, introduced, key_of, kinds, reply, said, take
 
 
 def test_what_comes_from_another_address_than_its_senders_is_dropped_before_any_key() -> None:
@@ -41,16 +46,37 @@ def test_only_so_many_are_opened_under_salts_that_do_not_count() -> None:
     of_each = zip(forgeries(per_s * seconds // 2, ADA), forgeries(per_s * seconds // 2, CAROL), strict=True)
     judged = Counter(kinds(take(bob, data, tick / per_s))[0] for tick, data in enumerate(data for pair in of_each for data in pair))
     assert set(judged) == {Drop.FORGED, Drop.CROWDED}
-    assert UNKNOWN_SALTS_BURST <= judged[Drop.FORGED] <= UNKNOWN_SALTS_BURST + seconds * UNKNOWN_SALTS_PER_S + 1
+    own = 2 * (OWN_UNKNOWN_SALTS_BURST + seconds * OWN_UNKNOWN_SALTS_PER_S)
+    assert UNKNOWN_SALTS_BURST <= judged[Drop.FORGED] <= UNKNOWN_SALTS_BURST + seconds * UNKNOWN_SALTS_PER_S + own + 3
 
 
 def test_forgeries_keep_nothing_from_counting_that_counts_already() -> None:
     ada, bob = introduced()
-    for data in forgeries(UNKNOWN_SALTS_BURST):
+    for data in forgeries(UNKNOWN_SALTS_BURST + OWN_UNKNOWN_SALTS_BURST):
         take(bob, data)
     assert kinds(take(bob, said(boot(ADA, 1), BOB, b"anew"))) == [Drop.CROWDED]
     assert take(bob, said(ada, BOB, b"news")).packets == [b"news"]
     assert take(ada, said(bob, ADA, b"news")).packets == [b"news"]
+
+
+def test_forgeries_under_the_addresses_of_others_keep_nobody_from_being_met() -> None:
+    (_, bob), ada = introduced(), boot(ADA, 1)
+    for tick in range(21):
+        for sender in (CAROL, DAVE):
+            for data in forgeries(UNKNOWN_SALTS_BURST if not tick else 300, sender):
+                take(bob, data, tick / 10)
+    answer = take(ada, reply(take(bob, said(ada, BOB, b"hello"), 2.0)), 2.0)
+    assert take(bob, reply(answer), 2.0).packets == [b"hello"]
+
+
+def test_a_node_whose_own_datagrams_were_used_up_gets_some_again() -> None:
+    bob = boot(BOB)
+    for data in forgeries(UNKNOWN_SALTS_BURST + OWN_UNKNOWN_SALTS_BURST):
+        take(bob, data)
+    now = 1.001 / OWN_UNKNOWN_SALTS_PER_S
+    for data in forgeries(UNKNOWN_SALTS_BURST, CAROL):
+        take(bob, data, now)
+    assert take(bob, said(boot(ADA, 1), BOB, b"anew"), now).replies
 
 
 def test_whose_salt_has_opened_once_is_met_beside_any_forgeries() -> None:
