@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -39,6 +40,7 @@ from scenefold.wire import (
     page_of,
 )
 from scenefold.world.facts import Credential
+from scenefold.world.quiet import SILENCE_S
 from unit.peer.scenes_made import DECIDER, HEADER_KEY, LOG, STRANGER, WRITER, first_header, later_header
 
 ME, OTHER, THIRD = NodeId(1), NodeId(2), NodeId(3)
@@ -303,6 +305,19 @@ async def test_what_was_only_proposed_counts_nowhere_whoever_shows_it(autojump_c
     assert rig.scenes.all() == [FIRST]
     assert rig.store.written == [(FIRST.encode(), LOG)]
     assert isinstance(await rig.scenes.on_propose(proposal(proposed, LONGER), USER), AcceptSceneProposal)
+
+
+@pytest.mark.expect_log("node:2: the header of scene .* is not taken")
+async def test_who_pushes_headers_that_do_not_count_fills_no_log(caplog: pytest.LogCaptureFixture, autojump_clock: MockClock) -> None:
+    rig, bad = Rig(), second_of(FIRST).proposed()
+    caplog.set_level(logging.INFO)
+    for _ in range(100):
+        await rig.scenes.on_push(pushed(bad), NODE)
+        await rig.scenes.on_propose(proposal(bad, LONGER), USER)
+    assert len(caplog.records) == 2
+    await trio.sleep(SILENCE_S)
+    await rig.scenes.on_push(pushed(bad), NODE)
+    assert "99 times more" in caplog.records[-1].getMessage()
 
 
 async def test_what_was_decided_counts_whoever_shows_it(autojump_clock: MockClock) -> None:

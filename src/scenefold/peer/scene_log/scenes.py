@@ -43,7 +43,7 @@ from scenefold.wire import (
     Want,
     page_of,
 )
-from scenefold.world import Priority, World
+from scenefold.world import Priority, QuietLog, World
 
 RELAY_S_MAX = 10.0
 
@@ -76,6 +76,7 @@ class Scenes:
         self._pull = Pull(world, peers, self._known.get, self._try_adopt)
         self._first_look = FirstLook(world, peers, self._try_adopt)
         self._lock = trio.Lock()
+        self._quiet, self._quiet_info = QuietLog(_log), QuietLog(_log, logging.INFO)
 
     def register(self, handlers: Handlers) -> None:
         """Packet 37. Those of logs, 5 to 7, are the cluster's too: its log hands on what is not its own."""
@@ -119,9 +120,12 @@ class Scenes:
         try:
             await self.adopt(public)
         except Refused as refusal:
-            # Being told of an older position is the usual course of things between nodes that push and pull.
-            level = logging.DEBUG if refusal.reason is RejectReason.POSITION_BEHIND else logging.WARNING
-            _log.log(level, "header of scene %08x from %s not taken: %s", public.scene, source, refusal)
+            text = f"the header of scene {public.scene:08x} is not taken: {refusal}"
+            if refusal.reason is RejectReason.POSITION_BEHIND:
+                # The usual course of things between nodes that push and pull.
+                _log.debug("%s: %s", source, text)
+            else:
+                self._quiet.say(self._world.clock.now(), source, refusal.reason.name, text)
 
     async def _take_list(self, member: NodeId) -> Sequence[SceneLogPublic] | None:
         """Take what a member lists; None if it does not say."""
@@ -239,7 +243,7 @@ class Scenes:
         try:
             scene = await self._decide(packet)
         except Refused as refusal:
-            _log.info("scene proposal of %s refused: %s", peer, refusal)
+            self._quiet_info.say(self._world.clock.now(), peer, refusal.reason.name, f"a scene proposal is refused: {refusal}")
             return rejection(packet, refusal.reason, self._own.me)
         await tell_all(self._peers, scene.public)
         return accepted(packet, scene.public, self._own.member)
