@@ -48,5 +48,7 @@ def refusal_of(reason: RejectReason, name: str) -> Refused:
     if reason is RejectReason.LIMIT_EXCEEDED:
         what = f"the cluster takes no more scenes: {SCENES_PER_USER_MAX} of one user, {SCENES_LISTED_MAX} in all"
         return Refused(reason, what, where=where, remedy="use one of those that there are: `scenectl scene list`")
+    if reason is RejectReason.BUSY:
+        return Refused(reason, "the cluster is busy: the scene was changed too often lately", where=where, remedy="try again in a while")
     words = reason.name.lower().replace("_", " ")
     return Refused(reason, f"the cluster refused the scene: {words}", where=where)

@@ -55,6 +55,7 @@ class PlainWorld:
     def __init__(self) -> None:
         self.clock = self
         self.workers = self
+        self.worked = 0
 
     def now(self) -> float:
         return trio.current_time()
@@ -64,6 +65,7 @@ class PlainWorld:
 
     async def run(self, _lane: str, function: Any, *arguments: object) -> Any:
         await trio.lowlevel.checkpoint()
+        self.worked += 1
         return function(*arguments)
 
 
@@ -135,10 +137,16 @@ class PlainPeers:
 class Rig:
     def __init__(self, voter: NodeId = ME, check_new: Callable[[SceneLogPublic], None] = lambda _public: None) -> None:
         self.peers, self.store = PlainPeers(), PlainStore()
-        world: Any = PlainWorld()
+        self.world = PlainWorld()
+        world: Any = self.world
         own: Any = type("Own", (), {"me": ME, "member": Member(ME, bytes(16)), "key": DECIDER})()
         self.users = [WRITER.public]
         self.scenes = Scenes(world, self.store, self.peers, own, voter, lambda key: key in self.users, check_new)  # type: ignore[arg-type]
+
+    @property
+    def worked(self) -> int:
+        """Times that a worker had something to do."""
+        return self.world.worked
 
 
 def second_of(first: SceneLogPublic) -> SceneLogPublic:

@@ -24,6 +24,7 @@ from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.changes import Changes
 from scenefold.peer.scene_log.first_look import FirstLook
 from scenefold.peer.scene_log.headers import checked_header
 from scenefold.peer.scene_log.makers import check_maker
@@ -75,6 +76,7 @@ class Scenes:
         self._known: dict[SceneId, KnownScene] = {}
         self._pull = Pull(world, peers, self._known.get, self._try_adopt)
         self._first_look = FirstLook(world, peers, self._try_adopt)
+        self._changes = Changes()
         self._lock = trio.Lock()
         self._quiet, self._quiet_info = QuietLog(_log), QuietLog(_log, logging.INFO)
 
@@ -182,18 +184,28 @@ class Scenes:
             return scene
 
     async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
+        self._check_changes(packet)
         if not self._first_look.was_taken(packet.public.scene):
             # What is refused anyway need not trouble the others.
             before = self._known.get(packet.public.scene)
             if await self._judged(packet, before) is not before:
                 await self._first_look.take(packet.public.scene)
         async with self._lock:
+            self._check_changes(packet)
             known = self._known.get(packet.public.scene)
             scene = await self._judged(packet, known)
             if scene is not known:
                 await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
                 self._take(scene)
+                if known is not None:
+                    self._changes.count(known, self._world.clock.now())
             return scene
+
+    def _check_changes(self, packet: ProposeSceneLog) -> None:
+        """Before anything is looked at that takes time."""
+        known = self._known.get(packet.public.scene)
+        if known is not None:
+            self._changes.check(known, packet.public.position, self._world.clock.now())
 
     async def _judged(self, packet: ProposeSceneLog, known: KnownScene | None) -> KnownScene:
         """What is to be kept if this is decided; `known` if it was decided before. Refused if it must not be."""
