@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
@@ -123,8 +123,11 @@ class Cluster:
     async def drain(self, address: str, *, check_only: bool = False, cancel: bool = False) -> DrainReport:
         """Tell a node to give everything away and leave, or ask how far it is; asking again does no harm.
 
-        `check_only`: only say whether it may be switched off. `cancel`: stay after all. Refused (12) of a node that cannot leave.
+        `check_only`: only say whether it may be switched off. `cancel`: stay after all. Not both:
+        UsageFault. Refused (12) of a node that cannot leave.
         """
+        if check_only and cancel:
+            raise UsageFault("a node can be asked whether it may leave, or told to stay, not both at once", remedy="give one of them")
         packet = DrainNode(check_only=check_only, cancel=cancel)
         reply = await self.calls.ask(address, packet, Reported, priority=Priority.HIGH)
         return read_drain_report(reply.document, address)

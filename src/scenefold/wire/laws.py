@@ -65,6 +65,20 @@ class Pairs:
 
 
 @dataclass(frozen=True, slots=True)
+class OneOf:
+    """Of two flags one is set at most: together they would say nothing that makes sense."""
+
+    first: str
+    second: str
+
+    def holds(self, value: Any) -> bool:
+        return not (getattr(value, self.first) and getattr(value, self.second))
+
+    def __str__(self) -> str:
+        return f"at most one of {self.first}, {self.second}"
+
+
+@dataclass(frozen=True, slots=True)
 class All:
     """Several laws at once."""
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from scenefold.wire.common import BOOL, DOCUMENT, SIGNATURE, Carrier, Packet, row
 from scenefold.wire.kinds import Bin
+from scenefold.wire.laws import OneOf
 from scenefold.wire.scene_log_packets import MEMBER, Member
 
 
@@ -77,7 +78,7 @@ PROOF_OR_NONE = Bin(lengths=(0, 64, 384))
 ROWS = (
     row(ProbeFor, Carrier.TCP_HIGH, ("target", MEMBER), ("nonce", NONCE)),
     row(ProbeResult, Carrier.TCP_HIGH, ("target", MEMBER), ("proof", PROOF_OR_NONE)),
-    row(DrainNode, Carrier.TCP_HIGH, ("check_only", BOOL), ("cancel", BOOL)),
+    row(DrainNode, Carrier.TCP_HIGH, ("check_only", BOOL), ("cancel", BOOL), law=OneOf("check_only", "cancel")),
     row(NodeReport, Carrier.TCP_HIGH, ("document", DOCUMENT)),
     row(RequestReport, Carrier.TCP_HIGH),
     row(RequestProof, Carrier.UDP_HIGH, ("member", MEMBER), ("nonce", NONCE)),

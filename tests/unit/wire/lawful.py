@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenefold.wire.laws import All, Law, Needs, Order, Pairs
+from scenefold.wire.laws import All, Law, Needs, OneOf, Order, Pairs
 from scenefold.wire.log_entries import Boxed
 
 
@@ -21,6 +21,8 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
         case Needs():
             if fields[law.needed] is None:
                 fields = {**fields, law.field: None}
+        case OneOf():
+            fields = {**fields, law.second: fields[law.second] and not fields[law.first]}
         case Pairs():
             extras, count = fields[law.extras], len(fields[law.items])
             if len(extras) < count:

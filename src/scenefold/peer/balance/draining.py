@@ -104,7 +104,8 @@ class Draining:
     # --------------------------------------------------------------------------------------------------- the order
 
     async def _on_drain(self, packet: DrainNode, peer: str) -> NodeReport:
-        if not packet.check_only and not self._may_order(peer):
+        # The wire forbids both flags at once; whatever would change something is judged here all the same.
+        if (packet.cancel or not packet.check_only) and not self._may_order(peer):
             raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is no administrator of this cluster", remedy="ask one who is")
         if packet.cancel:
             await self._cancel()

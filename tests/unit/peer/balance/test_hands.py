@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from itertools import product
 
 import pytest
 import trio
@@ -240,14 +241,22 @@ async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_let
     street.check()
 
 
-@pytest.mark.parametrize("cancel", [False, True])
-async def test_only_administrators_have_a_node_leave_or_stay(cancel: bool) -> None:
+@pytest.mark.parametrize("is_ordered", [False, True])
+@pytest.mark.parametrize("flags", list(product((False, True), repeat=2)))
+async def test_only_administrators_have_a_node_leave_or_stay(flags: tuple[bool, bool], is_ordered: bool) -> None:
     house = Street([64 * MIB] * 2).houses[1]
-    with pytest.raises(Refused, match="user:eve is no administrator") as refused:
-        await house.handlers.handle(DrainNode(check_only=False, cancel=cancel), "user:eve")
-    assert refused.value.reason is RejectReason.NOT_AUTHORISED
-    report = await house.handlers.handle(CHECK, "user:eve")
-    assert isinstance(report, NodeReport)
+    if is_ordered:
+        await tell(house, ORDER)
+    notes = dict(house.notes)
+    packet = DrainNode(*flags)
+    if packet == CHECK:
+        assert isinstance(await house.handlers.handle(packet, "user:eve"), NodeReport)
+    else:
+        with pytest.raises(Refused, match="user:eve is no administrator") as refused:
+            await house.handlers.handle(packet, "user:eve")
+        assert refused.value.reason is RejectReason.NOT_AUTHORISED
+    assert house.notes == notes
+    assert (await tell(house, CHECK))["state"] == ("draining" if is_ordered else "serving")
 
 
 async def test_the_last_trusted_node_with_the_authoritys_key_stays() -> None:
