@@ -21,6 +21,8 @@ class Outcome(Enum):
     """What is there is not what the writer expected."""
     FULL = "full"
     """The disk has no room beyond its reserve; nothing was changed."""
+    DAMAGED = "damaged"
+    """What is there has rotted so that nobody can tell whether this may replace it; nothing was changed."""
     NOT_OWNED = "not owned"
     """The place lies outside of the arc that this node owned at the moment of the commit."""
 
@@ -30,6 +32,7 @@ _REASONS = {
     Outcome.STALE: RejectReason.STALE_VERSION,
     Outcome.EXISTS: RejectReason.STALE_VERSION,
     Outcome.FULL: RejectReason.STORAGE_FULL,
+    Outcome.DAMAGED: RejectReason.NOT_READY,
     Outcome.NOT_OWNED: RejectReason.NOT_MY_LOCATION,
 }
 

@@ -51,7 +51,8 @@ _SIZES = struct.Struct(">HH")
 _CHECK = struct.Struct(">I")
 _CHECKED = 0x8000
 """Since format 2: the checksum follows."""
-_START = _SIZES.size + _CHECK.size
+HEADER_AT = _SIZES.size + _CHECK.size
+"""Where the header of a packed record begins."""
 _LOCATION_END = _SPACE.size + LOCATION_BYTES
 
 
@@ -121,7 +122,7 @@ def unpack_record(value: memoryview) -> Record:
     """A copy of the record in a stored value; DamagedData if it is not what was stored. Some 40 us for a full one."""
     header_end, signature_end = _ends(value)
     record = Record(
-        header_bytes=bytes(value[_START:header_end]),
+        header_bytes=bytes(value[HEADER_AT:header_end]),
         signature=bytes(value[header_end:signature_end]),
         ciphertext=bytes(value[signature_end:]),
     )
@@ -134,7 +135,7 @@ def unpack_record(value: memoryview) -> Record:
 def stored_header(value: memoryview) -> RecordHeader:
     """Only the header of a stored value, so that judging versions never touches the ciphertext's pages."""
     header_end, signature_end = _ends(value)
-    header = bytes(value[_START:header_end])
+    header = bytes(value[HEADER_AT:header_end])
     _check(value, header, bytes(value[header_end:signature_end]))
     return RecordHeader.decode(header)
 
@@ -149,12 +150,12 @@ def _checksum(header: bytes, signature: bytes) -> int:
 
 
 def _ends(value: memoryview) -> tuple[int, int]:
-    if len(value) < _START:
+    if len(value) < HEADER_AT:
         raise DamagedData("a stored record is shorter than its sizes")
     header_bytes, signature_bytes = _SIZES.unpack_from(value)
     if not header_bytes & _CHECKED:
         raise DamagedData("the sizes of a stored record have changed on the disk")
-    header_end = _START + (header_bytes & ~_CHECKED)
+    header_end = HEADER_AT + (header_bytes & ~_CHECKED)
     signature_end = header_end + signature_bytes
     if signature_end > len(value):
         raise DamagedData("a stored record is shorter than its header and signature")

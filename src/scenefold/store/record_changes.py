@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.location import Arc, Location
@@ -21,12 +22,22 @@ from scenefold.store.judging import Outcome, Put, PutResult, judge, judge_copy
 from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, stored_header, unpack_record
 from scenefold.store.placing import displaced, free_place, move_object, note_place, place_of
 from scenefold.store.statistics import Tally
+from scenefold.store.wrecks import judge_copy_over_wreck, judge_over_wreck
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 _FRAMING_BYTES = 512
 """Header, signature, key and the tree's own bytes of one record."""
 
-Judge = Callable[[RecordHeader, RecordHeader | None], PutResult]
+
+class Judge(NamedTuple):
+    """By what is there, and over a header that has rotted."""
+
+    whole: Callable[[RecordHeader, RecordHeader | None], PutResult]
+    wreck: Callable[[Record, memoryview], PutResult]
+
+
+_OF_CLIENTS = Judge(judge, judge_over_wreck)
+_OF_COPIES = Judge(judge_copy, judge_copy_over_wreck)
 
 _log = logging.getLogger("scenefold.store")
 
@@ -57,7 +68,7 @@ class PutRecords:
     def when_full(self, transaction: ReadTransaction, /) -> list[PutResult]:
         """As `apply`, but what would have to be written is full: so a repetition of what is there is stored, whatever room there is."""
         arc = read_arc(transaction)
-        return [_look(transaction, arc, header) for header, _ in self.puts]
+        return [_look(transaction, arc, header, put) for header, put in self.puts]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +86,7 @@ class MergeRecords(MayUseReserve):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [_write(transaction, tally, judge_copy, put.record, _place(transaction, arc, header, put.at)) for header, put in self.puts]
+        return [_write(transaction, tally, _OF_COPIES, put.record, _place(transaction, arc, header, put.at)) for header, put in self.puts]
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -166,16 +177,16 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
     if arc is None or spot.home not in arc:
         return PutResult(Outcome.NOT_OWNED)
     if not spot.object:
-        return _write(transaction, tally, judge, put.record, spot)
+        return _write(transaction, tally, _OF_CLIENTS, put.record, spot)
     spot = _place(transaction, arc, new, None)
-    result = _write(transaction, tally, judge, put.record, spot)
+    result = _write(transaction, tally, _OF_CLIENTS, put.record, spot)
     return replace(result, location=spot.place.location)
 
 
 def _put_sparingly(
     transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put, grown_bytes: int
 ) -> PutResult:
-    looked = _look(transaction, arc, new)
+    looked = _look(transaction, arc, new, put)
     if looked.outcome is not Outcome.FULL:
         return looked
     value = transaction.get(RECORDS, record_key(*_lying(transaction, new)))
@@ -191,13 +202,13 @@ def _lying(transaction: ReadTransaction, new: RecordHeader) -> Spot:
     return spot if known is None else _spot(new, known)
 
 
-def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader) -> PutResult:
+def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
     if arc is None or _spot(new, None).home not in arc:
         return PutResult(Outcome.NOT_OWNED)
     spot = _lying(transaction, new)
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
-    result = judge(new, present)
+    result = _judged(_OF_CLIENTS, put.record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         return PutResult(Outcome.FULL)
     return replace(result, location=spot.place.location if spot.object and value is not None else None)
@@ -221,12 +232,12 @@ def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at
     return spot
 
 
-def _write(transaction: WriteTransaction, tally: Tally, judged: Judge, record: Record, spot: Spot) -> PutResult:
+def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, record: Record, spot: Spot) -> PutResult:
     new = record.header
     key = record_key(*spot)
     value = transaction.get(RECORDS, key)
     present = _present(value) if value is not None else None
-    result = judged(new, present)
+    result = _judged(judges, record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         replaced_bytes = len(value) if value is not None else 0
         packed = pack_record(record)
@@ -236,6 +247,12 @@ def _write(transaction: WriteTransaction, tally: Tally, judged: Judge, record: R
             note_place(transaction, spot)
         return PutResult(result.outcome, result.current, has_changed=True)
     return result
+
+
+def _judged(judges: Judge, record: Record, present: RecordHeader | None, value: memoryview | None) -> PutResult:
+    if present is None and value is not None:
+        return judges.wreck(record, value)
+    return judges.whole(record.header, present)
 
 
 def _is_to_be_written(new: RecordHeader, present: RecordHeader | None, value: memoryview | None) -> bool:
@@ -266,11 +283,11 @@ def _forget_object(transaction: WriteTransaction, spot: Spot) -> None:
 
 
 def _present(value: memoryview) -> RecordHeader | None:
-    """The header of what is there. A damaged one is nothing: the record that arrives heals it."""
+    """The header of what is there; None if it is damaged, and its version not known any more."""
     try:
         return stored_header(value)
     except DamagedData as error:
-        _log.error("a damaged record counts as none: %s", error)
+        _log.error("a damaged record is in the way of another: %s", error)
         return None
 
 

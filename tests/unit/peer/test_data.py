@@ -13,7 +13,7 @@ import trio
 from scenefold.base.ids import NodeId
 from scenefold.base.location import LAST, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Record, wanted_place
+from scenefold.crypto import EXPECTS_NOTHING, Record, wanted_place
 from scenefold.store import Put
 from scenefold.wire import (
     DAMAGED_RECORD,
@@ -310,6 +310,22 @@ def test_a_damaged_record_is_no_answer() -> None:
             assert reason_of(single) is (RejectReason.NOT_READY if record == DAMAGED_RECORD else None)
         assert await put(one, item(5, seq=2), item(6, seq=2)) == [0, 0], "a new version heals it"
         assert found(await get(one, 5, 6)) == [True, True]
+
+    with_nodes(test, arc(0, 99))
+
+
+@pytest.mark.expect_log("changed on the disk")
+def test_what_cannot_be_compared_with_a_damaged_record_was_not_done_and_says_so() -> None:
+    """With the node's own id, so that its writer is in no doubt."""
+
+    async def test(_: Neighbours, one: Node) -> None:
+        assert await put(one, item(5, seq=2)) == [0]
+        dice = random.Random(1)
+        for _turn in range(20):
+            one.disk.corrupt("records", dice)
+        claim = item(5, seq=3, expects=EXPECTS_NOTHING)
+        assert await outcomes(one, claim) == [PutOutcome(RejectReason.NOT_READY, claim.location, one.me)]
+        assert await put(one, item(5, seq=3)) == [0]
 
     with_nodes(test, arc(0, 99))
 

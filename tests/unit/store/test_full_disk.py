@@ -252,10 +252,13 @@ async def test_a_store_that_refuses_new_records_is_full_in_its_own_words(tmp_pat
     assert capacity_of(roomy, 1 << 16) == 1 << 16
 
 
-@pytest.mark.expect_log("full but for its reserve|a damaged record counts as none")
+@pytest.mark.expect_log("full but for its reserve|a damaged record is in the way")
 @pytest.mark.parametrize("reserve", [0, FULL], ids=["room", "full"])
 async def test_what_is_expected_is_judged_alike_with_room_and_without(tmp_path: Path, reserve: int) -> None:
-    """Of a rotten record the header is there still, and says which version it is: its writer must not hear that another one is."""
+    """Of a rotten record the header is there still, and says which version it is: its writer must not hear that another one is.
+
+    Of one whose header has rotted, the ciphertext.
+    """
     before = record(1, seq=5).header.digest
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1, seq=5), put(2, seq=5)])
@@ -267,11 +270,12 @@ async def test_what_is_expected_is_judged_alike_with_room_and_without(tmp_path: 
         put(1, seq=4),
         put(1, seq=5),
         put(1, seq=6, text=b"new", expects=before),
-        put(2, seq=6, expects=before),
-        put(2, seq=6, expects=EXPECTS_NOTHING),
+        put(2, seq=6, text=b"other", expects=NOWHERE),
+        put(2, seq=6, text=b"claim", expects=EXPECTS_NOTHING),
+        put(2, seq=6, text=b"new", expects=before),
     ]
     # What takes the place of a record, and is no larger, may use the reserve. So may what heals one.
     written = Outcome.STORED
-    wanted = [Outcome.EXISTS, Outcome.EXISTS, Outcome.STALE, written, written, Outcome.EXISTS, written]
+    wanted = [Outcome.EXISTS, Outcome.EXISTS, Outcome.STALE, written, written, Outcome.DAMAGED, Outcome.DAMAGED, written]
     async with open_store(world(), tmp_path, NODE, reserve_bytes=reserve) as store:
         assert [result.outcome for result in await store.put(asked)] == wanted
