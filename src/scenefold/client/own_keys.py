@@ -18,7 +18,7 @@ from scenefold.base.ids import KeyId
 from scenefold.client.connecting import DEFAULT_PROFILE, profile_folder
 from scenefold.crypto import SUITES, MemberSecrets
 from scenefold.crypto.secret_folder import AskPassphrase, SecretFolder
-from scenefold.world.key_archive import Taken, export_keys, import_keys, lock_user
+from scenefold.world.key_archive import Taken, export_keys, import_keys, lock_user, unlock_user
 from scenefold.world.own_papers import own_card
 from scenefold.world.profile import ClusterProfile
 
@@ -108,7 +108,7 @@ def set_passphrase(profile: str | Path | None, user: str | None, wanted: Callabl
     folder = _user_folder(known, known.user if user is None else user)
     present = SecretFolder(folder, ask)
     if wanted is None:
-        present.unlock()
+        unlock_user(present)
     else:
         if present.is_locked:
             present.names()  # Who does not know the present one is told so before being asked for a new one.

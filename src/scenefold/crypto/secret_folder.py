@@ -2,18 +2,22 @@
 
 Unlocked, each secret is a file of its own. Locked, all of them are one file, `locked`, so that setting, changing and removing the
 passphrase is one replacement of one file, and a crash leaves the one or the other. If both are there, `locked` counts: the plain
-files are what a crash kept from being removed, and go when the folder is opened next.
+files are what a crash kept from being removed, and go when the folder is opened next, with drafts that a crash left.
+
+Whoever sets, changes or removes a passphrase must be alone in the folder (its lock file; drafts.py): who opens it meanwhile removes nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.crypto.archives import pack_archive, unpack_archive
+from scenefold.crypto.drafts import alone_now, has_drafts
 from scenefold.crypto.passphrases import lock, unlock
-from scenefold.crypto.secrets_on_disk import read_secret, write_secret
+from scenefold.crypto.secrets_on_disk import read_secret, remove_secrets, write_secret
 
 LOCKED_FILE = "locked"
 _KIND = "secrets"
@@ -71,7 +75,7 @@ class SecretFolder:
         if unlock(locked, passphrase) != pack_archive(_KIND, secrets):
             raise LocalFault("what was locked does not open again", where=str(self.path), remedy="report this; nothing was changed")
         write_secret(self.path / LOCKED_FILE, locked, replace=True)
-        self._remove_plain(secrets)
+        remove_secrets(self.path, secrets)
         self._opened = secrets
 
     def unlock(self) -> None:
@@ -79,15 +83,19 @@ class SecretFolder:
         if self.is_locked:
             for name in self.names():
                 write_secret(self.path / name, self.read(name), replace=True)
-            (self.path / LOCKED_FILE).unlink()
+            remove_secrets(self.path, (LOCKED_FILE,))
             self._opened = None
 
     def _unlocked(self, passphrase: str) -> Mapping[str, bytes]:
         path = self.path / LOCKED_FILE
         _, secrets = unpack_archive(unlock(read_secret(path), passphrase, str(path)), (_KIND,), str(path))
-        self._remove_plain(secrets)
+        self._remove_leftovers(secrets)
         return secrets
 
-    def _remove_plain(self, secrets: Mapping[str, bytes]) -> None:
-        for name in secrets:
-            (self.path / name).unlink(missing_ok=True)
+    def _remove_leftovers(self, secrets: Mapping[str, bytes]) -> None:
+        """Of a crash. Not while somebody removes the passphrase: the plain files are then what counts next. Who may not write here, leaves it."""
+        with suppress(OSError):
+            if has_drafts(self.path) or any((self.path / name).exists() for name in secrets):
+                with alone_now(self.path):
+                    if self.is_locked:
+                        remove_secrets(self.path, secrets)

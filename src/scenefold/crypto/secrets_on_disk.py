@@ -1,6 +1,6 @@
 """Files that hold keys: readable by their owner alone, from the first byte, and complete or absent.
 
-A key file is made beside its final name with mode 0600 (never widened by the umask, never narrowed afterwards:
+A key file is made beside its final name (drafts.py) with mode 0600 (never widened by the umask, never narrowed afterwards:
 between creation and chmod anyone could have opened it), synced, then linked to its name, which fails if the name
 is taken. Folders that hold keys have mode 0700. A key file that others may read is refused: it may already have been read.
 """
@@ -8,14 +8,13 @@ is taken. Folders that hold keys have mode 0700. A key file that others may read
 from __future__ import annotations
 
 import os
-import secrets
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
+from scenefold.crypto.drafts import FOLDER_MODE, new_file, sweep_files, sync_folder
 
-FILE_MODE = 0o600
-FOLDER_MODE = 0o700
 SECRET_BYTES_MAX = 1024 * 1024
 """No key file of ours is larger; a wrong path may name anything."""
 
@@ -25,6 +24,7 @@ def make_private_folder(folder: Path) -> None:
     try:
         for missing in reversed([path for path in (folder, *folder.parents) if not path.exists()]):
             missing.mkdir(mode=FOLDER_MODE, exist_ok=True)
+            sync_folder(missing.parent)
         if not folder.is_dir():
             raise NotADirectoryError(f"{folder} is a file")
     except OSError as error:
@@ -34,18 +34,19 @@ def make_private_folder(folder: Path) -> None:
 
 
 def write_secret(path: Path, data: bytes, *, replace: bool = False) -> None:
-    """Writes a key file durably, mode 0600. LocalFault if it exists, unless `replace`."""
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+    """Writes a key file durably, mode 0600. LocalFault if it exists, unless `replace`. What a killed writer of this file left goes."""
     try:
-        try:
-            _write_new(draft, data)
+        sweep_files(path.parent, path.name)
+        with new_file(path) as (draft, handle):
+            with os.fdopen(handle, "wb", closefd=False) as file:
+                file.write(data)
+                file.flush()
+                os.fsync(handle)
             if replace:
                 draft.replace(path)
             else:
                 os.link(draft, path)
-        finally:
-            draft.unlink(missing_ok=True)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     except FileExistsError:
         raise LocalFault(
             "a key file exists already", where=str(path), remedy="move it away first: whoever holds it depends on it"
@@ -56,20 +57,14 @@ def write_secret(path: Path, data: bytes, *, replace: bool = False) -> None:
         ) from None
 
 
-def _write_new(path: Path, data: bytes) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, FILE_MODE)
-    with os.fdopen(handle, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def remove_secrets(folder: Path, names: Iterable[str]) -> None:
+    """Removes key files that are there, durably; with them goes what killed writers left. OSError if one cannot be removed."""
+    there = [folder / name for name in names if (folder / name).exists()]
+    for path in there:
+        path.unlink(missing_ok=True)
+    if there:
+        sync_folder(folder)
+    sweep_files(folder)
 
 
 def read_secret(path: Path) -> bytes:

@@ -14,9 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
-from scenefold.crypto.secrets_on_disk import FILE_MODE
+from scenefold.crypto.drafts import FILE_MODE, LOCK_FILE
 
-LOCK_FILE = ".lock"
 LOOK_S = 0.05
 LOOKS_MAX = 200
 """In these 10 s, many others that write a small file each have had their turn."""

@@ -9,25 +9,24 @@ What comes in is never written over what is there, and a user's keys come in loc
 
 from __future__ import annotations
 
-import fcntl
-import os
-import secrets
-import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.crypto import make_private_folder, write_secret
 from scenefold.crypto.archives import ARCHIVE_BYTES_MAX, is_safe_name, pack_archive, unpack_archive
+from scenefold.crypto.drafts import name_folder, sync_folder
 from scenefold.crypto.passphrases import is_locked, lock, unlock
 from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder
 from scenefold.crypto.secrets_on_disk import SECRET_BYTES_MAX
+from scenefold.world.folder_lock import alone_in
+from scenefold.world.leftovers import draft_of, sweep_profile
 from scenefold.world.log_file import LOG_FILE
 from scenefold.world.toml_files import read_settings_toml
 
 BACKUP, IDENTITY = "backup", "identity"
+_IMPORT = ".import"
 _SETTINGS = "cluster.toml"
 _USERS, _AUTHORITY, _SCENES = "users", "authority", "scenes"
 _ROOMS = (_SETTINGS, _USERS, _AUTHORITY, _SCENES)
@@ -57,9 +56,23 @@ class Taken:
 
 
 def lock_user(folder: SecretFolder, passphrase: str, token: Token) -> None:
-    """Lock a user's keys, or give them another passphrase. UsageFault if it is too short."""
-    plain = (name for name in _files_in(folder.path) if name not in (*_PUBLIC, LOCKED_FILE))
-    folder.lock(folder.names() if folder.is_locked else tuple(plain), passphrase, token)
+    """Lock a user's keys, or give them another passphrase. UsageFault if it is too short, LocalFault if a file there is none that can be locked."""
+    folder.names()  # Whoever is to be asked is asked before others have to wait.
+    with alone_in(folder.path):
+        plain = tuple(name for name in _files_in(folder.path) if name not in (*_PUBLIC, LOCKED_FILE))
+        stray = next((name for name in plain if not is_safe_name(name)), None)
+        if stray is not None:
+            raise LocalFault(f"a file there is no key, and cannot be locked: {stray}", where=str(folder.path), remedy="move it away")
+        folder.lock(folder.names() if folder.is_locked else plain, passphrase, token)
+    sweep_profile(folder.path.parent.parent)
+
+
+def unlock_user(folder: SecretFolder) -> None:
+    """Leave a user's keys plain; WrongPassphrase."""
+    folder.names()
+    with alone_in(folder.path):
+        folder.unlock()
+    sweep_profile(folder.path.parent.parent)
 
 
 def export_keys(profile: Path, target: Path, passphrase: str, token: Token, ask: Callable[[str], str], *, user: str | None) -> Taken:
@@ -89,7 +102,7 @@ def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> T
     """
     # Locked, so it may come on any disk, with any mode.
     kind, files = _opened(_content(source, ARCHIVE_BYTES_MAX), passphrase, str(source))
-    with _draft_for(profile) as draft:
+    with draft_of(profile, _IMPORT) as draft:
         for name, content in files.items():
             if _room(name) != _USERS or Path(name).name in _PUBLIC:
                 make_private_folder((draft / name).parent)
@@ -126,38 +139,9 @@ def _secrets_of(user: str, files: Mapping[str, bytes]) -> dict[str, bytes]:
     return {name: content for name, content in own.items() if name not in _PUBLIC}
 
 
-@contextmanager
-def _draft_for(profile: Path) -> Iterator[Path]:
-    """A folder beside the profile, which is gone afterwards; so are those that killed imports left."""
-    beginning = f".{profile.name}.import."
-    make_private_folder(profile.parent)
-    for stale in profile.parent.iterdir():
-        if stale.name.startswith(beginning):
-            with suppress(OSError), _held(stale):
-                shutil.rmtree(stale)
-    draft = profile.with_name(beginning + secrets.token_hex(6))
-    make_private_folder(draft)
-    try:
-        with _held(draft):
-            yield draft
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-
-
-@contextmanager
-def _held(folder: Path) -> Iterator[None]:
-    """OSError if another process holds it. Whoever is killed holds nothing."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    finally:
-        os.close(handle)
-
-
 def _merge(draft: Path, profile: Path) -> None:
     if not profile.exists() or (profile.is_dir() and not any(profile.iterdir())):
-        draft.rename(profile)
+        name_folder(draft, profile)
         return
     if not (profile / _SETTINGS).exists():
         raise LocalFault("the place is taken by something else", where=str(profile), remedy="choose another folder")
@@ -178,10 +162,11 @@ def _merge(draft: Path, profile: Path) -> None:
             target = profile / room / name
             if not target.exists():
                 (draft / room / name).rename(target)
+        sync_folder(profile / room)
     # Last: as long as they are missing, whoever was interrupted may repeat all of it.
     make_private_folder(profile / _USERS)
     for user in new:
-        (draft / _USERS / user).rename(profile / _USERS / user)
+        name_folder(draft / _USERS / user, profile / _USERS / user)
 
 
 def _is_same(one: Path, other: Path) -> bool:
@@ -227,7 +212,9 @@ def _cluster_of(profile: Path) -> str:
 
 
 def _files_in(folder: Path) -> tuple[str, ...]:
-    return tuple(sorted(path.name for path in folder.iterdir() if path.is_file())) if folder.is_dir() else ()
+    """Without locks, drafts, and what else nobody is shown."""
+    names = (path.name for path in folder.iterdir() if path.is_file()) if folder.is_dir() else ()
+    return tuple(sorted(name for name in names if not name.startswith(".")))
 
 
 def _folders_in(folder: Path) -> tuple[str, ...]:

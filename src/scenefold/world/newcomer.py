@@ -1,6 +1,7 @@
 """The profile of who joins a cluster by a token: keys before the answer, everything else after it (specs/15-cluster-log.md, Enrolling).
 
     .<profile>.joining-<invitation>/    keys that were made for one token; gone once the profile has them, or no node can have taken them
+    .<profile>.joining-<invitation>.<random>/, .<profile>.<random>/, and <profile>/users/.<name>.<random>/ or the like: drafts (leftovers.py)
 
 Keys are made here and go nowhere. They lie on disk before anybody is asked, so that whose answer was lost, or whose clock was wrong, may
 ask again with the same ones; the same token with other keys is refused.
@@ -9,8 +10,8 @@ ask again with the same ones; the same token with other keys is refused.
 from __future__ import annotations
 
 import datetime
-import secrets
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,11 +32,13 @@ from scenefold.crypto import (
     tls_key_in,
     write_secret,
 )
+from scenefold.crypto.drafts import name_folder, new_folder, sync_folder
 from scenefold.wire.enrol_packets import Enrolled, RequestEnrolment
 from scenefold.wire.orders import EnrolForm
 from scenefold.world.charter import SEEDS_MAX, facts_of
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import checked_name
+from scenefold.world.leftovers import draft_of, sweep_profile
 from scenefold.world.profile import ClusterProfile
 from scenefold.world.profile_making import AUTHORITY_CERTIFICATE, DEFAULT_USER, SETTINGS, write_settings
 
@@ -67,10 +70,7 @@ class Newcomer:
         folder = _draft_of(profile, token)
         asked_before = (folder / _TLS_KEY).exists()
         if not asked_before:
-            shutil.rmtree(folder, ignore_errors=True)
-            make_private_folder(folder)
-            MemberSecrets.generate(suite).to_files(folder)
-            write_secret(folder / _TLS_KEY, new_tls_key())
+            _make_keys(profile, folder, suite)
         tls_key = read_secret(folder / _TLS_KEY)
         tls_key_in(tls_key, str(folder / _TLS_KEY))  # Here, where its file can be named.
         return cls(profile, token, address, tls_key, MemberSecrets.from_files(folder), asked_before)
@@ -109,7 +109,10 @@ class Newcomer:
 
     def forget(self) -> None:
         """Remove the keys that were made for the token: no node has certified them, nor will."""
-        shutil.rmtree(_draft_of(self.profile, self.token), ignore_errors=True)
+        folder = _draft_of(self.profile, self.token)
+        with suppress(OSError):
+            shutil.rmtree(folder)
+            sync_folder(folder.parent)
 
     def _facts(self, chartered: ClusterFacts, known: ClusterProfile | None) -> ClusterFacts:
         """The cluster's facts as this machine shall know them: where to look first, and ourselves."""
@@ -133,27 +136,45 @@ def write_party(profile: Path, identity: Identity, own: MemberSecrets) -> None:
         return  # We were interrupted after this.
     if where.exists():
         raise LocalFault("keys of this member are in the profile already", where=str(where), remedy="move that folder away, then try again")
-    draft = where.with_name(f".{where.name}.{secrets.token_hex(6)}")
-    make_private_folder(draft)
-    identity.to_files(draft)
-    own.to_files(draft)
-    draft.rename(where)
+    make_private_folder(where.parent)
+    sweep_profile(profile)
+    try:
+        with new_folder(where) as draft:
+            identity.to_files(draft)
+            own.to_files(draft)
+            name_folder(draft, where)
+    except OSError as problem:
+        raise LocalFault(
+            f"cannot write the keys: {problem.strerror or problem}", where=str(where), remedy="check its permissions"
+        ) from problem
 
 
 def _write_new(profile: Path, facts: ClusterFacts, authority: bytes, identity: Identity, own: MemberSecrets) -> None:
-    make_private_folder(profile.parent)
-    draft = profile.with_name(f".{profile.name}.{secrets.token_hex(6)}")
     try:
-        make_private_folder(draft / AUTHORITY_CERTIFICATE.parent)
-        write_secret(draft / AUTHORITY_CERTIFICATE, authority)
-        make_private_folder(draft / "scenes")
-        write_party(draft, identity, own)
-        write_settings(draft, facts, facts.charter, user=_user_of(identity.name) or DEFAULT_USER)
-        draft.rename(profile)
+        with draft_of(profile) as draft:
+            make_private_folder(draft / AUTHORITY_CERTIFICATE.parent)
+            write_secret(draft / AUTHORITY_CERTIFICATE, authority)
+            make_private_folder(draft / "scenes")
+            write_party(draft, identity, own)
+            write_settings(draft, facts, facts.charter, user=_user_of(identity.name) or DEFAULT_USER)
+            name_folder(draft, profile)
     except OSError as problem:
         raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(profile), remedy="choose another folder") from problem
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _make_keys(profile: Path, folder: Path, suite: int) -> None:
+    """New keys in `folder`, whole or not at all; nothing if another process has made some there meanwhile."""
+    try:
+        with draft_of(profile, folder.name.removeprefix(f".{profile.name}")) as draft:
+            MemberSecrets.generate(suite).to_files(draft)
+            write_secret(draft / _TLS_KEY, new_tls_key())
+            if folder.exists() and not (folder / _TLS_KEY).exists():
+                shutil.rmtree(folder)  # Earlier versions made them where they are looked for, and one was killed there.
+            name_folder(draft, folder)
+    except OSError as problem:
+        if not (folder / _TLS_KEY).exists():
+            remedy = "choose another folder"
+            raise LocalFault(f"cannot make the keys: {problem.strerror}", where=str(folder), remedy=remedy) from problem
 
 
 def _known_profile(profile: Path, token: Token) -> ClusterProfile | None:

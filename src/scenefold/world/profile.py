@@ -21,8 +21,6 @@ from __future__ import annotations
 
 import base64
 import ipaddress
-import secrets
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,17 +38,18 @@ from scenefold.crypto import (
     SealingPublicKey,
     SecretFolder,
     SigningKey,
-    make_private_folder,
     read_authority_certificate,
     read_secret,
     write_secret,
 )
 from scenefold.crypto.authority import CERTIFICATE_FILE
+from scenefold.crypto.drafts import name_folder
 from scenefold.crypto.secrets_on_disk import read_certificate
 from scenefold.wire import SceneLogPublic
 from scenefold.world.charter import facts_of
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.keyring import Keyring, checked_name
+from scenefold.world.leftovers import draft_of
 from scenefold.world.ports import Ports
 from scenefold.world.profile_making import (
     DEFAULT_USER,
@@ -107,15 +106,12 @@ class ClusterProfile:
         founders, addresses = checked_addresses(node_addresses), checked_addresses([*node_addresses, *spares])
         ports = checked_ports(ports or Ports())
         refuse_taken(folder)
-        make_private_folder(folder.parent)
-        draft = folder.with_name(f".{folder.name}.{secrets.token_hex(6)}")
         try:
-            write_cluster(draft, name, addresses, founders, ports, suite, trust_all=trust_all)
-            draft.rename(folder)  # fails if somebody filled `folder` meanwhile
+            with draft_of(folder) as draft:
+                write_cluster(draft, name, addresses, founders, ports, suite, trust_all=trust_all)
+                name_folder(draft, folder)  # fails if somebody filled `folder` meanwhile
         except OSError as problem:
             raise LocalFault(f"cannot make the profile: {problem.strerror}", where=str(folder), remedy="choose another folder") from problem
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
         return cls.load(folder)
 
     @classmethod

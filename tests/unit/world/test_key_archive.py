@@ -10,6 +10,7 @@ import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.crypto import passphrases, write_secret
+from scenefold.crypto.drafts import LOCK_FILE
 from scenefold.crypto.passphrases import WrongPassphrase, unlock
 from scenefold.crypto.secret_folder import LOCKED_FILE, SecretFolder, refuse_to_ask
 from scenefold.world import key_archive
@@ -42,11 +43,12 @@ def profile(original: Path, tmp_path: Path) -> Path:
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != LOCK_FILE)
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def _secrets_of(profile: Path, user: str = "owner") -> list[str]:
-    return [path.name for path in sorted((profile / "users" / user).iterdir()) if path.name != "certificate.pem"]
+    return [name for name in sorted(_files(profile / "users" / user)) if name != "certificate.pem"]
 
 
 def _known(_where: str) -> str:
@@ -214,9 +216,12 @@ def test_a_killed_import_leaves_no_key_of_a_user_in_the_clear_and_the_next_one_c
 def test_what_others_make_beside_the_profile_stays(profile: Path, tmp_path: Path) -> None:
     file, back = tmp_path / "keys.backup", tmp_path / "back"
     export_keys(profile, file, PASSPHRASE, os.urandom, refuse_to_ask, user=None)
-    (tmp_path / ".back.0123456789ab").mkdir()
+    mine = (".back.0123456789abcdef", ".back.notes", ".background.0123456789ab")
+    for name in mine:
+        (tmp_path / name).mkdir()
+    (tmp_path / ".back.0123456789ab").touch()
     import_keys(file, back, PASSPHRASE, os.urandom)
-    assert [path.name for path in _drafts(back)] == [".back.0123456789ab"]
+    assert all((tmp_path / name).is_dir() for name in mine) and (tmp_path / ".back.0123456789ab").is_file()
 
 
 @pytest.mark.parametrize("renames", range(4))
