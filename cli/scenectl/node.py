@@ -82,6 +82,8 @@ def run_(
     from scenefold.node.logs import set_up_logs
     from scenefold.peer.settings import place_of
 
+    # Before anything is looked for: a word that is wrong is wrong without a profile, too.
+    place = place_of(join_at)
     set_up_logs("json" if output.json else "console", log_level)
     settings = replace(
         NodeSettings.for_member(profile_folder(output.profile), address.text, data=data, threads=threads),
@@ -92,7 +94,7 @@ def run_(
         transfer_bytes_per_s=transfer,
         remove_after_s=remove_after,
         blacklist=() if blacklist is None else blacklist.all,
-        join_place=place_of(join_at),
+        join_place=place,
         balance=balance,
     )
     run_until_stopped(settings, output)
