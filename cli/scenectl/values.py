@@ -16,7 +16,7 @@ from cyclopts.validators import Number
 from scenectl.names import checked_space
 from scenefold.base.ids import SPACE_ID_MAX, checked_node_id
 from scenefold.base.limits import NODES_MAX, POOL_NODES_MAX
-from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.base.location import Location
 
 if TYPE_CHECKING:
     from scenefold.world import Ports
@@ -167,20 +167,18 @@ class Place:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        digits = text.lower().removeprefix("0x")
-        if not 1 <= len(digits) <= 2 * LOCATION_BYTES or set(digits) - set("0123456789abcdef"):
-            raise ValueError(f"a location has 1 to {2 * LOCATION_BYTES} hexadecimal digits, not {text!r}")
-        return cls(digits)
+        Location.from_digits(text)
+        return cls(text.lower().removeprefix("0x"))
 
     @property
     def first(self) -> Location:
         """The first location that begins with these digits."""
-        return Location(bytes.fromhex(self.digits.ljust(2 * LOCATION_BYTES, "0")))
+        return Location.from_digits(self.digits)
 
     @property
     def last(self) -> Location:
         """The last location that begins with these digits."""
-        return Location(bytes.fromhex(self.digits.ljust(2 * LOCATION_BYTES, "f")))
+        return Location.from_digits(self.digits, filled_with="f")
 
     def __str__(self) -> str:
         return self.digits

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 LOCATION_BITS = 160
 LOCATION_BYTES = LOCATION_BITS // 8
@@ -36,6 +36,18 @@ class Location(bytes):
     def from_padded(cls, value: bytes) -> Self:
         """The location whose trailing zero bytes numpy stripped (scalars of dtype S20 lose them)."""
         return cls(value.ljust(LOCATION_BYTES, b"\0"))
+
+    @classmethod
+    def from_digits(cls, text: str, *, filled_with: Literal["0", "f"] = "0") -> Self:
+        """As people write places: by the leading hexadecimal digits, 1 to 40 of them, with 0x before them or not.
+
+        `filled_with` stands for the digits that are missing. ValueError with a sentence: above all of an empty text, which
+        would otherwise be the first location, where nobody meant to be.
+        """
+        digits = text.lower().removeprefix("0x")
+        if not 1 <= len(digits) <= 2 * LOCATION_BYTES or set(digits) - set("0123456789abcdef"):
+            raise ValueError(f"a location has 1 to {2 * LOCATION_BYTES} hexadecimal digits, not {text[:80]!r}")
+        return cls(bytes.fromhex(digits.ljust(2 * LOCATION_BYTES, filled_with)))
 
     @property
     def number(self) -> int:

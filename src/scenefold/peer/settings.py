@@ -10,7 +10,7 @@ from typing import Literal
 from scenefold.base.errors import UsageFault
 from scenefold.base.ids import NodeId, checked_node_id, node_id_of
 from scenefold.base.limits import BLACKLIST_MAX
-from scenefold.base.location import LOCATION_BYTES, Location
+from scenefold.base.location import Location
 from scenefold.peer.timing import REMOVE_AFTER_S, T_WAIT_S
 
 SEED_WAIT_S = 30.0
@@ -98,16 +98,17 @@ class NodeSettings:
 
 
 def place_of(text: str) -> Place:
-    """A place as it is written: "loaded", "random", or a location in hexadecimal, cut short or in full."""
+    """A place as it is written: "loaded", "random", or a location by its leading hexadecimal digits. UsageFault of anything else."""
     if text == "loaded":
         return "loaded"
     if text == "random":
         return "random"
     try:
-        return Location(bytes.fromhex(text).ljust(LOCATION_BYTES, b"\0"))
+        return Location.from_digits(text)
     except ValueError:
         raise UsageFault(
-            f"{text!r} is no place on the line", remedy='give "loaded", "random", or hexadecimal digits, 80 for the middle'
+            f"{text[:80]!r} is no place on the line",
+            remedy='give "loaded", "random", or 1 to 40 hexadecimal digits, 8 for the middle',
         ) from None
 
 

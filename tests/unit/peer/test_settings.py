@@ -10,7 +10,8 @@ import pytest
 from scenefold.base.errors import UsageFault
 from scenefold.base.ids import address_of
 from scenefold.base.limits import BLACKLIST_MAX
-from scenefold.peer.settings import NodeSettings
+from scenefold.base.location import Location
+from scenefold.peer.settings import NodeSettings, place_of
 
 
 def settings(**changes: Any) -> NodeSettings:
@@ -43,3 +44,20 @@ def test_what_cannot_be_is_one_clear_error(changes: dict[str, Any], what: str, r
     with pytest.raises(UsageFault) as caught:
         settings(**changes)
     assert caught.value.what == what and str(caught.value.remedy).startswith(remedy)
+
+
+@pytest.mark.parametrize("text", ["", " ", "0x", "80 00", " 8", "8\n", "8" * 41, "8" * 42, "+8", "8_0", "fullest", "Random"])
+def test_what_is_no_place_is_never_taken_for_the_beginning_of_the_line(text: str) -> None:
+    with pytest.raises(UsageFault, match="no place on the line") as caught:
+        place_of(text)
+    assert "1 to 40 hexadecimal digits" in str(caught.value.remedy)
+
+
+@pytest.mark.parametrize("text", ["8", "80", "0x80", "0X8", "8" + "0" * 39])
+def test_a_place_is_its_leading_digits(text: str) -> None:
+    assert place_of(text) == Location.from_number(1 << 159)
+
+
+def test_places_that_have_names() -> None:
+    assert (place_of("loaded"), place_of("random")) == ("loaded", "random")
+    assert place_of("0") == Location(bytes(20)) and place_of("FfF") == Location(b"\xff\xf0" + bytes(18))
