@@ -14,6 +14,7 @@ from scenefold.wire.containers import Struct
 from scenefold.wire.kinds import Bin, Text
 
 CARD_BYTES_MAX = 4096
+FORM_BYTES_MAX = 4096
 ANY_NODE = "node"
 """The name in an invitation that any node may use, whatever its address."""
 
@@ -44,9 +45,12 @@ class Invite:
 
 @dataclass(frozen=True, slots=True)
 class Enrol:
-    """The invitation is used up: this certificate (DER) was issued for it."""
+    """An invitation is used up: this certificate (DER) was issued for it. `form`: the EnrolForm that asked for that, signed with the key of the
+    invitation, so that nobody but its holder can use it, nor for anything but what the holder asked for.
+    """
 
-    invitation: bytes
+    form: bytes
+    signature: bytes
     card: bytes
 
 
@@ -75,11 +79,14 @@ class Withdraw:
 EnrolEntry = Trust | Invite | Enrol | RenewCard | RevokeUser | Withdraw
 INVITATION_KEY = Bin(lengths=(32,))
 CARD = Bin(CARD_BYTES_MAX)
+FORM_BYTES = Bin(FORM_BYTES_MAX)
+FORM_SIGNATURE = Bin(lengths=(64,))
+"""Invitations are of suite 1."""
 MEMBER_NAME = Text(MEMBER_NAME_BYTES_MAX)
 ENROL_ENTRIES: dict[int, Struct[Any]] = {
     34: Struct(Trust, ("node", U32), ("trusted", BOOL), ("sealing_key", Bin(lengths=(0, 32))), ("sealed", Bin(512))),
     37: Struct(Invite, ("key", INVITATION_KEY), ("name", MEMBER_NAME), ("is_administrator", BOOL), ("expires", U32), ("by", MEMBER_NAME)),
-    38: Struct(Enrol, ("invitation", INVITATION_KEY), ("card", CARD)),
+    38: Struct(Enrol, ("form", FORM_BYTES), ("signature", FORM_SIGNATURE), ("card", CARD)),
     39: Struct(RenewCard, ("card", CARD)),
     40: Struct(RevokeUser, ("name", MEMBER_NAME), ("key", U32)),
     41: Struct(Withdraw, ("invitation", INVITATION_KEY)),

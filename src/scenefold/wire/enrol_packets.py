@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from scenefold.wire.common import SIGNATURE, U64, Carrier, Packet, row
-from scenefold.wire.enrol_entries import CARD
+from scenefold.wire.enrol_entries import CARD, FORM_BYTES, FORM_SIGNATURE
 from scenefold.wire.kinds import Bin
-from scenefold.wire.orders import FORM_BYTES_MAX, ORDER_BYTES_MAX
+from scenefold.wire.orders import ORDER_BYTES_MAX
 
 CHARTER_BYTES_MAX = 256 * 1024
 
@@ -85,7 +85,7 @@ class RespondCard(Packet):
 
 ROWS = (
     row(Greeting, Carrier.TCP_HIGH, ("authority", CARD)),
-    row(RequestEnrolment, Carrier.TCP_HIGH, ("form", Bin(FORM_BYTES_MAX)), ("signature", Bin(lengths=(64,)))),
+    row(RequestEnrolment, Carrier.TCP_HIGH, ("form", FORM_BYTES), ("signature", FORM_SIGNATURE)),
     row(Enrolled, Carrier.TCP_HIGH, ("certificate", CARD), ("authority", CARD), ("charter", Bin(CHARTER_BYTES_MAX))),
     row(RequestRenewal, Carrier.TCP_HIGH, ("certificate", CARD)),
     row(Administer, Carrier.TCP_HIGH, ("order", Bin(ORDER_BYTES_MAX)), ("signature", SIGNATURE)),

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 
 from scenefold.wire.common import U32, U64, NodeId
 from scenefold.wire.containers import Struct
-from scenefold.wire.enrol_entries import INVITATION_KEY, MEMBER_NAME
+from scenefold.wire.enrol_entries import FORM_BYTES_MAX, INVITATION_KEY, MEMBER_NAME
 from scenefold.wire.kinds import Bin
 from scenefold.wire.log_entries import SINGLE_ENTRY, SingleEntry
 from scenefold.wire.pieces import pack_piece, unpack_piece
 
 ORDER_BYTES_MAX = 8192
-FORM_BYTES_MAX = 4096
 
 
 @dataclass(frozen=True, slots=True)

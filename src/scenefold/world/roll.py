@@ -1,7 +1,8 @@
 """Who was invited, who is enrolled, whose key was revoked, whom the cluster trusts: a part of the log's fold (specs/15-cluster-log.md).
 
 Members that the cluster began with do not stand here: the charter has its first user, and the facts have the nodes' credentials. That a
-card was issued by the authority is judged before it is committed (peer/enrolment/card_rules.py); here it is only taken apart. Values, all of it.
+card was issued by the authority, and while the invitation counted, is judged before it is committed (peer/enrolment/card_rules.py); that the
+holder of the invitation asked for it is judged here, by everybody who folds the log. Values, all of it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import NAME_PATTERN, Card, node_named
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.world.enrol_forms import check_signed, form_in, wanted
 
 LISTED_MAX = 2048
 """Open invitations, and members that were enrolled and count."""
@@ -100,10 +102,14 @@ class Roll:
         return self._with(Invitation(entry))
 
     def _enrolled(self, entry: Enrol) -> Roll:
-        invitation, card = self._open_invitation(entry.invitation), card_in(entry.card)
-        check_invited(self, invitation.entry, card.name, card.signing_id)
-        if card.keys.is_administrator != invitation.entry.is_administrator:
-            raise _forbidden(f"{card.name} was not invited as what its card says")
+        form, card = form_in(entry.form), card_in(entry.card)
+        invitation = self._open_invitation(form.invitation)
+        check_signed(entry.form, entry.signature, form.invitation)
+        asked = wanted(form, invitation.entry)
+        check_invited(self, invitation.entry, asked.name, asked.keys.signing.key_id)
+        asked.check_possible()
+        if not asked.is_in(card):
+            raise _forbidden(f"the card of {card.name} is not what the holder of the invitation asked for")
         node = node_named(card.name)
         used = self._with(replace(invitation, state=InvitationState.USED, card=card))
         # Trust, and the key that was sealed to it, were those of the keys that the node had before.
@@ -149,7 +155,7 @@ class Roll:
 
 def check_invited(roll: Roll, invite: Invite, name: str, key: KeyId) -> None:
     """Refused unless this invitation is one for this name, which is free, under this key."""
-    is_meant = name == invite.name or (invite.name == ANY_NODE and node_named(name) is not None)
+    is_meant = node_named(name) is not None if invite.name == ANY_NODE else name == invite.name
     if not is_meant:
         raise _forbidden(f"the invitation is for {'a node' if invite.name == ANY_NODE else invite.name}, not for {name}")
     if roll.is_revoked(name, key):

@@ -28,11 +28,11 @@ from scenefold.wire import (
     decode_packet,
     encode_frame,
 )
-from scenefold.wire.enrol_entries import Enrol, Invite, RevokeUser
+from scenefold.wire.enrol_entries import Invite, RevokeUser
 from scenefold.world import Priority
 from unit.peer import logs_made
 from unit.peer.logs_made import add, found, member, node, record
-from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, card_for, invitation_key
+from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, card_for, enrolled, invitation_key
 from unit.world.test_guests import Line
 
 FACTS = replace(logs_made.facts(2), authority=AUTHORITY.certificate)
@@ -49,7 +49,7 @@ def log(*entries: LogEntry) -> Registry:
 
 STRANGER = log()
 INVITED = log(Invite(invitation_key(1).public.raw, ADA, False, int(NOW.timestamp()) + 3600, "user:owner"))
-MEMBER = INVITED.apply(record(INVITED, Enrol(invitation_key(1).public.raw, card_for(ADA, 0).der)))
+MEMBER = INVITED.apply(record(INVITED, enrolled(1, card_for(ADA, 0))))
 REVOKED = MEMBER.apply(record(MEMBER, RevokeUser(ADA, KEY)))
 
 

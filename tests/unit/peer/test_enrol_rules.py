@@ -25,15 +25,16 @@ from scenefold.peer.enrolment.card_rules import (
     not_due,
     refusal_of,
 )
-from scenefold.peer.enrolment.enrol_rules import ORDER_S_MAX, IssuedBefore, ToIssue, judge_form, judge_order
+from scenefold.peer.enrolment.enrol_rules import ORDER_S_MAX, IssuedBefore, judge_form, judge_order
 from scenefold.wire import AddNode, LogEntry, MalformedPacket, Member, RemoveNode, RevokeNode
-from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.wire.enrol_entries import ANY_NODE, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.log_entries import SingleEntry
 from scenefold.wire.orders import EnrolForm, Order
+from scenefold.world.enrol_forms import Wanted
 from scenefold.world.facts import ClusterFacts
 from unit.peer import logs_made
 from unit.peer.logs_made import add, found, key_of, node, record, secrets_of
-from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, invitation_key
+from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, enrolled, invitation_key
 
 DAY = datetime.timedelta(days=1)
 OWNER = card_for("user:owner", 2, admin=True)
@@ -60,7 +61,7 @@ def form(name: str = "", who: int = 0, number: int = 1, address: int = 0) -> Enr
     return EnrolForm(invitation_key(number).public.raw, name, NodeId(address), TLS_KEYS[who], NEWCOMERS[who].public().encode())
 
 
-def judged(registry: Registry, asked: EnrolForm, *, key: SigningKey | None = None, now: float = CLOCK) -> ToIssue | IssuedBefore:
+def judged(registry: Registry, asked: EnrolForm, *, key: SigningKey | None = None, now: float = CLOCK) -> Wanted | IssuedBefore:
     data = asked.encode()
     return judge_form(data, (key or invitation_key(1)).sign(ENROL_DOMAIN, data), registry, FACTS, now)
 
@@ -87,19 +88,19 @@ def test_only_administrators_may_give_orders_to_nodes() -> None:
 def test_an_invited_user_gets_the_name_and_the_rights_that_the_invitation_gives() -> None:
     for admin in (False, True):
         issue = judged(log(invite("user:ada", admin=admin)), form())
-        assert isinstance(issue, ToIssue)
+        assert isinstance(issue, Wanted)
         assert (issue.name, issue.addresses, issue.keys) == ("user:ada", (), NEWCOMERS[0].public(is_administrator=admin))
 
 
 def test_a_node_that_calls_itself_administrator_is_none() -> None:
     bold = replace(form(), keys=NEWCOMERS[0].public(is_administrator=True).encode())
     issue = judged(log(invite("user:ada")), bold)
-    assert isinstance(issue, ToIssue) and not issue.keys.is_administrator
+    assert isinstance(issue, Wanted) and not issue.keys.is_administrator
 
 
 def test_who_asks_again_with_the_same_keys_gets_the_same_card_and_nobody_else_does() -> None:
     card = card_for("user:ada", 0)
-    registry = log(invite("user:ada"), Enrol(invitation_key(1).public.raw, card.der))
+    registry = log(invite("user:ada"), enrolled(1, card))
     again = judged(registry, form())
     assert isinstance(again, IssuedBefore) and again.card == card
     assert isinstance(judged(registry, form("user:ada"), now=CLOCK + 10**7), IssuedBefore), "what was issued is no secret, however late"
@@ -123,7 +124,7 @@ def test_each_refusal_says_its_own_reason() -> None:
 def test_a_node_gets_a_card_for_its_own_address_only() -> None:
     registry = log(invite(ANY_NODE))
     issue = judged(registry, form(f"node:{NEWCOMER}", address=NEWCOMER))
-    assert isinstance(issue, ToIssue) and issue.addresses == (address_of(NEWCOMER),)
+    assert isinstance(issue, Wanted) and issue.addresses == (address_of(NEWCOMER),)
     assert "cannot be at" in refusal_text(registry, form(f"node:{NEWCOMER}", address=NEWCOMER + 1))
     assert "from the start" in refusal_text(registry, form(f"node:{node(1)}", address=node(1)))
     assert "for a node, not for user:ada" in refusal_text(registry, form("user:ada"))
@@ -144,16 +145,14 @@ def test_no_node_is_enrolled_where_no_machine_is(address: str) -> None:
     registry = log(invite(ANY_NODE))
     assert "not the address of one machine" in refusal_text(registry, form(f"node:{node_id}", address=node_id))
     with pytest.raises(Refused, match="not the address of one machine"):
-        check_issued(Enrol(invitation_key(1).public.raw, card_for(f"node:{node_id}", 0).der), registry, FACTS, CLOCK)
+        check_issued(enrolled(1, card_for(f"node:{node_id}", 0)), registry, FACTS, CLOCK)
 
 
 @pytest.mark.parametrize("addresses", [[], ["127.0.0.11"], ["127.0.0.10", "127.0.0.11"]])
 def test_a_node_whose_card_says_another_address_never_gets_into_the_log(addresses: list[str]) -> None:
     pem = AUTHORITY.certify(f"node:{NEWCOMER}", addresses, TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
     with pytest.raises(Refused, match="cannot be at"):
-        check_issued(
-            Enrol(invitation_key(1).public.raw, Card.verified(pem, AUTHORITY.certificate).der), log(invite(ANY_NODE)), FACTS, CLOCK
-        )
+        check_issued(enrolled(1, Card.verified(pem, AUTHORITY.certificate)), log(invite(ANY_NODE)), FACTS, CLOCK)
 
 
 FORM = form().encode()
@@ -188,7 +187,7 @@ def forbidden(registry: Registry, what: Order, who: int = 2) -> str:
 
 
 def member(name: str, who: int, number: int = 1, *, admin: bool = False) -> Iterable[LogEntry]:
-    return invite(name, number, admin=admin), Enrol(invitation_key(number).public.raw, card_for(name, who, admin=admin).der)
+    return invite(name, number, admin=admin), enrolled(number, card_for(name, who, admin=admin))
 
 
 def test_only_an_administrators_own_key_gives_orders() -> None:
@@ -258,7 +257,7 @@ def test_an_order_to_trust_names_the_key_that_the_node_has() -> None:
     assert "another key" in forbidden(log(), order(replace(swapped, sealed=b"sealed")))
 
 
-@pytest.mark.parametrize("entry", [add(1), found(2), Enrol(bytes(32), card_for("user:ada", 0).der)])
+@pytest.mark.parametrize("entry", [add(1), found(2), enrolled(1, card_for("user:ada", 0))])
 def test_what_nobody_orders_is_refused(entry: SingleEntry) -> None:
     assert "nobody orders" in forbidden(log(), order(entry))
 
@@ -268,13 +267,13 @@ def test_what_nobody_orders_is_refused(entry: SingleEntry) -> None:
 
 def test_a_card_of_another_authority_never_gets_into_the_log() -> None:
     other = Authority.create("studio", now=NOW).certify("user:ada", [], TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW)
-    for entry in (Enrol(invitation_key(1).public.raw, other), RenewCard(other), RenewCard(b"none")):
+    for entry in (replace(enrolled(1, card_for("user:ada", 0)), card=other), RenewCard(other), RenewCard(b"none")):
         with pytest.raises(Refused) as caught:
             check_issued(entry, log(invite("user:ada")), FACTS, CLOCK)
         assert caught.value.reason == RejectReason.SIGNATURE_INVALID
-    check_issued(Enrol(invitation_key(1).public.raw, card_for("user:ada", 0).der), log(invite("user:ada")), FACTS, CLOCK)
+    check_issued(enrolled(1, card_for("user:ada", 0)), log(invite("user:ada")), FACTS, CLOCK)
     with pytest.raises(Refused):
-        check_issued(Enrol(invitation_key(1).public.raw, card_for("user:owner", 0).der), log(), FACTS, CLOCK)
+        check_issued(enrolled(1, card_for("user:owner", 0)), log(), FACTS, CLOCK)
     with pytest.raises(Refused):
         check_issued(RenewCard(card_for("user:owner", 0).der), log(), FACTS, CLOCK)
     check_issued(RenewCard(card_for("user:owner", 2, admin=True, since=DAY / 2).der), log(), FACTS, CLOCK)
@@ -284,7 +283,7 @@ def test_a_card_of_another_authority_never_gets_into_the_log() -> None:
 def test_a_card_that_does_not_count_today_by_the_voters_clock_never_gets_into_the_log(since: datetime.timedelta) -> None:
     card = card_for("user:ada", 0, since=since)
     for entry, registry in (
-        (Enrol(invitation_key(1).public.raw, card.der), log(invite("user:ada"))),
+        (enrolled(1, card), log(invite("user:ada"))),
         (RenewCard(card.der), log(*member("user:ada", 0))),
     ):
         with pytest.raises(Refused, match="this clock says 2026-03-01"):
@@ -295,7 +294,7 @@ def test_no_card_counts_for_more_than_a_year(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("scenefold.crypto.authority.LEAF_DAYS", 367)
     card = Card.verified(AUTHORITY.certify("user:ada", [], TLS_KEYS[0], keys=NEWCOMERS[0].public(), now=NOW), AUTHORITY.certificate)
     with pytest.raises(Refused, match="for more than a year"):
-        check_issued(Enrol(invitation_key(1).public.raw, card.der), log(invite("user:ada")), FACTS, CLOCK)
+        check_issued(enrolled(1, card), log(invite("user:ada")), FACTS, CLOCK)
 
 
 def test_an_older_card_comes_back_only_in_place_of_one_that_does_not_count_today() -> None:
@@ -344,7 +343,7 @@ def test_a_certificate_is_renewed_for_its_holder_and_while_its_keys_count() -> N
 
 def test_nothing_is_issued_anew_before_it_is_due() -> None:
     first = card_for("user:ada", 0)
-    registry = log(invite("user:ada"), Enrol(invitation_key(1).public.raw, first.der))
+    registry = log(invite("user:ada"), enrolled(1, first))
     due = first.renew_from.timestamp()
     assert not_due(first, registry, FACTS, due - 1) == first
     assert not_due(first, registry, FACTS, due + 1) is None
@@ -369,7 +368,7 @@ def test_a_peer_is_judged_by_the_key_in_its_certificate() -> None:
         RevokeUser("user:ada", NEWCOMERS[0].signing.key_id),
         invite("user:ada", 2),
     )
-    back = registry.apply(record(registry, Enrol(invitation_key(2).public.raw, card_for("user:ada", 1).der)))
+    back = registry.apply(record(registry, enrolled(2, card_for("user:ada", 1))))
     for name, key, then, reason in (
         ("user:owner", OWNER.signing_id, registry, None),
         ("user:ada", NEWCOMERS[0].signing.key_id, registry, RejectReason.KEY_REVOKED),

@@ -16,9 +16,9 @@ from scenefold.crypto import Authority, Card
 from scenefold.render.choice import REVOKED, STRANGE, Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.wire import AddNode, LogEntry, Member, RevokeNode
-from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, Trust
+from scenefold.wire.enrol_entries import ANY_NODE, Invite, Trust
 from unit.peer.logs_made import add, facts, found, incarnation, key_of, node, secrets_of
-from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, invitation_key
+from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, enrolled, invitation_key
 from unit.render.test_choice import granted, trust, view_of
 
 NEWCOMER = NodeId(node_id_of("127.0.0.9"))
@@ -113,8 +113,8 @@ def _joined(card: Card | None, keys: int = 0) -> tuple[LogEntry, ...]:
     until = int((NOW + datetime.timedelta(days=7)).timestamp())
     invite = Invite(invitation_key(1).public.raw, ANY_NODE, False, until, "user:owner")
     member = AddNode(Member(NEWCOMER, incarnation(9)), own.signing.raw, own.sealing.raw, address_of(NEWCOMER), node(0))
-    enrolled = () if card is None else (invite, Enrol(invite.key, card.der))
-    return (*FOUNDED, *enrolled, member, Trust(NEWCOMER, True, own.sealing.raw))
+    joined = () if card is None else (invite, enrolled(1, card))
+    return (*FOUNDED, *joined, member, Trust(NEWCOMER, True, own.sealing.raw))
 
 
 async def test_who_joined_is_known_by_the_card_that_the_authority_issued() -> None:

@@ -14,11 +14,11 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.wire import LogEntry, Member, RevokeNode, SignedRecord
-from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser
+from scenefold.wire.enrol_entries import Invite, RenewCard, RevokeUser
 from scenefold.world.log_file import LOG_FILE, LogFile
 from scenefold.world.log_view import NO_INCARNATION, LogView
 from unit.peer.logs_made import LOG_KEY, add, found, key_of, member, node, record, remove, signed
-from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
+from unit.peer.members_made import NEWCOMERS, NOW, card_for, enrolled, invitation_key
 from unit.world.test_roll import YEAR
 
 KEY = LOG_KEY.public
@@ -27,7 +27,7 @@ ADA, NODE = "user:ada", f"node:{node(1)}"
 
 def invited(number: int, name: str, who: int) -> tuple[LogEntry, LogEntry]:
     key = invitation_key(number).public.raw
-    return Invite(key, name, False, int(NOW.timestamp()) + 3600, "user:owner"), Enrol(key, card_for(name, who).der)
+    return Invite(key, name, False, int(NOW.timestamp()) + 3600, "user:owner"), enrolled(number, card_for(name, who))
 
 
 ENTRIES: tuple[LogEntry, ...] = (

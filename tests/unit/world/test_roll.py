@@ -10,12 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
+from scenefold.wire.orders import EnrolForm
 from scenefold.world.roll import InvitationState, Roll
-from unit.peer.members_made import NEWCOMERS, NOW, card_for, invitation_key
+from unit.peer.members_made import NEWCOMERS, NOW, card_for, enrolled, invitation_key
 
+FIVE = node_id_of("127.0.0.5")
+NODE = f"node:{FIVE}"
 KEY = NEWCOMERS[0].sealing.public.raw
 YEAR = datetime.timedelta(days=365)
 
@@ -25,7 +28,7 @@ def invite(number: int, name: str, *, admin: bool = False) -> Invite:
 
 
 def enrol(number: int, name: str, who: int = 0, *, admin: bool = False) -> Enrol:
-    return Enrol(invitation_key(number).public.raw, card_for(name, who, admin=admin).der)
+    return enrolled(number, card_for(name, who, admin=admin))
 
 
 def after(*entries: EnrolEntry, roll: Roll | None = None) -> Roll:
@@ -44,7 +47,7 @@ def refusal(roll: Roll, entry: EnrolEntry) -> RejectReason:
 def test_an_invitation_is_used_once_for_the_name_that_it_gives() -> None:
     roll = after(invite(1, "user:ada"))
     assert refusal(roll, enrol(1, "user:eve")) == RejectReason.NOT_AUTHORISED
-    assert refusal(roll, enrol(1, "node:5")) == RejectReason.NOT_AUTHORISED
+    assert refusal(roll, enrol(1, NODE)) == RejectReason.NOT_AUTHORISED
     assert refusal(roll, enrol(1, "user:ada", admin=True)) == RejectReason.NOT_AUTHORISED, "nobody invited an administrator"
     assert refusal(roll, enrol(2, "user:ada")) == RejectReason.NOT_AUTHORISED, "another invitation"
     used = after(enrol(1, "user:ada"), roll=roll)
@@ -60,11 +63,11 @@ def test_an_invitation_is_used_once_for_the_name_that_it_gives() -> None:
 
 def test_what_was_withdrawn_admits_nobody() -> None:
     roll = after(invite(1, ANY_NODE), Withdraw(invitation_key(1).public.raw))
-    assert refusal(roll, enrol(1, "node:5")) == RejectReason.NOT_AUTHORISED
+    assert refusal(roll, enrol(1, NODE)) == RejectReason.NOT_AUTHORISED
 
 
 @pytest.mark.parametrize(
-    "entry", [invite(1, "ada"), invite(1, "user:"), invite(1, "node:1", admin=True), RevokeUser("node:5", NEWCOMERS[0].signing.key_id)]
+    "entry", [invite(1, "ada"), invite(1, "user:"), invite(1, "node:1", admin=True), RevokeUser(NODE, NEWCOMERS[0].signing.key_id)]
 )
 def test_names_that_cannot_be_are_refused(entry: EnrolEntry) -> None:
     assert refusal(Roll(), entry) == RejectReason.ILL_FORMED
@@ -90,18 +93,18 @@ def test_who_is_revoked_does_not_come_back_by_an_invitation_that_it_gave() -> No
 
 
 def test_only_an_invitation_that_names_a_node_gives_it_other_keys_and_they_are_not_trusted() -> None:
-    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, KEY, b"sealed"), invite(2, ANY_NODE), invite(3, "node:5"))
-    assert refusal(roll, enrol(2, "node:5", 1)) == RejectReason.NOT_AUTHORISED
-    again = after(enrol(3, "node:5", 1), roll=roll)
-    assert NodeId(5) not in again.trusted and not again.sealed
+    roll = after(invite(1, ANY_NODE), enrol(1, NODE), Trust(FIVE, True, KEY, b"sealed"), invite(2, ANY_NODE), invite(3, NODE))
+    assert refusal(roll, enrol(2, NODE, 1)) == RejectReason.NOT_AUTHORISED
+    again = after(enrol(3, NODE, 1), roll=roll)
+    assert FIVE not in again.trusted and not again.sealed
 
 
 def test_keys_that_were_replaced_count_no_longer() -> None:
-    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), invite(2, "node:5"), enrol(2, "node:5", 1), invite(3, "node:5"))
-    assert roll.is_revoked("node:5", NEWCOMERS[0].signing.key_id) and not roll.is_revoked("node:5", NEWCOMERS[1].signing.key_id)
-    assert refusal(roll, enrol(3, "node:5", 0)) == RejectReason.KEY_REVOKED, "nobody puts an old card back"
-    same = after(enrol(3, "node:5", 1), roll=roll)
-    assert not same.is_revoked("node:5", NEWCOMERS[1].signing.key_id)
+    roll = after(invite(1, ANY_NODE), enrol(1, NODE), invite(2, NODE), enrol(2, NODE, 1), invite(3, NODE))
+    assert roll.is_revoked(NODE, NEWCOMERS[0].signing.key_id) and not roll.is_revoked(NODE, NEWCOMERS[1].signing.key_id)
+    assert refusal(roll, enrol(3, NODE, 0)) == RejectReason.KEY_REVOKED, "nobody puts an old card back"
+    same = after(enrol(3, NODE, 1), roll=roll)
+    assert not same.is_revoked(NODE, NEWCOMERS[1].signing.key_id)
 
 
 def test_only_members_that_count_take_room(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,13 +115,13 @@ def test_only_members_that_count_take_room(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_trust_goes_with_the_key_or_when_it_is_withdrawn() -> None:
-    roll = after(invite(1, ANY_NODE), enrol(1, "node:5"), Trust(NodeId(5), True, KEY), Trust(NodeId(5), True, KEY, b"sealed"))
-    assert roll.trusted == {NodeId(5)} and roll.sealed == {NodeId(5): b"sealed"}
-    for gone in (after(Trust(NodeId(5), False), roll=roll), roll.without("node:5", NEWCOMERS[0].signing.key_id)):
+    roll = after(invite(1, ANY_NODE), enrol(1, NODE), Trust(FIVE, True, KEY), Trust(FIVE, True, KEY, b"sealed"))
+    assert roll.trusted == {FIVE} and roll.sealed == {FIVE: b"sealed"}
+    for gone in (after(Trust(FIVE, False), roll=roll), roll.without(NODE, NEWCOMERS[0].signing.key_id)):
         assert not gone.trusted and not gone.sealed
 
 
-@pytest.mark.parametrize("entry", [Trust(NodeId(5), True), Trust(NodeId(5), False, KEY), Trust(NodeId(5), False, b"", b"sealed")])
+@pytest.mark.parametrize("entry", [Trust(FIVE, True), Trust(FIVE, False, KEY), Trust(FIVE, False, b"", b"sealed")])
 def test_trust_says_what_may_be_sealed_to(entry: Trust) -> None:
     assert refusal(Roll(), entry) == RejectReason.ILL_FORMED
 
@@ -136,13 +139,13 @@ def test_a_renewed_card_has_the_same_keys() -> None:
     assert back.card_of("user:ada") == card_for("user:ada", 0, since=YEAR / 2)
 
 
-NAMES = ("user:ada", "user:bob", "node:5")
+NAMES = ("user:ada", "user:bob", NODE)
 ENTRIES: st.SearchStrategy[EnrolEntry] = st.one_of(
     st.builds(invite, st.integers(0, 3), st.sampled_from((*NAMES, ANY_NODE))),
     st.builds(enrol, st.integers(0, 3), st.sampled_from(NAMES), st.integers(0, 1)),
     st.builds(lambda number: Withdraw(invitation_key(number).public.raw), st.integers(0, 3)),
     st.builds(lambda name, who: RevokeUser(name, NEWCOMERS[who].signing.key_id), st.sampled_from(NAMES[:2]), st.integers(0, 1)),
-    st.builds(lambda trusted: Trust(NodeId(5), trusted, *((KEY, b"sealed") if trusted else ())), st.booleans()),
+    st.builds(lambda trusted: Trust(FIVE, trusted, *((KEY, b"sealed") if trusted else ())), st.booleans()),
     st.builds(lambda name, who: RenewCard(card_for(name, who, since=YEAR).der), st.sampled_from(NAMES), st.integers(0, 1)),
 )
 
@@ -158,8 +161,9 @@ def test_whatever_is_tried_each_invitation_counts_once_and_revoked_keys_never(en
             continue
         assert before.revoked <= roll.revoked
         if isinstance(entry, Enrol):
-            assert entry.invitation not in used
-            used.add(entry.invitation)
+            invitation = EnrolForm.decode(entry.form).invitation
+            assert invitation not in used
+            used.add(invitation)
         for name in NAMES:
             card = roll.card_of(name)
             assert card is None or not roll.is_revoked(name, card.signing_id)

@@ -84,7 +84,7 @@ def in_words(entry: LogEntry) -> str:
             return f"{by} invites {'any node' if name == ANY_NODE else name}"
         case Withdraw():
             return "an invitation is withdrawn"
-        case Enrol(_, card):
+        case Enrol(_, _, card):
             return f"{Card.read(card).name} is enrolled"
         case RenewCard(card):
             return f"{Card.read(card).name} has a newer certificate"

@@ -8,11 +8,12 @@ from __future__ import annotations
 import datetime
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import KeyId, NodeId, address_of, checked_node_id
+from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Card, OutOfDate, PublicKey, node_named
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.wire.enrol_entries import Enrol, RenewCard, Trust
+from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, Trust
+from scenefold.world.enrol_forms import check_place, form_in
 from scenefold.world.facts import ClusterFacts, Credential
 
 CARD_LIFE_MAX = datetime.timedelta(days=366)
@@ -100,7 +101,8 @@ def is_original(node: NodeId, registry: Registry, facts: ClusterFacts) -> bool:
 
 
 def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFacts, now: float) -> None:
-    """Refused unless our authority issued the card, for somebody that it may name, and it counts today. That it fits the log says the roll.
+    """Refused unless our authority issued the card, for somebody that it may name, and it counts today, as the invitation does. That it fits
+    the log, and that the holder of the invitation asked for it, says the roll.
 
     `now`: seconds since 1970, by the voter's clock. So a trusted node whose clock is wrong makes no card that others cannot use, and
     what a wrong clock of the voter let in is replaced once that clock is right.
@@ -120,6 +122,9 @@ def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFac
     if isinstance(entry, Enrol):
         if _owner(card.name, facts) is not None or (node is not None and is_original(node, registry, facts)):
             raise _forbidden(f"{card.name} was not enrolled, it was there from the start")
+        invitation = registry.roll.invitations.get(form_in(entry.form).invitation)
+        if invitation is not None:
+            check_not_expired(invitation.entry, now)
         return
     if _keys_of(card.name, registry, facts) != (card.keys.signing, card.keys.sealing):
         raise _forbidden(f"{card.name} is known by other keys")
@@ -162,14 +167,16 @@ def check_trust(entry: Trust, registry: Registry, facts: ClusterFacts) -> None:
         raise _forbidden(f"{address_of(entry.node)} opens with another key than the one that was sealed to", "trust it again")
 
 
-def check_place(node: NodeId, addresses: tuple[str, ...]) -> None:
-    """Refused unless a node is at its own address and nowhere else, and that is one that a machine can have."""
-    if addresses != (address_of(node),):
-        raise Refused(RejectReason.ILL_FORMED, f"node:{node} cannot be at {', '.join(addresses) or 'no address'}")
-    try:
-        checked_node_id(address_of(node))
-    except ValueError as problem:
-        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
+def check_not_expired(invite: Invite, now: float) -> None:
+    """Refused once an invitation is open no longer. The node that issues asks, and the voter again: so no slow clock of the one revives it."""
+    if now > invite.expires:
+        until, clock = in_utc(invite.expires), in_utc(now)
+        raise _forbidden(f"the token was valid until {until}, and this node's clock says {clock}", "ask for another one")
+
+
+def in_utc(moment: float) -> str:
+    """Seconds since 1970, for people."""
+    return f"{datetime.datetime.fromtimestamp(moment, datetime.UTC):%Y-%m-%d %H:%M} UTC"
 
 
 def _keys_of(name: str, registry: Registry, facts: ClusterFacts) -> tuple[object, object] | None:

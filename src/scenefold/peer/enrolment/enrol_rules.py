@@ -6,37 +6,25 @@ from the roll, what the cluster began with from the facts. `now` is seconds sinc
 
 from __future__ import annotations
 
-import datetime
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
-from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import ENROL_DOMAIN, ORDER_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, node_named
+from scenefold.crypto import ORDER_DOMAIN, Card, InvalidSignature, node_named
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.peer.enrolment.card_rules import administrators, card_of, check_place, check_trust, credential_of, is_original
+from scenefold.peer.enrolment.card_rules import administrators, card_of, check_not_expired, check_trust, credential_of, in_utc, is_original
 from scenefold.wire import RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
-from scenefold.wire.orders import EnrolForm, Order
+from scenefold.wire.orders import Order
+from scenefold.world.enrol_forms import Wanted, check_signed, form_in, wanted
 from scenefold.world.facts import ClusterFacts
-from scenefold.world.roll import Invitation, InvitationState, check_invited
+from scenefold.world.roll import Invitation, InvitationState, Roll, check_invited
 
 ORDER_S_MAX = 3600.0
 """An order counts so long, and clocks may differ by as much: what was refused once is not carried out a week later."""
 INVITATION_S_MAX = 30 * 86400.0
-_SUITE_OF_NODES = 1
-
-
-@dataclass(frozen=True, slots=True)
-class ToIssue:
-    """A certificate to be made."""
-
-    name: str
-    addresses: tuple[str, ...]
-    tls_key: bytes
-    keys: MemberKeys
-    invitation: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,52 +34,43 @@ class IssuedBefore:
     card: Card
 
 
-Judged: TypeAlias = ToIssue | IssuedBefore
+Judged: TypeAlias = Wanted | IssuedBefore
+"""A certificate to be made, or one that was."""
 
 
 # ------------------------------------------------------------------------------------------------------------- newcomers
 
 
 def judge_form(data: bytes, signature: bytes, registry: Registry, facts: ClusterFacts, now: float) -> Judged:
-    """What a newcomer's request comes to; Refused, in words for the newcomer, or MalformedPacket."""
-    form = EnrolForm.decode(data)
+    """What a newcomer's request comes to; Refused, in words for the newcomer."""
+    form = form_in(data)
     invitation = registry.roll.invitations.get(form.invitation)
     if invitation is None:
         raise _forbidden("no such token was given out in this cluster", "ask for another one: scenectl cluster invite")
-    try:
-        PublicKey(form.invitation).verify(signature, ENROL_DOMAIN, data)
-        keys = replace(MemberKeys.decode(form.keys), is_administrator=invitation.entry.is_administrator)
-    except InvalidSignature:
-        raise Refused(RejectReason.SIGNATURE_INVALID, "the request was not signed with the token's key") from None
-    except DamagedData as problem:
-        raise Refused(RejectReason.ILL_FORMED, str(problem)) from problem
-    # A user is told its name by the cluster; a node's is its address.
-    form = replace(form, name=form.name or invitation.entry.name)
+    check_signed(data, signature, form.invitation)
+    asked = wanted(form, invitation.entry)
     if invitation.state is not InvitationState.OPEN:
-        return _again(invitation, form, keys)
-    if now > invitation.entry.expires:
-        until, clock = _date(invitation.entry.expires), _date(now)
-        raise _forbidden(f"the token was valid until {until}, and this node's clock says {clock}", "ask for another one")
-    check_invited(registry.roll, invitation.entry, form.name, keys.signing.key_id)
-    node = node_named(form.name)
+        return _again(invitation, asked, registry.roll)
+    check_not_expired(invitation.entry, now)
+    check_invited(registry.roll, invitation.entry, asked.name, asked.keys.signing.key_id)
+    asked.check_possible()
+    node = node_named(asked.name)
     if node is None:
-        if form.address or card_of(form.name, registry, facts) is not None:
-            raise _forbidden(f"{form.name} is a member already", "ask for a token under another name")
-        return ToIssue(form.name, (), form.tls_key, keys, form.invitation)
-    check_place(node, (address_of(form.address),))
-    if is_original(node, registry, facts):
+        if card_of(asked.name, registry, facts) is not None:
+            raise _forbidden(f"{asked.name} is a member already", "ask for a token under another name")
+    elif is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
-    if (keys.signing.suite, keys.sealing.suite) != (_SUITE_OF_NODES, _SUITE_OF_NODES):
-        raise Refused(RejectReason.ILL_FORMED, "a node's keys are of suite 1")
-    return ToIssue(form.name, (address_of(node),), form.tls_key, keys, form.invitation)
+    return asked
 
 
-def _again(invitation: Invitation, form: EnrolForm, keys: MemberKeys) -> IssuedBefore:
+def _again(invitation: Invitation, asked: Wanted, roll: Roll) -> IssuedBefore:
     card = invitation.card
     if card is None:
         raise _forbidden("the token was withdrawn", "ask for another one")
-    if (card.name, card.keys, card.tls_key) != (form.name, keys, form.tls_key):
+    if not asked.is_in(card):
         raise _forbidden("the token was used already", "ask for another one; if nobody of yours used it, have that member revoked")
+    if roll.is_revoked(card.name, card.signing_id):
+        raise Refused(RejectReason.KEY_REVOKED, f"the key of {card.name} is revoked", remedy="ask an administrator for a new invitation")
     return IssuedBefore(card)
 
 
@@ -113,7 +92,7 @@ def judge_order(data: bytes, signature: bytes, registry: Registry, facts: Cluste
     if registry.position_of(order.request) is not None:
         return order
     if abs(now - order.issued) > ORDER_S_MAX:
-        clocks = f"it was given at {_date(order.issued)}, and this node's clock says {_date(now)}"
+        clocks = f"it was given at {in_utc(order.issued)}, and this node's clock says {in_utc(now)}"
         raise _forbidden(f"the order is out of date: {clocks}", "set the clocks right, then give it again")
     _check_ordered(order, registry, facts, now)
     return order
@@ -145,7 +124,7 @@ def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFact
         raise _forbidden("an invitation names who gave it")
     # Who gave the order may have another clock, as far as an order's may be off.
     if entry.expires > now + INVITATION_S_MAX + ORDER_S_MAX:
-        raise _forbidden(f"an invitation is open for 30 days at most, and this one until {_date(entry.expires)}", "set the clocks right")
+        raise _forbidden(f"an invitation is open for 30 days at most, and this one until {in_utc(entry.expires)}", "set the clocks right")
     if node is None and card_of(entry.name, registry, facts) is not None:
         raise _forbidden(f"{entry.name} is a member already", "choose another name")
     if node is not None and is_original(node, registry, facts):
@@ -176,10 +155,6 @@ def _check_others_issue(node: NodeId, registry: Registry) -> None:
         if waiting:
             raise Refused(RejectReason.NOT_READY, what, remedy=f"wait until it was sealed to {waiting}")
         raise _forbidden(what, "trust another one first: scenectl cluster trust ADDRESS")
-
-
-def _date(moment: float) -> str:
-    return f"{datetime.datetime.fromtimestamp(moment, datetime.UTC):%Y-%m-%d %H:%M} UTC"
 
 
 def _forbidden(what: str, remedy: str = "") -> Refused:

@@ -20,7 +20,7 @@ from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.card_rules import check_renewable, credential_of, not_due
 from scenefold.peer.enrolment.discovery import Allowance
-from scenefold.peer.enrolment.enrol_rules import IssuedBefore, ToIssue, judge_form, judge_order
+from scenefold.peer.enrolment.enrol_rules import IssuedBefore, Judged, judge_form, judge_order
 from scenefold.peer.enrolment.papers import Papers
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.peers import Peers
@@ -36,8 +36,9 @@ from scenefold.wire.enrol_packets import (
     RequestRenewal,
     RespondCard,
 )
-from scenefold.wire.orders import EnrolForm, Order
+from scenefold.wire.orders import Order
 from scenefold.world import Connection, ConnectionLost, Priority, QuietLog, World
+from scenefold.world.enrol_forms import Wanted, form_in
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.surviving import BUG, ends_the_node, say_bug
 
@@ -124,7 +125,7 @@ class Enrolling:
         return await self._enrolled(packet, lambda _invitation: None)
 
     async def _enrolled(self, packet: RequestEnrolment, expected: Callable[[bytes], None]) -> Enrolled:
-        invitation = EnrolForm.decode(packet.form).invitation
+        invitation = form_in(packet.form).invitation
         await self._hear_of(invitation)
         judged = self._judged(packet)
         if isinstance(judged, IssuedBefore):
@@ -133,7 +134,7 @@ class Enrolling:
         if (authority := self._authority()) is None:
             return await self._of_a_trusted_node(packet)
         try:
-            return self._answer(await self._issue(judged, authority))
+            return self._answer(await self._issue(judged, packet, authority))
         except Refused:
             # Somebody was faster: then what was issued to the same newcomer is the answer, and else the refusal says why.
             judged = self._judged(packet)
@@ -147,18 +148,18 @@ class Enrolling:
             with trio.move_on_after(NEWS_S_MAX):
                 await self._cluster_log.pull()
 
-    def _judged(self, packet: RequestEnrolment) -> ToIssue | IssuedBefore:
+    def _judged(self, packet: RequestEnrolment) -> Judged:
         if not self._registry.position:
             raise Refused(RejectReason.NOT_READY, "this node does not know the cluster's log yet", remedy="try again in a moment")
         return judge_form(packet.form, packet.signature, self._registry, self._facts, self._world.clock.wall())
 
-    async def _issue(self, judged: ToIssue, authority: Authority) -> bytes:
-        der = await self._certified(authority, judged.name, judged.addresses, judged)
-        await self._cluster_log.propose(Enrol(judged.invitation, der))
-        _log.info("%s is enrolled", judged.name)
+    async def _issue(self, asked: Wanted, packet: RequestEnrolment, authority: Authority) -> bytes:
+        der = await self._certified(authority, asked.name, asked.addresses, asked)
+        await self._cluster_log.propose(Enrol(packet.form, packet.signature, der))
+        _log.info("%s is enrolled", asked.name)
         return der
 
-    async def _certified(self, authority: Authority, name: str, addresses: tuple[str, ...], what: ToIssue | Card) -> bytes:
+    async def _certified(self, authority: Authority, name: str, addresses: tuple[str, ...], what: Wanted | Card) -> bytes:
         now = datetime.datetime.fromtimestamp(self._world.clock.wall(), datetime.UTC)
 
         def certify() -> bytes:
