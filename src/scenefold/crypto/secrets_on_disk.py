@@ -2,7 +2,8 @@
 
 A key file is made beside its final name (drafts.py) with mode 0600 (never widened by the umask, never narrowed afterwards:
 between creation and chmod anyone could have opened it), synced, then linked to its name, which fails if the name
-is taken. Folders that hold keys have mode 0700. A key file that others may read is refused: it may already have been read.
+is taken. Folders that hold keys have mode 0700. A key file that others may read, or that is another's, is refused: it may already have been
+read.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from scenefold.base.errors import LocalFault
 from scenefold.crypto.drafts import FOLDER_MODE, new_file, sweep_files, sync_folder
 
+_ROOT = 0
 SECRET_BYTES_MAX = 1024 * 1024
 """No key file of ours is larger; a wrong path may name anything."""
 
@@ -68,7 +70,7 @@ def remove_secrets(folder: Path, names: Iterable[str]) -> None:
 
 
 def read_secret(path: Path) -> bytes:
-    """A key file's bytes. LocalFault if it is missing, or if others may read or change it."""
+    """A key file's bytes. LocalFault if it is missing, no file, another user's, or if others may read or change it."""
     return _read(path, exposed_mask=0o077)
 
 
@@ -79,9 +81,12 @@ def read_certificate(path: Path) -> bytes:
 
 def _read(path: Path, exposed_mask: int) -> bytes:
     try:
-        with path.open("rb") as file:
+        # Not to wait for whoever writes to a pipe.
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        with os.fdopen(handle, "rb") as file:
             # Of the open file, not of the path: the two may differ a moment later.
-            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            found = os.fstat(handle)
+            _check_file(path, found, exposed_mask)
             data = file.read(SECRET_BYTES_MAX + 1)
     except FileNotFoundError:
         raise LocalFault("a key file is missing", where=str(path), remedy="restore it from a backup") from None
@@ -89,12 +94,25 @@ def _read(path: Path, exposed_mask: int) -> bytes:
         raise LocalFault(
             f"cannot read the key file: {error.strerror or error}", where=str(path), remedy="check its owner and rights"
         ) from None
+    if len(data) > SECRET_BYTES_MAX:
+        raise LocalFault("far too large for a key file", where=str(path), remedy="check the path")
+    return data
+
+
+def _check_file(path: Path, found: os.stat_result, exposed_mask: int) -> None:
+    """LocalFault for what is no file, or what others may have read or changed: its owner can, whatever its mode. The system's may anyway."""
+    if not stat.S_ISREG(found.st_mode):
+        raise LocalFault("cannot read the key file: it is no file", where=str(path), remedy="check the path")
+    if found.st_uid not in (os.geteuid(), _ROOT):
+        raise LocalFault(
+            f"the key file belongs to another user (id {found.st_uid})",
+            where=str(path),
+            remedy=f"chown {os.geteuid()} '{path}', and replace the key if that user is not you",
+        )
+    mode = stat.S_IMODE(found.st_mode)
     if mode & exposed_mask:
         raise LocalFault(
             f"the key file is open to others (mode {mode:04o})",
             where=str(path),
             remedy=f"chmod 600 '{path}', and replace the key if others use this machine",
         )
-    if len(data) > SECRET_BYTES_MAX:
-        raise LocalFault("far too large for a key file", where=str(path), remedy="check the path")
-    return data

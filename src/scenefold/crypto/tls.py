@@ -9,10 +9,13 @@ client that only writes.
 from __future__ import annotations
 
 import os
+import secrets
 import ssl
 import tempfile
 from pathlib import Path
 from typing import Any, Protocol
+
+from cryptography.hazmat.primitives.serialization import BestAvailableEncryption, Encoding, PrivateFormat, load_pem_private_key
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault
 from scenefold.base.ids import KeyId
@@ -82,17 +85,26 @@ def _load_identity(context: ssl.SSLContext, identity: Identity) -> None:
     # OpenSSL is reached by file name only. An anonymous memory file leaves no key behind in a temporary folder.
     if hasattr(os, "memfd_create"):
         handle = os.memfd_create("scenefold-identity")
-        path = f"/proc/self/fd/{handle}"
-    else:
-        handle, path = tempfile.mkstemp()
-    try:
         with os.fdopen(handle, "wb") as file:
             file.write(identity.certificate + identity.key)
             file.flush()
-            context.load_cert_chain(path)
+            context.load_cert_chain(f"/proc/self/fd/{handle}")
+        return
+    # Where the system has none, what a killed process leaves on the disk opens for nobody.
+    passphrase = secrets.token_hex(32)
+    handle, path = tempfile.mkstemp()
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(identity.certificate + _locked_key(identity.key, passphrase))
+            file.flush()
+            context.load_cert_chain(path, password=passphrase)
     finally:
-        if not path.startswith("/proc/"):
-            Path(path).unlink()
+        Path(path).unlink()
+
+
+def _locked_key(pem: bytes, passphrase: str) -> bytes:
+    key = load_pem_private_key(pem, password=None)
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(passphrase.encode()))
 
 
 def peer_name(connection: HasCertificate) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from scenefold.base.errors import LocalFault
 from scenefold.crypto import make_private_folder, read_secret, write_secret
+from scenefold.crypto.secrets_on_disk import read_certificate
 
 
 @pytest.fixture
@@ -47,6 +50,39 @@ def test_an_exposed_key_is_refused(tmp_path: Path, mode: int) -> None:
         read_secret(path)
     assert "chmod 600" in caught.value.remedy
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("read", [read_secret, read_certificate])
+def test_what_belongs_to_another_user_is_refused_and_what_is_the_systems_is_not(
+    tmp_path: Path, read: Callable[[Path], bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, fstat = tmp_path / "key", os.fstat
+    write_secret(path, b"secret")
+
+    def owned_by(owner: int) -> Callable[[int], os.stat_result]:
+        def found(handle: int) -> os.stat_result:
+            fields = list(fstat(handle))
+            fields[stat.ST_UID] = owner
+            return os.stat_result(fields)
+
+        return found
+
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    for owner in (1000, 0):
+        monkeypatch.setattr(os, "fstat", owned_by(owner))
+        assert read(path) == b"secret"
+    monkeypatch.setattr(os, "fstat", owned_by(1001))
+    with pytest.raises(LocalFault, match=r"belongs to another user \(id 1001\)") as caught:
+        read(path)
+    assert "chown 1000" in caught.value.remedy
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe", 0o600)
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path / "link", Path("/dev/null")):
+        with pytest.raises(LocalFault, match="is no file"):
+            read_secret(path)
 
 
 def test_nothing_is_overwritten_unless_asked(tmp_path: Path) -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import datetime
+import os
 import ssl
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
 from scenefold.base.errors import LocalFault, PeerFault
 from scenefold.crypto import Authority, Identity, client_context, peer_name, read_authority_certificate, server_context
@@ -199,3 +203,21 @@ def test_no_key_is_left_on_disk_or_open(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_key_is_not_shown() -> None:
     assert b"PRIVATE" not in repr(NODE).encode()
+
+
+def test_without_memory_files_no_key_lies_in_a_temporary_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen, load = list[bytes](), ssl.SSLContext.load_cert_chain
+
+    def watched(context: ssl.SSLContext, path: str, **named: Any) -> None:
+        seen.append(Path(path).read_bytes())
+        load(context, path, **named)
+
+    monkeypatch.delattr(os, "memfd_create")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(ssl.SSLContext, "load_cert_chain", watched)
+    near, _ = shake_hands(client_context(USER, AUTHORITY.certificate), server_context(NODE, AUTHORITY.certificate))
+    assert peer_name(near) == NODE.name
+    assert len(seen) == 2 and all(b"ENCRYPTED" in content and NODE.key not in content and USER.key not in content for content in seen)
+    with pytest.raises(TypeError, match="encrypted"):
+        load_pem_private_key(seen[0], password=None)
+    assert list(tmp_path.iterdir()) == []
