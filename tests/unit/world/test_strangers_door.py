@@ -13,7 +13,15 @@ import pytest
 import trio
 import trio.testing
 
-from scenefold.base.limits import HANDSHAKE_GAP_S, HANDSHAKES_BURST, HELLO_S_MAX, KNOCKS_BURST, NEWCOMER_S_MAX, NEWCOMERS_BURST
+from scenefold.base.limits import (
+    HANDSHAKE_GAP_S,
+    HANDSHAKES_BURST,
+    HELLO_S_MAX,
+    KNOCKS_BURST,
+    NEWCOMER_S_MAX,
+    NEWCOMERS_BURST,
+    PENDING_HANDSHAKES_MAX,
+)
 from scenefold.world.ports import Connection, ConnectionLost
 from scenefold.world.real import door as the_door
 from scenefold.world.real.door import Door
@@ -155,6 +163,31 @@ async def test_a_handshake_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(the_door, "shake_hands", never)
     await hall.receive(Caller())
     assert trio.current_time() - came_at == pytest.approx(HANDSHAKE_S_MAX)
+
+
+@REFUSED
+async def test_who_is_pushed_out_by_a_newer_one_is_not_said_to_be_slow(
+    monkeypatch: pytest.MonkeyPatch, autojump_clock: trio.testing.MockClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def never(*_: object) -> None:
+        await trio.sleep_forever()
+
+    def said() -> list[str]:
+        return [record.getMessage() for record in caplog.records]
+
+    hall = Hall(monkeypatch, fails)
+    monkeypatch.setattr(the_door, "shake_hands", never)
+    monkeypatch.setattr(hall.door._admission, "may_shake_hands", lambda *_: True)
+    pushed_out = f"{SOURCE}: connection refused: pushed out by a newer one: {PENDING_HANDSHAKES_MAX} TLS handshakes are under way"
+    async with trio.open_nursery() as nursery:
+        for _ in range(PENDING_HANDSHAKES_MAX):
+            nursery.start_soon(hall.door.receive, Caller())
+        await trio.sleep(1.0)
+        assert not said()
+        nursery.start_soon(hall.door.receive, Caller())
+        await trio.sleep(1.0)
+        assert said() == [pushed_out]
+    assert said() == [pushed_out, f"{SOURCE}: connection refused: made no TLS handshake within {HANDSHAKE_S_MAX:g} s"]
 
 
 @pytest.mark.expect_log("refused: 3 connections are open")

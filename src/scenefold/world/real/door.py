@@ -124,6 +124,8 @@ class Door:
                 why = str(error)
             finally:
                 self._pending.leave(scope)
+        if scope.cancelled_caught and trio.current_time() < scope.deadline:
+            kind, why = "pushed out", f"pushed out by a newer one: {PENDING_HANDSHAKES_MAX} TLS handshakes are under way"
         self._say(source, kind, f"connection refused: {why}")
         return None
 
