@@ -6,7 +6,6 @@ interrupted can announce the very same scene again.
 
 from __future__ import annotations
 
-import hmac
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -14,13 +13,13 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId, SceneId
 from scenefold.crypto import (
     HEADER_DOMAIN,
-    NONCE_BYTES,
     MemberSecrets,
     PublicKey,
     SealingKey,
     SealingPublicKey,
     SigningKey,
     new_symmetric_key,
+    nonce_from,
 )
 from scenefold.scene.log import (
     Decider,
@@ -102,7 +101,7 @@ def first_private(keys: SceneKeys, maker: Grant, origin: Decider) -> bytes:
     would let nodes try names.
     """
     records, key = first_records(keys, maker, origin), keys.epochs[FIRST_EPOCH]
-    nonce = hmac.digest(key, _FIRST_NONCE + keys.genesis + pack_log(records), "sha256")[:NONCE_BYTES]
+    nonce = nonce_from(key, _FIRST_NONCE, keys.genesis + pack_log(records))
     return seal_private(records, genesis=keys.genesis, symmetric_key=key, key_epoch=FIRST_EPOCH, nonce=nonce)
 
 

@@ -31,6 +31,7 @@ from scenefold.crypto.keys import (
 from scenefold.crypto.logs import open_log, seal_log
 from scenefold.crypto.member_secrets import MemberSecrets
 from scenefold.crypto.names import NAME_PATTERN, node_named
+from scenefold.crypto.nonces import nonce_from
 from scenefold.crypto.objects import OBJECT_BYTES, object_of, signed_place, wanted_place
 from scenefold.crypto.record_header import (
     EXPECTS_ANYTHING,
@@ -138,6 +139,7 @@ __all__ = [
     "new_tls_key",
     "newcomer_context",
     "node_named",
+    "nonce_from",
     "object_of",
     "open_former",
     "open_log",

@@ -2,21 +2,19 @@
 
     sealed  =  public ephemeral key (32 bytes) | ciphertext with its tag of 16 bytes
 
-Opening is the library's. Sealing is written out after the RFC from the library's primitives, for one reason: the library draws
-the ephemeral key itself, and a simulated cluster must draw every byte from its seed. Tests hold the two against each other.
+Opening is the library's. Sealing is written out after the RFC from the library's primitives, for one reason (specs/deviations.md):
+the library draws the ephemeral key itself, and a simulated cluster must draw every byte from its seed. Tests hold the two against each other.
 """
 
 from __future__ import annotations
 
-import hashlib
-import hmac
 from typing import Final
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives import hashes, hpke
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
-from cryptography.hazmat.primitives.kdf.hkdf import HKDFExpand
+from cryptography.hazmat.primitives.kdf.hkdf import HKDF, HKDFExpand
 
 from scenefold.base.errors import DamagedData
 
@@ -66,7 +64,7 @@ def _schedule(shared: bytes, info: bytes) -> tuple[bytes, bytes]:
 
 
 def _extract(salt: bytes, suite: bytes, label: bytes, material: bytes) -> bytes:
-    return hmac.digest(salt, b"".join((b"HPKE-v1", suite, label, material)), hashlib.sha256)
+    return HKDF.extract(hashes.SHA256(), salt, b"".join((b"HPKE-v1", suite, label, material)))
 
 
 def _expand(pseudorandom: bytes, suite: bytes, label: bytes, info: bytes, length: int) -> bytes:
