@@ -75,7 +75,7 @@ async def test_who_says_nothing_is_closed_in_time() -> None:
             assert await stream.receive_some() == b""
 
 
-@pytest.mark.expect_log("no TLS handshake within")
+@pytest.mark.expect_log("connection refused: (pushed out by a newer one: 64 TLS handshakes are under way|the connection was cut)")
 async def test_a_crowd_that_says_nothing_keeps_no_member_out() -> None:
     worlds = RealWorlds()
     async with serving(worlds):
