@@ -214,7 +214,8 @@ class SceneAccess:
         for batch in frames(range(len(keys)), sizes, CLIENT_BATCH_BYTES):
             part = [keys[index] for index in batch], [records[index] for index in batch]
             opened += await self.understood(open_all, *part)
-        self.sequencer.saw(max((found.seq for found in opened if found is not None), default=0))
+        for seq in sorted({found.seq for found in opened if found is not None}):
+            self.sequencer.saw(seq, self.calls.world.clock.wall())
         for key, one in zip(keys, opened, strict=True):
             if one is not None:
                 self.lengths.saw(key, one.payload)

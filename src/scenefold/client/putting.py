@@ -18,6 +18,7 @@ from scenefold.client.sealing import Draft, Opened, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.tombstones import is_tombstone
+from scenefold.client.versions import SEQ_MAX
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import EXPECTS_NOTHING, NONCE_BYTES, RecordHeader
 from scenefold.crypto.record_header import version_key
@@ -78,8 +79,10 @@ async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: 
             # What was expected is there, yet ours was not newer: this clock is behind that of the version's writer.
             if _may_replace(wishes[index], found):
                 pending.append(index)
-                if found is not None and wishes[index].expect == EXPECTS_NOTHING:
-                    current[index] = wishes[index]._replace(expect=found.digest)
+                if found is not None:
+                    await _check_room(access, wishes[index], found)
+                    expect = found.digest if wishes[index].expect == EXPECTS_NOTHING else wishes[index].expect
+                    current[index] = wishes[index]._replace(expect=expect, above=found.seq)
         if not pending:
             break
     else:
@@ -95,6 +98,17 @@ async def _explain(access: SceneAccess, reason: int, wish: Wish) -> None:
         access.identity.check_kind(wish.space, wish.object)
 
 
+async def _check_room(access: SceneAccess, wish: Wish, there: Opened) -> None:
+    """Refused (busy) if no version is above that which is there, whoever writes it. Only the scene's log goes above it."""
+    if there.seq < SEQ_MAX or there.version[0] < access.identity.position:
+        return
+    await access.refresh()
+    if there.version[0] >= access.identity.position:
+        remedy = "revoke whoever wrote that: any change of the scene's members or spaces frees the place"
+        what = f"the record there has the highest version that there is, by the key {there.version[2]:08x}"
+        raise Refused(RejectReason.BUSY, what, where=access.where(wish), remedy=remedy)
+
+
 async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
     wall, token = access.calls.world.clock.wall(), access.calls.world.entropy.token
     drafts = [
@@ -103,12 +117,13 @@ async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
             wish.location,
             wish.payload,
             wish.expect,
-            access.sequencer.next(wall),
+            # Several may be for one place, and the last of them is to stay.
+            access.sequencer.next(wall, wish.above and wish.above + number),
             token(NONCE_BYTES),
             wish.content_position,
             wish.object,
         )
-        for wish in wishes
+        for number, wish in enumerate(wishes)
     ]
     items: list[PutItem] = []
     sizes = [len(draft.payload) for draft in drafts]

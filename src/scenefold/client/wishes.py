@@ -21,6 +21,8 @@ class Wish(NamedTuple):
     """The log position that coordinates in the payload belong to; None: that of the log as the scene knows it."""
     object: bytes = b""
     """Of a node-managed record: its id. `location` is then `signed_place` of it: the node chooses where it lies."""
+    above: int = 0
+    """The number of the version that lies there, where an earlier try was none too high for it."""
 
     def __repr__(self) -> str:
         """Without what is to be sealed: errors are logged."""

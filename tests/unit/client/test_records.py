@@ -19,6 +19,7 @@ from scenefold.client.reading import open_scene_with_keys
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity, WriterKey
 from scenefold.client.space import ABSENT
+from scenefold.client.versions import SEQ_MAX
 from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, RecordHeader, SigningKey
 from scenefold.scene.log import EpochKeys, decided
 from scenefold.simulation.clients import secrets_of
@@ -99,10 +100,37 @@ async def test_a_lost_reply_is_asked_for_again_with_the_same_bytes(autojump_cloc
 async def test_a_later_put_replaces_whatever_the_clock_says(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     ahead, space = _scene(nodes), _scene(nodes).space(FILES)
-    ahead.access.sequencer.saw(2**62)
+    ahead.access.sequencer.saw(2**62, 2**62 / 1e6)
     await ahead.space(FILES).put(FIRST, b"from a clock that is ahead")
     await space.put(FIRST, b"newer")
     assert await space.get(FIRST) == b"newer"
+
+
+async def test_who_chose_the_highest_version_holds_one_place_and_no_other_one(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    hostile, reader, other = (_scene(nodes) for _ in range(3))
+    hostile.access.sequencer.saw(SEQ_MAX - 1, SEQ_MAX / 1e6)
+    await hostile.space(FILES).put(FIRST, b"for ever")
+    assert await reader.space(FILES).get(FIRST) == b"for ever"
+    for number in range(3):
+        await reader.space(FILES).put(LAST, b"read %d" % number)
+        await other.space(FILES).put(LAST, b"other %d" % number)
+    assert await reader.space(FILES).get(LAST) == b"other 2"
+    assert RecordHeader.decode(nodes.records[FILES, LAST].header).seq < 2**62
+    with pytest.raises(Refused, match=r"highest version.*by the key"):
+        await reader.space(FILES).put(FIRST, b"mine")
+    later = replace(reader.access.identity, position=2)
+    await Scene(replace(reader.access, identity=later)).space(FILES).put(FIRST, b"after a change of the scene")
+    assert await Scene(replace(reader.access, identity=later)).space(FILES).get(FIRST) == b"after a change of the scene"
+
+
+async def test_of_several_payloads_for_a_place_with_a_high_version_the_last_one_stays(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    ahead, space = _scene(nodes), _scene(nodes).space(FILES)
+    ahead.access.sequencer.saw(2**62, 2**62 / 1e6)
+    await ahead.space(FILES).put(FIRST, b"from a clock that is ahead")
+    await space.put_many([(FIRST, b"%d" % number) for number in range(9)])
+    assert await space.get(FIRST) == b"8"
 
 
 async def test_expectations_are_judged(autojump_clock: MockClock) -> None:
@@ -153,7 +181,8 @@ async def test_what_is_no_expectation_replaces_nothing(autojump_clock: MockClock
 async def test_an_expected_version_is_replaced_whatever_the_clock_says(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
     ahead, behind, reader = (_scene(nodes) for _ in range(3))
-    ahead.access.sequencer.saw(2**62)
+    wall = ahead.access.calls.world.clock.wall()
+    ahead.access.sequencer.saw(int((wall + 3600) * 1e6), wall + 3600)
     digest = await ahead.space(FILES).put(FIRST, b"from a clock that is ahead")
     digest = await behind.space(FILES).put(FIRST, b"in its stead", expect=digest)
     with pytest.raises(Refused, match="another version"):

@@ -11,7 +11,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client import free_places
 from scenefold.client.free_places import FreePlaces
-from scenefold.client.versions import Sequencer
+from scenefold.client.versions import AHEAD_S_MAX, SEQ_MAX, Sequencer
 
 SPACE = SpaceId(2)
 
@@ -21,12 +21,24 @@ def test_numbers_rise_whatever_the_clock_does_and_whatever_is_read(happenings: l
     sequencer, last = Sequencer(), -1
     for happening in happenings:
         if isinstance(happening, int):
-            sequencer.saw(happening)
-            last = max(last, min(happening, 2**63))
+            sequencer.saw(happening, 1e9)
+            if happening <= 1e15:
+                last = max(last, happening)
         else:
             number = sequencer.next(happening)
             assert number > last
             last = number
+
+
+def test_a_number_of_no_clock_leads_no_other_record_astray() -> None:
+    sequencer, now = Sequencer(), 1e9
+    sequencer.saw(int((now + AHEAD_S_MAX) * 1e6), now)
+    assert sequencer.next(now) == int((now + AHEAD_S_MAX) * 1e6) + 1, "a clock that is a day ahead is followed"
+    sequencer = Sequencer()
+    for seq in (int((now + AHEAD_S_MAX) * 1e6) + 1, 2**62, SEQ_MAX):
+        sequencer.saw(seq, now)
+        assert sequencer.next(now, above=seq) == min(seq + 1, SEQ_MAX)
+    assert sequencer.next(now) < int((now + 1) * 1e6)
 
 
 def test_a_later_session_begins_above_an_earlier_one() -> None:
