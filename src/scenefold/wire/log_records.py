@@ -77,6 +77,11 @@ def hash_of_record(record: bytes) -> bytes:
     return hashlib.new("sha512_256", record).digest()
 
 
+def hash_of_entry(entry: LogEntry) -> bytes:
+    """Likewise of an entry alone: what a record says, wherever it stands."""
+    return hash_of_record(pack_piece(LOG_ENTRY, entry, size_max=LOG_RECORD_BYTES_MAX))
+
+
 def pack_log(records: Iterable[SignedRecord]) -> bytes:
     """The records as one byte string of at most LOG_BYTES_MAX; LocalFault if they are more."""
     return pack_piece(_LOG, tuple(records), size_max=LOG_BYTES_MAX)

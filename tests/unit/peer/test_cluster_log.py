@@ -302,6 +302,21 @@ def test_a_request_is_committed_once_however_often_it_is_made() -> None:
     simulate(scenario)
 
 
+def test_what_stands_in_the_log_under_the_id_of_a_request_answers_for_no_other() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        voter, request = cluster.nodes[0].log, b"q" * 16
+        assert await cluster.nodes[1].log.propose(removal_of(cluster, 2), request) == 4
+        for number in (0, 1):
+            with pytest.raises(Refused) as caught:
+                await cluster.nodes[number].log.propose(removal_of(cluster, 1), request)
+            assert caught.value.reason is RejectReason.ILL_FORMED
+        assert voter.registry.position == 4 and voter.registry.current(node(1)) is not None
+
+    simulate(scenario)
+
+
 def test_removals_of_others_may_be_vetoed_and_leaving_may_not() -> None:
     async def scenario(cluster: LogCluster) -> None:
         await cluster.start(0, 1, 2)

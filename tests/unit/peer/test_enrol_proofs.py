@@ -1,4 +1,6 @@
-"""If this fails, members use up invitations that are not theirs, strip nodes of trust, or an old token admits somebody after its time."""
+"""If this fails, members use up invitations that are not theirs, strip nodes of trust, or have orders taken for done that are not; or an
+old token admits somebody after its time.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,15 @@ from scenefold.peer.cluster_log.log_rules import check_proposer
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.enrol_rules import IssuedBefore
 from scenefold.wire import LogEntry, RevokeNode
-from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RevokeUser, Trust
+from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust
 from scenefold.wire.orders import EnrolForm
 from scenefold.world.enrol_forms import Wanted, form_in
 from scenefold.world.roll import InvitationState
 from unit.peer.logs_made import node, record
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, enrolled, form_for, invitation_key
-from unit.peer.test_enrol_rules import CLOCK, FACTS, NEWCOMER, form, invite, judged, log, member
+from unit.peer.test_enrol_rules import CLOCK, FACTS, NEWCOMER, form, invite, judged, log, member, ordered
+from unit.peer.test_enrol_rules import order as given
+from unit.world.test_roll import YEAR
 
 NAME = f"node:{NEWCOMER}"
 ADA = "user:ada"
@@ -97,11 +101,11 @@ def test_a_card_is_what_the_holder_of_the_token_asked_for(name: str, invited: st
 def test_who_administers_says_the_invitation_and_neither_form_nor_card() -> None:
     card, bold = card_for(ADA, 0), replace(form_for(card_for(ADA, 0), 1), keys=NEWCOMERS[0].public(is_administrator=True).encode())
     high = card_for(ADA, 0, admin=True)
-    for invited, given, fits in ((False, card, True), (False, high, False), (True, high, True), (True, card, False)):
+    for invited, card_given, fits in ((False, card, True), (False, high, False), (True, high, True), (True, card, False)):
         registry = log(invite(ADA, admin=invited))
-        entry = enrolled(1, given, form=bold)
+        entry = enrolled(1, card_given, form=bold)
         if fits:
-            assert committed(registry, entry).roll.card_of(ADA) == given
+            assert committed(registry, entry).roll.card_of(ADA) == card_given
         else:
             assert folded(registry, entry) is RejectReason.NOT_AUTHORISED
 
@@ -177,3 +181,16 @@ def test_an_invitation_is_used_only_by_what_was_committed() -> None:
     assert refusal(registry, enrolled(1, card_for(ADA, 0), by=invitation_key(2))) is RejectReason.SIGNATURE_INVALID
     assert registry.roll.invitations[key].state is InvitationState.OPEN
     assert committed(registry, enrolled(1, card_for(ADA, 0))).roll.invitations[key].state is InvitationState.USED
+
+
+def test_an_order_is_done_only_if_it_was_committed_and_not_what_a_member_put_in_under_its_id() -> None:
+    """Who carries an order to the voter sees its id, and may propose something of its own before it."""
+    order = given(RevokeUser(ADA, NEWCOMERS[0].signing.key_id))
+    registry = log(*member(ADA, 0))
+    quicker = registry.apply(record(registry, RenewCard(card_for(ADA, 0, since=YEAR).der), request=order.request))
+    with pytest.raises(Refused, match="another entry has this request's id") as caught:
+        ordered(quicker, order)
+    assert caught.value.reason is RejectReason.ILL_FORMED
+    done = registry.apply(record(registry, order.entry, request=order.request))
+    late = replace(order, issued=0)
+    assert ordered(done, order) == order and ordered(done, late) == late, "given twice it counts once, however late"

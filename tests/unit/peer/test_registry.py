@@ -108,8 +108,18 @@ def test_a_request_is_committed_once() -> None:
     registry = Registry().apply(record(Registry(), found(2)))
     registry = registry.apply(record(registry, add(0), request=b"r" * 16))
     assert registry.position_of(b"r" * 16) == 2 and registry.position_of(b"s" * 16) is None
+    assert registry.committed_at(b"r" * 16, add(0)) == 2 and registry.committed_at(b"s" * 16, add(0)) is None
     with pytest.raises(Refused) as caught:
         registry.apply(record(registry, add(1), request=b"r" * 16))
+    assert caught.value.reason == RejectReason.ILL_FORMED
+
+
+@pytest.mark.parametrize("other", [add(1), add(0, life=1), replace(add(0), left_of=node(1)), replace(add(0), key=bytes(32))])
+def test_a_request_is_done_only_if_what_it_says_was_committed(other: LogEntry) -> None:
+    registry = Registry().apply(record(Registry(), found(2)))
+    registry = registry.apply(record(registry, add(0), request=b"r" * 16))
+    with pytest.raises(Refused, match="another entry has this request's id, at position 2") as caught:
+        registry.committed_at(b"r" * 16, other)
     assert caught.value.reason == RejectReason.ILL_FORMED
 
 

@@ -114,12 +114,15 @@ class Voter:
                     await self._append(Trust(node, True, known.sealing_key.raw), request_id, self._facts.voter)
 
     def _committed_at(self, entry: LogEntry, request_id: bytes) -> int | None:
-        """Where this was committed already; a member that registers again, not knowing that it has, is welcome."""
+        """Where this was committed already; a member that registers again, not knowing that it has, is welcome, wherever it would stand.
+
+        Refused (5) if the request's id stands in the log with another entry.
+        """
         registry = self._registry()
         known = registry.current(entry.member.node) if isinstance(entry, AddNode) else None
         if known is not None and isinstance(entry, AddNode) and known.member == entry.member:
             return known.position
-        return registry.position_of(request_id)
+        return registry.committed_at(request_id, entry)
 
     def _refuse_unless_allowed(self, entry: LogEntry, request_id: bytes, proposer: NodeId) -> None:
         if self._committed_at(entry, request_id) is None:

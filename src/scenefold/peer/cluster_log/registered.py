@@ -1,4 +1,4 @@
-"""What the fold of the cluster's log keeps of a node: as a member, as one that was removed, as a founder that is awaited."""
+"""What the fold of the cluster's log keeps of a node: as a member, as one that was removed, as a founder that is awaited; and of a request."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import NODES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey, SealingPublicKey
-from scenefold.wire import Member
+from scenefold.wire import LogEntry, LogRecord, Member
+from scenefold.wire.log_records import hash_of_entry
 
 NO_INCARNATION = bytes(16)
 """Stands for the incarnation of a founder that never registered."""
@@ -50,6 +51,30 @@ class Seat:
     key: PublicKey
     sealing_key: SealingPublicKey
     address: str
+
+
+@dataclass(frozen=True, slots=True)
+class Committed:
+    """A request that is in the log: where, the record's hash, and that of what it says."""
+
+    position: int
+    record_hash: bytes
+    entry_hash: bytes
+
+    def of(self, entry: LogEntry) -> int:
+        """Where this was committed. Refused if something else was, under the same id: ids are seen by who carries a request, and whoever
+        has one of its own committed under another's id must not have that taken for done.
+        """
+        if hash_of_entry(entry) != self.entry_hash:
+            raise Refused(
+                RejectReason.ILL_FORMED, f"another entry has this request's id, at position {self.position}", remedy="give it once more"
+            )
+        return self.position
+
+
+@lru_cache(maxsize=2 * NODES_MAX)
+def committed(record: LogRecord) -> Committed:
+    return Committed(record.position, record.hash(), hash_of_entry(record.entry))
 
 
 @lru_cache(maxsize=2 * NODES_MAX)

@@ -11,7 +11,6 @@ Everything here is a value; `extended` answers a new one, and copies once for ho
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import KeyId, NodeId, address_of
@@ -21,14 +20,16 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.peer.cluster_log.registered import (
     NO_INCARNATION,
+    Committed,
     Registered,
     Removal,
     Seat,
     check_address,
+    committed,
     sealing_key_from,
     signing_key_from,
 )
-from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode
+from scenefold.wire import NO_RECORD, AddNode, Found, LogEntry, LogRecord, Member, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.roll import Roll
 
@@ -73,7 +74,7 @@ class Registry:
         self._founders: dict[NodeId, Seat] = {}
         self._registered: dict[NodeId, Registered] = {}
         self._removals: dict[bytes, Removal] = {}
-        self._requests: dict[bytes, int] = {}
+        self._requests: dict[bytes, Committed] = {}
         self._revoked: frozenset[tuple[NodeId, KeyId]] = frozenset()
         self.roll = Roll()
         self._ranks: dict[NodeId, int] = {}
@@ -165,8 +166,14 @@ class Registry:
         return self.roll.trusted & {*self.roll.sealed, *self.voters}
 
     def position_of(self, request_id: bytes) -> int | None:
-        """Where a request was committed; None if it was not."""
-        return self._requests.get(request_id)
+        """Where a request was committed, whatever it asked for; None if it was not."""
+        known = self._requests.get(request_id)
+        return None if known is None else known.position
+
+    def committed_at(self, request_id: bytes, entry: LogEntry) -> int | None:
+        """Where this was committed, or None. Refused (5) if another entry was, under the same id."""
+        known = self._requests.get(request_id)
+        return None if known is None else known.of(entry)
 
     # --------------------------------------------------------------------------------------------------- changes
 
@@ -184,13 +191,11 @@ class Registry:
 
     def _copy(self) -> Registry:
         copy = Registry()
-        copy.position, copy.head, copy.order, copy.voters = self.position, self.head, self.order, self.voters
-        copy.left_at = self.left_at
+        copy.position, copy.head, copy.left_at = self.position, self.head, self.left_at
+        copy.order, copy.voters = self.order, self.voters
         copy._founders, copy._founding_arcs = self._founders, self._founding_arcs
         copy._revoked, copy.roll = self._revoked, self.roll
-        copy._registered = dict(self._registered)
-        copy._removals = dict(self._removals)
-        copy._requests = dict(self._requests)
+        copy._registered, copy._removals, copy._requests = dict(self._registered), dict(self._removals), dict(self._requests)
         return copy
 
     def _take(self, record: LogRecord) -> None:
@@ -217,9 +222,9 @@ class Registry:
                 raise _ill_formed(f"a {type(record.entry).__name__} has no place in the cluster's log")
         if not self.order:
             raise _ill_formed("a cluster's log begins with its founders")
-        self.position = record.position
-        self.head = _hash_of(record)
-        self._requests[record.request_id] = record.position
+        taken = committed(record)
+        self.position, self.head = taken.position, taken.record_hash
+        self._requests[record.request_id] = taken
 
     def _found(self, entry: Found) -> None:
         nodes = [founder.node for founder in entry.founders]
@@ -289,11 +294,6 @@ class Registry:
         if known is not None:
             del self._registered[node]
             self._removals[incarnation] = Removal(entry.member, entry.reason, position)
-
-
-@lru_cache(maxsize=2 * NODES_MAX)
-def _hash_of(record: LogRecord) -> bytes:
-    return record.hash()
 
 
 def _ill_formed(what: str) -> Refused:

@@ -89,7 +89,7 @@ def judge_order(data: bytes, signature: bytes, registry: Registry, facts: Cluste
         card.keys.signing.verify(signature, ORDER_DOMAIN, data)
     except InvalidSignature as problem:
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from None
-    if registry.position_of(order.request) is not None:
+    if registry.committed_at(order.request, order.entry) is not None:
         return order
     if abs(now - order.issued) > ORDER_S_MAX:
         clocks = f"it was given at {in_utc(order.issued)}, and this node's clock says {in_utc(now)}"
