@@ -16,7 +16,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.doubt import Doubt
-from scenefold.client.patience import Patience, heaviest, is_passing
+from scenefold.client.patience import Patience, as_told, heaviest, is_passing
 from scenefold.client.sealing import Key
 from scenefold.client.seeking import Search
 from scenefold.client.split import frames
@@ -169,7 +169,7 @@ async def _rounds(
         silence = next((found for found in errors if isinstance(found, Unreachable)), None)
         passing = next((found for found in errors if isinstance(found, Refused) and is_passing(found.reason)), None)
         if not patience.bears(silence or passing):
-            raise silence or (heaviest(errors) if errors else search.excuse(left))
+            raise as_told(silence or (heaviest(errors) if errors else search.excuse(left)))
         await calls.pause(patience)
         await calls.refresh()
 

@@ -7,10 +7,13 @@ and says so; waiting for it is the whole remedy. A node that says nothing may be
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_PAUSE_S, CLIENT_PAUSE_S_MAX, CLIENT_TRIES_MAX
 from scenefold.base.reasons import RejectReason
+
+Problem = TypeVar("Problem", bound=ScenefoldError)
 
 _PASSING = frozenset({RejectReason.BUSY, RejectReason.NOT_READY, RejectReason.NOT_MY_LOCATION})
 """Reasons that may be gone after a pause, with a newer table."""
@@ -33,6 +36,14 @@ def heaviest(problems: Sequence[Unreachable | Refused | PeerFault]) -> Unreachab
         return 2 if isinstance(problem, Refused) and not is_passing(problem.reason) else 1
 
     return max(reversed(problems), key=weight)
+
+
+def as_told(problem: Problem) -> Problem | Refused:
+    """What is told when patience is over: a node that was busy all the while gives its reason of the moment, and no remedy."""
+    if not isinstance(problem, Refused) or problem.reason is not RejectReason.BUSY or problem.remedy:
+        return problem
+    remedy = "repeat it when there is less to do; `scenectl cluster top` shows which nodes are busy"
+    return Refused(RejectReason.BUSY, f"busy all the time: {problem.what}", where=problem.where, remedy=remedy)
 
 
 class Patience:

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.client.patience import Patience
+from scenefold.client.patience import Patience, as_told
 from scenefold.world import World
 
 Result = TypeVar("Result")
@@ -23,7 +23,7 @@ async def patiently(world: World, call: Callable[[], Awaitable[Result]], renew: 
             return await call()
         except (Unreachable, Refused) as error:
             if not patience.bears(error):
-                raise
+                raise as_told(error) from error.__cause__
         await pause(world, patience)
         if renew is not None:
             await renew()

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
 import pytest
 import trio
 from trio.testing import MockClock
 
+from scenectl.errors import ending_of
 from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_TRIES_MAX
 from scenefold.base.location import FIRST, Location
 from scenefold.base.reasons import RejectReason
@@ -14,8 +20,11 @@ from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.patience import Patience
 from scenefold.client.space import ABSENT
 from scenefold.crypto import wanted_place
+from scenefold.peer.scene_log.proposals import rejection
+from scenefold.wire import Packet, ProposeSceneLog, PutOutcome
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
+from unit.client.test_scenes import _scenes
 
 LEASE_GAP_S = 12.0
 
@@ -52,6 +61,62 @@ async def test_a_lease_gap_is_waited_for(autojump_clock: MockClock) -> None:
     async with trio.open_nursery() as nursery:
         nursery.start_soon(renew)
         assert [location async for location in space.query()] == PLACES
+
+
+@pytest.mark.parametrize("call", ["read", "write", "list", "create", "open", "table"])
+async def test_when_all_nodes_are_busy_all_the_time_that_is_said_and_what_to_do(
+    call: str, autojump_clock: MockClock, tmp_path: Path
+) -> None:
+    nodes = FakeNodes()
+    space, scenes = _scene(nodes).space(FILES), _scenes(nodes, tmp_path)
+    await scenes.create("kitchen")
+    nodes.busy.update(dict.fromkeys(nodes.addresses, 10**6))
+
+    async def listed() -> None:
+        async for _ in space.query():
+            pass
+
+    calls: dict[str, Callable[[], Awaitable[object]]] = {
+        "read": lambda: space.get(PLACES[0]),
+        "write": lambda: space.put_many(ITEMS),
+        "list": listed,
+        "create": lambda: scenes.create("hall"),
+        "open": lambda: scenes.open("kitchen"),
+        "table": nodes.calls().refresh,
+    }
+    with trio.fail_after(60), pytest.raises(Refused) as refused:
+        await calls[call]()
+    ending = ending_of(refused.value)
+    assert (refused.value.reason, ending.kind, ending.exit_code) == (RejectReason.BUSY, "refused", 3)
+    assert re.fullmatch(
+        r"busy all the time: later \(127\.0\.0\.[234]\): repeat it when there is less to do; .*`scenectl cluster top`.*", ending.line
+    )
+
+
+async def test_a_place_that_changes_hands_all_the_time_is_busy_as_well(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    nodes._put = lambda _address, item: PutOutcome(RejectReason.BUSY, item.location, NodeId(0))  # type: ignore[method-assign]
+    with trio.fail_after(60), pytest.raises(Refused, match=r"127\.0\.0\.2 is busy: the place is changing hands") as refused:
+        await _scene(nodes).space(FILES).put(FIRST, b"x")
+    assert ending_of(refused.value).exit_code == 3 and refused.value.remedy
+
+
+async def test_who_changes_a_scene_too_often_is_told_so_if_waiting_does_not_help(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    kitchen = await _scenes(nodes, tmp_path).create("kitchen")
+    refusals = [RejectReason.BUSY] * 3
+    propose = nodes._propose
+
+    def too_often(packet: ProposeSceneLog) -> Packet:
+        return rejection(packet, refusals.pop(), NodeId(0)) if refusals else propose(packet)
+
+    nodes._propose = too_often  # type: ignore[method-assign]
+    await kitchen.create_space("notes", dimensions=3)
+    assert not refusals, "it was tried again until it went in"
+    refusals += [RejectReason.BUSY] * 100
+    with trio.fail_after(60), pytest.raises(Refused, match=r"busy: the scene was changed too often lately .*: try again") as refused:
+        await kitchen.create_space("more", dimensions=3)
+    assert ending_of(refused.value).exit_code == 3
 
 
 async def test_a_stale_answer_counts_only_where_it_is_welcome(autojump_clock: MockClock) -> None:
