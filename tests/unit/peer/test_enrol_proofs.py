@@ -194,3 +194,13 @@ def test_an_order_is_done_only_if_it_was_committed_and_not_what_a_member_put_in_
     done = registry.apply(record(registry, order.entry, request=order.request))
     late = replace(order, issued=0)
     assert ordered(done, order) == order and ordered(done, late) == late, "given twice it counts once, however late"
+
+
+def test_the_only_node_that_can_issue_is_not_invited_anew_for_that_would_end_its_trust() -> None:
+    trust = Trust(NEWCOMER, True, NEWCOMERS[0].sealing.public.raw, b"sealed")
+    both = log(invite(ANY_NODE, 1), enrolled(1, OLD), trust)
+    assert ordered(both, given(invite(NAME, 2)))
+    alone = both.apply(record(both, Trust(node(0), False)))
+    with pytest.raises(Refused, match="only trusted node"):
+        ordered(alone, given(invite(NAME, 2)))
+    assert ordered(alone, given(invite(ANY_NODE, 2))), "which takes the place of no node"

@@ -129,6 +129,8 @@ def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFact
         raise _forbidden(f"{entry.name} is a member already", "choose another name")
     if node is not None and is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
+    if node is not None:  # Whoever uses this takes the trust in it.
+        _check_others_issue(node, registry)
 
 
 def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts: ClusterFacts) -> None:
