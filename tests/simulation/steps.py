@@ -187,6 +187,7 @@ async def _play(story: Story, crash: Crash | None, founders: int, seed: int) -> 
             await stage.until(stage.is_quiet)
             await _restart_all(stage)
             await stage.until(stage.is_quiet)
+            cluster.watch.homecoming.judge_rest()
             await read_everything(cluster.watch, client)
             judge_histories(cluster.watch)
             if cluster.watch.violations:

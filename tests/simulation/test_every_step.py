@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from scenefold.simulation import laws
+from scenefold.simulation.mutants import mutated
 from scenefold.world.sim import Point
-from simulation.steps import Crash, Story, crashes, handing, joining, leaving, play
+from simulation.steps import Crash, Disturbed, Story, crashes, handing, joining, leaving, play
 
 VOTER, GIVER, JOINER = 0, 1, 2
 ROLES = [
@@ -45,6 +47,13 @@ def test_a_crash_at_every_step(story: Story, founders: int, slot: int, point: Po
 @pytest.mark.parametrize(("story", "founders", "slot"), [role for role in ROLES if role.values[2] != VOTER])
 def test_who_does_not_return_is_replaced_and_brings_home_what_it_held(story: Story, founders: int, slot: int, point: Point) -> None:
     assert crashes(story, slot, point, founders=founders, returns=False, stride=2) >= 2
+
+
+@pytest.mark.parametrize(("story", "founders", "slot", "count"), [(joining, 2, GIVER, 3), (leaving, 3, GIVER, 2), (handing, 2, GIVER, 3)])
+def test_that_nothing_is_brought_home_is_noticed(story: Story, founders: int, slot: int, count: int) -> None:
+    noticed = pytest.RaisesExc(Disturbed, match=laws.BROUGHT_HOME)
+    with mutated("strays brought home"), pytest.RaisesGroup(noticed, flatten_subgroups=True):
+        play(story, Crash(slot, Point.AFTER_COMMIT, count, returns=False), founders=founders)
 
 
 def test_a_joiner_that_dies_half_way_for_good() -> None:

@@ -63,6 +63,7 @@ PROVOKED = {
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
     "settling time": Provocation(laws.SETTLED, MOVES),
+    "strays brought home": Provocation(laws.BROUGHT_HOME, SILENCE, 60.0),
     "version check": Provocation(laws.LINEARIZABLE, BUSY),
 }
 

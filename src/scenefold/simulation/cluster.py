@@ -274,7 +274,10 @@ class Cluster:
 
         def acknowledged(item: PutItem | HandItem, location: Location) -> None:
             if self._running.get(node.slot) is node and node.context is context:
-                self.watch.acknowledges(node.slot, *named(item), location)
+                place, version = named(item)
+                self.watch.acknowledges(node.slot, place, version, location)
+                if isinstance(item, HandItem):
+                    self.watch.homecoming.answered(node.slot, place, version)
 
         see_acknowledged(context, acknowledged)
         see_judged(context, self.watch.judged)

@@ -59,3 +59,9 @@ def versions_of(disks: Mapping[int, Disk], place: Place) -> tuple[Version, ...]:
     """The different versions of a record on all disks, oldest first."""
     found = {disk[place] for disk in disks.values() if place in disk}
     return tuple(sorted(found, key=lambda version: version.order))
+
+
+def is_held(disk: Disk, place: Place, version: Version | None) -> bool:
+    """Whether a disk holds this version of a record, or a newer one."""
+    held = disk.get(place)
+    return held is not None and version is not None and held.order >= version.order

@@ -70,7 +70,12 @@ def counted(disk: Disk, taken: Collection[Place] = ()) -> dict[Place, Version]:
 
     `taken`: what another node durably owned a moment ago. If this one has released it, the other's word of that may be on its way.
     """
-    found = records_of(disk)
+    return counting_of(disk, records_of(disk), taken)
+
+
+def counting_of(disk: Disk, records: dict[Place, Version], taken: Collection[Place] = ()) -> dict[Place, Version]:
+    """Likewise, of some records that lie on the disk."""
+    found = dict(records)
     for handover in handovers_of(disk):
         if handover.step in (Step.GIVEN, Step.RELEASED):
             for place in records_of(disk, handover.piece):
@@ -115,9 +120,18 @@ def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:
 
 def version_at(disk: Disk, place: Place, location: Location) -> Version | None:
     """The readable version of one record at a location."""
-    object_id = place.location if place.is_object else b""
-    value = disk.peek(RECORDS).get(record_key(RecordPlace(SceneId(place.scene), SpaceId(place.space), location), object_id))
+    value = disk.peek(RECORDS).get(_key_at(place, location))
     return None if value is None else _version(value)
+
+
+def key_of_place(place: Place) -> bytes:
+    """The key of a record that has a place of its own."""
+    return _key_at(place, Location(place.location))
+
+
+def _key_at(place: Place, location: Location) -> bytes:
+    object_id = place.location if place.is_object else b""
+    return record_key(RecordPlace(SceneId(place.scene), SpaceId(place.space), location), object_id)
 
 
 def keys_outside(disk: Disk, arc: Arc | None) -> list[bytes]:

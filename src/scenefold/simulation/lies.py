@@ -21,6 +21,8 @@ LIES_KEPT = 256
 """Of each place, the last ones: an answer is under way for seconds."""
 
 
+STRAY = b"a stray"
+"""Stands for the handover where a record is brought home."""
 TABLE = Place(0, 0, b"")
 """Stands for the place in a lie about who is where."""
 

@@ -12,7 +12,7 @@ from scenefold.crypto import RecordHeader
 from scenefold.peer import NodeContext
 from scenefold.simulation.history import Place
 from scenefold.simulation.liar import WAYS, Liar, Scope
-from scenefold.simulation.lies import Manner, whole
+from scenefold.simulation.lies import STRAY, Manner, whole
 from scenefold.simulation.lying_judge import LyingJudge
 from scenefold.simulation.recording import expected_by, named
 from scenefold.wire import (
@@ -32,8 +32,6 @@ from scenefold.wire import (
 )
 
 OF_READS = (Manner.NONSENSE, Manner.NONSENSE, Manner.WITHHELD, Manner.OLDER)
-STRAY = b"a stray"
-"""Stands for the handover where there is none."""
 
 Honest = Callable[[Packet, str], Awaitable[Packet | None]]
 Twist = Callable[[Honest, Packet, str], Awaitable[Packet | None]]

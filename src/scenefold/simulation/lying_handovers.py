@@ -19,6 +19,7 @@ from scenefold.peer import NodeContext
 from scenefold.simulation import laws
 from scenefold.simulation.history import Place
 from scenefold.simulation.liar import PACKETS, WAYS, Liar, Scope, place_of_record
+from scenefold.simulation.lies import STRAY
 from scenefold.simulation.lying_answers import Honest, overlay
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
@@ -152,9 +153,10 @@ class LyingHandovers:
         answer: Packet = await ask(member, priority, replace(packet, items=tuple(items)), *rest)
         if wrong >= 0 and _has_kept(answer, wrong):
             place, version = named(packet.items[wrong])
-            if (is_liar or self._lie(member)) and isinstance(packet, CopyRecords):
+            if is_liar or self._lie(member):
                 # Between two liars: the one altered it, the other says that it keeps it.
-                self._lies.loses(self._slot, packet.handover, place, version.digest)
+                handover = packet.handover if isinstance(packet, CopyRecords) else STRAY
+                self._lies.loses(self._slot, handover, place, version.digest)
             self._complain(place, is_liar or self._lie(member))
         return answer
 

@@ -103,6 +103,19 @@ def _hasty_keeping(original: Any) -> Any:
     return keep_durably
 
 
+def _forgetful_strays(_original: Any) -> Any:
+    """What is not a node's own any more is dropped, and offered to nobody."""
+
+    async def bring_home(self: Any, _owner: Any, entries: Any) -> int:
+        async with self._parts.keeper.unchanging() as holding:
+            gone = [(entry.spot, entry.digest) for entry in entries if not any(entry.home in piece for piece in holding.kept)]
+            if gone:
+                await self._parts.store.remove(gone)
+        return len(gone)
+
+    return bring_home
+
+
 def _trusting_receiver(_original: Any) -> Any:
     """What another node hands over is kept as it comes."""
 
@@ -123,6 +136,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "indirect probe": (Patch("scenefold.peer.membership.probing", "heard_by_others", _deaf_helpers),),
     "durable before release": (Patch("scenefold.peer.line.receiving", "keep_durably", _hasty_keeping),),
     "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
+    "strays brought home": (Patch("scenefold.peer.line.strays", "Strays._bring_home", _forgetful_strays),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "restored backup": (Patch("scenefold.peer.cluster_log.log_voter", "is_restored", _always(False)),),
     "record of this place": (Patch("scenefold.client.sealing", "check_claim", _always(None)),),

@@ -159,7 +159,9 @@ class _Drama:
 
     async def _settle(self, cluster: Cluster, clients: list[Client]) -> None:
         """Wait for quiet, read everything, judge."""
-        if not await self._until(lambda: not unrest(cluster), QUIET_S_MAX, checks=QUIET_CHECKS):
+        if await self._until(lambda: not unrest(cluster), QUIET_S_MAX, checks=QUIET_CHECKS):
+            cluster.watch.homecoming.judge_rest()
+        else:
             self._complain(cluster, unrest(cluster))
         await read_everything(cluster.watch, clients[0])
         judge_histories(cluster.watch)

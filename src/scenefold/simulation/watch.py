@@ -12,11 +12,12 @@ from typing import Protocol
 
 from scenefold.base.location import Arc, Location
 from scenefold.simulation import laws
-from scenefold.simulation.custody import Lost, lost_by_change, lost_to_claimer, versions_of
+from scenefold.simulation.custody import Lost, is_held, lost_by_change, lost_to_claimer, versions_of
 from scenefold.simulation.disks import (
     Disk,
     arc_of,
     counted,
+    counting_of,
     handovers_of,
     has_open_handover,
     holding_of,
@@ -28,6 +29,7 @@ from scenefold.simulation.disks import (
     version_at,
 )
 from scenefold.simulation.history import Loss, Place, Return, Version
+from scenefold.simulation.homecoming import Homecoming
 from scenefold.simulation.lies import Manner
 from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
 from scenefold.simulation.moves import Moves
@@ -73,6 +75,7 @@ class Watch:
         self._slot_of = slot_of
         self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
         self.rot = Rot(disks)
+        self.homecoming = Homecoming(disks, lambda place: self._owner_of(place.home), self.recorder.lies, self.violated)
         self._replaced: set[Holder] = set()
 
     # ---------------------------------------------------------------------------------------------------- telling
@@ -80,7 +83,7 @@ class Watch:
     def tell(self, slot: int | None, what: str, *values: object) -> None:
         self.story.tell(self._now(), slot, what, *values)
 
-    def violated(self, law: str, what: str, *, location: bytes | None = None, slots: Sequence[int] = ()) -> None:
+    def violated(self, law: str, what: str, location: bytes | None = None, slots: Sequence[int] = ()) -> None:
         self.story.tell(self._now(), None, "VIOLATED {}: {}", law, what)
         if len(self.violations) < VIOLATIONS_MAX:
             self.violations.append(Violation(law, what, self._now(), location, tuple(slots)))
@@ -120,7 +123,10 @@ class Watch:
         if (backup := incarnation_of(self._disks[slot])) is not None:
             self.put_back[slot] = backup
         counting = {other: self._sound(other, counted(disk, taken)) for other, disk in self._disks.items()}
-        self._lost(lost_by_change(before, counting, self._records()), f"n{slot} {why}")
+        losses = lost_by_change(before, counting, self._records())
+        self._lost(losses, f"n{slot} {why}")
+        self.homecoming.replaced(slot, before, counting)
+        self.homecoming.owes(losses, counting)
         histories = self.recorder.histories
         for place, version in sorted(self.records(slot).items()):
             if before.get(place) != version:
@@ -131,9 +137,10 @@ class Watch:
         """A stored record has rotted: this disk's copy cannot be read any more. `before`: what the disk held."""
         place = place_of(key)
         self.rot.add(slot, key)
+        self.homecoming.rotted(place)
         disks = self._records()
         owner, rotten = self._owner_of(place.home), before.get(place)
-        if owner in (None, slot) or has_open_handover(self._disks[slot]) or not _is_held(disks[owner], place, rotten):
+        if owner in (None, slot) or has_open_handover(self._disks[slot]) or not is_held(disks[owner], place, rotten):
             left = versions_of(disks, place)
             best = None if rotten is None else max([rotten, *left], key=lambda version: version.order)
             self._lost([Lost(place, left, best)], f"damaged on n{slot}")
@@ -167,6 +174,7 @@ class Watch:
         before = self._holdings.get(slot, (None, None))
         if holding != before:
             self._holding_changed(slot, disk, before, holding)
+        self.homecoming.committed(slot)
         self._look_at_rot()
 
     def _holding_changed(
@@ -244,6 +252,7 @@ class Watch:
             if self.recorder.lies.is_lost(handover, lost.place, newest):
                 self.recorder.lies.report(lost.place, Manner.LOST, words)
                 self._lost([Lost(lost.place, versions_of(self._records(), lost.place), lost.newest)], "lied about in a handover")
+                self.homecoming.lied_about(lost.place)
                 continue
             self.violated(laws.CARRIED, words, location=lost.place.location, slots=(claimer, other))
 
@@ -253,7 +262,10 @@ class Watch:
         if gain.way is Way.ADOPTION:
             disks = self._records(gain.arc)
             places = {place for disk in disks.values() for place in disk}
-            self._lost(lost_to_claimer(disks, slot, places), f"n{slot} adopts its place")
+            losses = lost_to_claimer(disks, slot, places)
+            self._lost(losses, f"n{slot} adopts its place")
+            counting = {other: counting_of(self._disks[other], found, places) for other, found in disks.items()}
+            self.homecoming.owes(losses, counting)
         if gain.way is Way.HANDOVER:
             for hurry in self.moves.handed_over(sorted(self.records(slot, gain.arc)), self._now()):
                 words = f"{hurry.place.location.hex()[:8]}… moves to n{slot} {hurry.after_s:.2f} s after it moved before"
@@ -285,9 +297,3 @@ class Watch:
             if other != slot and owner.owns(home) and owner.has_lease():
                 words = f"n{slot} acknowledges {name} while n{other} could"
                 self.violated(laws.ONE_OWNER, words, location=location, slots=(slot, other))
-
-
-def _is_held(disk: Mapping[Place, Version], place: Place, version: Version | None) -> bool:
-    """Whether a disk holds this version of a record, or a newer one."""
-    held = disk.get(place)
-    return held is not None and version is not None and held.order >= version.order

@@ -1,0 +1,111 @@
+"""Strays come home: a copy that its place's owner does not have leaves a disk only once the owner has it, or a newer version.
+
+A loss (custody.py) lets the versions that disks still hold come back, or not. This is what they must come back by: each is owed from
+then on by the disk that holds it, until it leaves that disk. At this instant the owner must have it. Nothing is owed any more by a
+disk that is replaced, of a place of which a copy has rotted, and once an owner has answered for the copy, whose disk may go later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from scenefold.simulation import custody, laws
+from scenefold.simulation.custody import Lost, is_held
+from scenefold.simulation.disks import Disk, key_of_place, records_of, version_at
+from scenefold.simulation.history import Place, Version
+from scenefold.simulation.lies import STRAY, Lies, Manner
+from scenefold.store.layout import RECORDS
+
+Violated = Callable[[str, str, bytes, tuple[int, ...]], None]
+
+
+class Homecoming:
+    """What each disk owes to the owners of places. `owner_of`: the slot of a place's durable owner."""
+
+    def __init__(self, disks: Mapping[int, Disk], owner_of: Callable[[Place], int | None], lies: Lies, violated: Violated) -> None:
+        self._disks = disks
+        self._owner_of = owner_of
+        self._lies = lies
+        self._violated = violated
+        self._owed: dict[int, dict[Place, tuple[Version, bytes | None]]] = {slot: {} for slot in disks}
+        """With the stored bytes, to notice at once that nothing has changed; None of what may lie under any key."""
+        self._answered: dict[tuple[Place, Version], int] = {}
+        """Strays that an owner has answered for, and its slot. Whoever brought one may delete its copy from then on."""
+        self._rotten: set[Place] = set()
+
+    def owes(self, losses: Iterable[Lost], counting: Mapping[int, custody.Disk]) -> None:
+        """The owners of these places have lost them. `counting`: what lies on each disk, and is not about to be deleted rightly."""
+        for place, _, _ in losses:
+            self._forget(place)
+            for slot, disk in counting.items():
+                version = disk.get(place)
+                if version is None or place in self._rotten or self._answered.get((place, version), slot) != slot:
+                    continue
+                self._owed[slot][place] = version, None if place.is_object else self._disks[slot].peek(RECORDS).get(key_of_place(place))
+
+    def answered(self, slot: int, place: Place, version: Version) -> None:
+        """The owner of a place has answered for a stray: from now on its own disk is what holds it."""
+        self._answered[place, version] = slot
+        for other, owed in self._owed.items():
+            if other != slot and place in owed and owed[place][0] == version:
+                del owed[place]
+
+    def replaced(self, slot: int, before: custody.Disk, counting: Mapping[int, custody.Disk]) -> None:
+        """A disk that held this is another now, and owes nothing. What was handed over to it, and is about to be deleted, went with it."""
+        self._owed[slot].clear()
+        for other, owed in self._owed.items():
+            for place in [place for place in owed if place in before and not is_held(counting[other], place, owed[place][0])]:
+                del owed[place]
+
+    def rotted(self, place: Place) -> None:
+        """A copy has rotted, on whichever disk: its node may still judge others by the version that it cannot show."""
+        self._rotten.add(place)
+        self._forget(place)
+
+    def lied_about(self, place: Place) -> None:
+        """In a handover, and the judge has entered a loss."""
+        self._forget(place)
+
+    def _forget(self, place: Place) -> None:
+        for owed in self._owed.values():
+            owed.pop(place, None)
+
+    def committed(self, slot: int) -> None:
+        """Something has become durable on a disk: whatever it owed and does not hold any more must have come home."""
+        owed = self._owed[slot]
+        if not owed:
+            return
+        table = self._disks[slot].peek(RECORDS)
+        gone = [place for place, (_, value) in owed.items() if value is not None and table.get(key_of_place(place)) is not value]
+        for place in gone:
+            version, _ = owed[place]
+            held = version_at(self._disks[slot], place, place.home)
+            if held != version:
+                del owed[place]
+                self._judge(slot, place, version, self._held_by_owner(place))
+
+    def judge_rest(self) -> None:
+        """Once nothing moves any more: node-managed records, which may lie anywhere."""
+        for slot, owed in self._owed.items():
+            if not owed:
+                continue
+            lies_there = records_of(self._disks[slot])
+            for place, (version, _) in sorted(owed.items()):
+                if lies_there.get(place) != version:
+                    self._judge(slot, place, version, self._held_by_owner(place))
+
+    def _held_by_owner(self, place: Place) -> Version | None:
+        owner = self._owner_of(place)
+        if owner is None:
+            return None
+        disk = self._disks[owner]
+        return records_of(disk).get(place) if place.is_object else version_at(disk, place, place.home)
+
+    def _judge(self, slot: int, place: Place, version: Version, held: Version | None) -> None:
+        if held is not None and held.order >= version.order:
+            return
+        words = f"{version.digest.hex()[:6]} of {place.location.hex()[:8]}… leaves n{slot}, and its owner has neither that nor a newer one"
+        if self._lies.is_lost(STRAY, place, version.digest):
+            self._lies.report(place, Manner.LOST, words)
+        else:
+            self._violated(laws.BROUGHT_HOME, words, place.location, (slot,))
