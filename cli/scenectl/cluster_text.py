@@ -35,7 +35,7 @@ def status_text(found: ClusterStatus) -> str:
     missing = sum(not node.alive for node in found.nodes)
     summary = f"{found.name}: {len(found.nodes) - missing} of {len(found.nodes)} nodes alive, as {found.asked} knows it"
     titles = ("node", "state", "role", "arc", "line", "disk used", "of disk", "last heard")
-    notes = [*_blacklists(found), *_removals(found), *(f"warning: {warning.text}" for warning in found.warnings)]
+    notes = [*_blacklists(found), *_removals(found), *strangers_text(found), *(f"warning: {warning.text}" for warning in found.warnings)]
     return "\n".join((summary, "", table(titles, rows), *(["", *notes] if notes else [])))
 
 
@@ -78,6 +78,13 @@ def _removals(found: ClusterStatus) -> Sequence[str]:
     shown = [f"{one.address} is no member any more: {one.reason} (position {one.position})" for one in found.removed[:REMOVALS_SHOWN]]
     left_out = len(found.removed) - len(shown)
     return [*shown, f"and {left_out} more: scenectl cluster nodes --removed"] if left_out else shown
+
+
+def strangers_text(found: ClusterStatus) -> Sequence[str]:
+    """A line if anything was refused at any node's ports; none otherwise."""
+    reports = [report for node in found.nodes if (report := node.report or node.last) is not None]
+    away, dropped = sum(report.turned_away for report in reports), sum(report.dropped for report in reports)
+    return [f"turned away since the nodes started: {away:,} connections, {dropped:,} datagrams"] if away or dropped else []
 
 
 def removed_text(found: Sequence[RemovedNode]) -> str:

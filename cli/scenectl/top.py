@@ -6,7 +6,7 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
-from scenectl.cluster_text import RATE_TITLES, movement_text, rate_rows
+from scenectl.cluster_text import RATE_TITLES, movement_text, rate_rows, strangers_text
 from scenectl.output import Output, emit_event, size_text, table
 from scenefold.base.printable import printable
 
@@ -62,7 +62,9 @@ def _summary(found: ClusterStatus, changed: list[Rate]) -> str:
 
 def _lines(found: ClusterStatus, changed: list[Rate], moving: list[Movement]) -> str:
     concerns = [f"warning: {warning.text}" for warning in found.warnings]
-    return "\n".join((_summary(found, changed), table(RATE_TITLES, rate_rows(changed)), *map(movement_text, moving), *concerns))
+    return "\n".join(
+        (_summary(found, changed), table(RATE_TITLES, rate_rows(changed)), *map(movement_text, moving), *strangers_text(found), *concerns)
+    )
 
 
 def _screen(found: ClusterStatus, changed: list[Rate], moving: list[Movement]) -> RenderableType:
@@ -76,6 +78,7 @@ def _screen(found: ClusterStatus, changed: list[Rate], moving: list[Movement]) -
     for row in rate_rows(changed):
         rows.add_row(*(Text(printable(cell)) for cell in row))
     lines = [Text(printable(movement_text(movement))) for movement in moving] or [Text("nothing is on its way", style="dim")]
+    lines += [Text(text, style="dim") for text in strangers_text(found)]
     concerns = [Text(printable(f"warning: {warning.text}"), style="bold") for warning in found.warnings]
     return Group(Text(printable(_summary(found, changed))), Text(), rows, Text(), *lines, *concerns, Text("\nCtrl-C ends", style="dim"))
 

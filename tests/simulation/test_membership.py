@@ -17,7 +17,7 @@ from scenefold.base.location import LAST
 from scenefold.node import NodeContext, NodeSettings
 from scenefold.node.running import run_assembled
 from scenefold.peer import IdentityRenewed
-from scenefold.peer.reporting import Reporting
+from scenefold.peer.reporting import DROPPED, Reporting
 from scenefold.wire import Member, RemoveNode
 from scenefold.world import Priority, background_tasks
 from scenefold.world.sim import SimNet, run_simulated
@@ -183,6 +183,6 @@ def test_what_either_port_drops_stands_in_the_report(priority: Priority) -> None
         assert await dropped(context) == before + 3
 
     async def dropped(context: NodeContext) -> int:
-        return int((await Reporting(context).report())["events"]["datagrams dropped"])
+        return int((await Reporting(context).report())["events"][DROPPED])
 
     simulate(scenario, founders=1)

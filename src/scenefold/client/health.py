@@ -98,6 +98,8 @@ class NodeState:
             "handovers": None if report is None else [handover_document(handover) for handover in report.handovers],
             "strays": None if report is None else report.strays,
             "rays_per_second": None if report is None else report.rays_per_second,
+            "connections_turned_away": None if report is None else report.turned_away,
+            "datagrams_dropped": None if report is None else report.dropped,
             "incarnation": self.incarnation.hex() if report is None else report.incarnation,
             "boot": None if report is None else report.boot,
             "blacklist": list(self.blacklist),

@@ -83,6 +83,10 @@ class NodeReport:
     peers: Mapping[str, PeerReport]
     blacklist: tuple[str, ...]
     """Addresses of nodes that must not hold copies of its data."""
+    turned_away: int
+    """Connections that it refused since its start: strangers', and what was too many."""
+    dropped: int
+    """Datagrams that it dropped, likewise."""
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -122,7 +126,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
     """The report of the node at this address; PeerFault if it is none."""
     try:
         found = unpack_value(packed)
-        stalls = found["stalls"]
+        stalls, events = found["stalls"], dict(found.get("events", {}))
         return NodeReport(
             address=address,
             incarnation=str(found["incarnation"]),
@@ -148,6 +152,8 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             stall_ago_s=_seconds(stalls["ago_s"]),
             peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
             blacklist=tuple(map(str, found.get("blacklist", ()))),
+            turned_away=_count(events.get("connections turned away", 0)),
+            dropped=_count(events.get("datagrams dropped", 0)),
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:

@@ -11,6 +11,7 @@ from scenefold.base.ids import NodeId
 from scenefold.peer.balance import Balancer, Draining
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
+from scenefold.peer.enrolment.discovery import Discovery
 from scenefold.peer.enrolment.enrolment import Enrolment
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Line
@@ -59,6 +60,7 @@ class NodeContext:
     draining: Draining
     gossip: Gossip
     range_datagrams: RangeDatagrams
+    discovery: Discovery
     probing: Probing
     joined: trio.Event = field(default_factory=trio.Event)
     """Set once this node is a member with a lease, and knows the other members and the scenes as far as they answer."""

@@ -29,6 +29,8 @@ LOOK_S = 5.0
 """Between two looks at the handovers and the clock: who warns of a handover waits for a minute."""
 STRAYS_COUNTED_MAX = 1_000
 """There may be many more; whoever reads the number wants to know whether there are any, and whether they get fewer."""
+DROPPED, TURNED_AWAY = "datagrams dropped", "connections turned away"
+"""Of the events: what came from strangers, or was too much, at all ports. Clients know these names."""
 STALL_S_MIN = 5.0
 """A look that comes so much later than it should is worth telling."""
 
@@ -206,7 +208,11 @@ class Reporting:
             strays=len(strays.entries),
             damaged=context.store.damaged,
             rays_per_second=load.rays_per_second,
-            events={**line.events, "datagrams dropped": context.gossip.dropped + context.range_datagrams.dropped},
+            events={
+                **line.events,
+                DROPPED: context.gossip.dropped + context.range_datagrams.dropped + context.discovery.dropped,
+                TURNED_AWAY: context.world.network.turned_away,
+            },
             balance=context.balancer.report(),
             blacklist=context.settings.blacklist,
         )

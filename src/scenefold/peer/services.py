@@ -169,6 +169,7 @@ class PeerServices:
             draining=draining,
             gossip=gossip,
             range_datagrams=RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges),
+            discovery=discovery,
             probing=probing,
             joined=joined,
         )

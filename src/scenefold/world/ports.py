@@ -166,6 +166,11 @@ class Datagrams(Protocol):
 class Network(Protocol):
     """Connections and datagrams between nodes, and from clients to nodes. Clients only connect."""
 
+    @property
+    def turned_away(self) -> int:
+        """Connections that were refused at the ports of this network since it was made: strangers', and what was too many."""
+        ...
+
     async def listen(
         self,
         address: str,
@@ -202,7 +207,7 @@ class Network(Protocol):
         ...
 
     def show(self, certificate: bytes, /) -> None:
-        """Show a newer certificate (PEM) for the same key from the next handshake on. LocalFault if it is unusable."""
+        """Show a newer certificate (PEM) for the same key from the next handshake on. LocalFault if it is unusable; then the older one stays."""
         ...
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> Datagrams:

@@ -143,14 +143,15 @@ async def test_a_member_of_another_cluster_stays_outside(worlds: Worlds) -> None
         assert connection.peer == "user:ada", "a stranger came in"
         await echo(connection)
 
-    address = worlds.address(0)
-    async with serving(worlds.node(0), address, serve):
+    address, node = worlds.address(0), worlds.node(0)
+    async with serving(node, address, serve):
         for _ in range(3):
             with pytest.raises((Unreachable, ConnectionLost)):
                 await knock(worlds.stranger(), address)
         connection = await worlds.user("ada").network.connect(address, LOW)
         await connection.send(b"hello")
         assert await receive_all(connection, 5) == b"hello"
+        assert node.network.turned_away == 3
         await connection.aclose()
 
 

@@ -27,11 +27,11 @@ async def echo(connection: Connection) -> None:
 
 
 @asynccontextmanager
-async def serving(worlds: RealWorlds, handshake_s_max: float = 60.0) -> AsyncIterator[None]:
+async def serving(worlds: RealWorlds, handshake_s_max: float = 60.0) -> AsyncIterator[RealNetwork]:
     network = RealNetwork(worlds.identity(0), worlds.authority.certificate, worlds.ports, handshake_s_max=handshake_s_max)
     async with trio.open_nursery() as nursery:
         await nursery.start(network.listen, worlds.address(0), LOW, echo)
-        yield
+        yield network
         nursery.cancel_scope.cancel()
 
 
@@ -57,14 +57,15 @@ async def is_served(worlds: RealWorlds) -> None:
 
 
 @pytest.mark.expect_log("127.0.0.1: connection refused: what it says is not TLS")
-async def test_garbage_is_logged_once_and_blocks_nobody() -> None:
+async def test_garbage_is_logged_once_and_counted_and_blocks_nobody() -> None:
     worlds = RealWorlds()
-    async with serving(worlds):
+    async with serving(worlds) as network:
         for _ in range(20):
             stream = await knock(worlds)
             await stream.send_all(b"GET / HTTP/1.0\r\n\r\n")
             await until_closed(stream)
         await is_served(worlds)
+        assert network.turned_away == 20
 
 
 @pytest.mark.expect_log("no TLS handshake within")

@@ -10,7 +10,7 @@ from rich.console import Console
 from scenectl.cluster_text import movement_text, nodes_text, removed_text, seconds_text, status_text
 from scenectl.top import _lines, _screen
 from scenefold.base.location import WHOLE_LINE
-from scenefold.client import Movement, NodeState, rates
+from scenefold.client import ClusterStatus, Movement, NodeState, rates
 from scenefold.client.health import judged
 from scenefold.client.removals import RemovedNode
 from unit.client.test_health import report
@@ -46,6 +46,23 @@ def test_of_a_silent_node_top_shows_what_it_said_last() -> None:
     found = judged("studio", "127.0.0.4", [silent])
     lines = _lines(found, rates([], found.nodes, 1.0), [])
     assert "silent 12.3 s" in lines and "1,234 records" in lines
+
+
+def test_what_was_turned_away_is_shown_where_there_is_any() -> None:
+    def found(*counts: tuple[int, int]) -> ClusterStatus:
+        events = [{"connections turned away": away, "datagrams dropped": dropped} for away, dropped in counts]
+        nodes = [replace(SILENT, report=report(SILENT.address, WHOLE_LINE, events=one)) for one in events]
+        return judged("studio", "127.0.0.4", nodes)
+
+    some = found((1_000, 2), (5, 0))
+    console = Console(file=io.StringIO(), width=200)
+    console.print(_screen(some, rates([], some.nodes, 1.0), []))
+    assert isinstance(console.file, io.StringIO)
+    for text in (status_text(some), _lines(some, rates([], some.nodes, 1.0), []), console.file.getvalue()):
+        assert "turned away since the nodes started: 1,005 connections, 2 datagrams" in text
+    assert "turned away" not in status_text(found((0, 0)))
+    assert [(one.document()["connections_turned_away"], one.document()["datagrams_dropped"]) for one in some.nodes] == [(1_000, 2), (5, 0)]
+    assert SILENT.document()["connections_turned_away"] is None
 
 
 def test_blacklists_are_shown_where_there_are_any() -> None:

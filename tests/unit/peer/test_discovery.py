@@ -78,7 +78,11 @@ async def test_a_broadcast_over_which_a_node_fails_ends_it_not(monkeypatch: pyte
     monkeypatch.setattr(node.discovery, "why_not", failing)
     with pytest.raises(EOFError):
         await node.discovery._listen(Speaker(), Speaker())  # type: ignore[arg-type]
-    assert len(answers) == 1
+    assert len(answers) == 1 and not node.discovery.dropped
+    arriving += [b"noise", pack_question(invitation_key(2), bytes(16)), data]
+    with pytest.raises(EOFError):
+        await node.discovery._listen(Speaker(), Speaker())  # type: ignore[arg-type]
+    assert len(answers) == 2 and node.discovery.dropped == 2, "what is not answered is counted"
 
 
 FORGED = replace(question(), signature=bytes(64))

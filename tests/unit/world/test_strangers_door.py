@@ -109,6 +109,7 @@ async def test_handshakes_begin_one_after_the_other_however_many_come_at_once(
     hall, began_at = Hall(monkeypatch, fails), trio.current_time()
     await hall.receive(*(Caller(source=f"10.0.0.{number}") for number in range(40)))
     assert hall.began_at[0] == began_at and len(hall.began_at) == 40
+    assert hall.door.turned_away == 40, "each is counted, and few are said"
     gaps = [later - earlier for earlier, later in itertools.pairwise(hall.began_at)]
     assert gaps == pytest.approx([HANDSHAKE_GAP_S] * 39)
     await trio.sleep(1.0)
@@ -208,6 +209,7 @@ async def test_beyond_so_many_connections_one_more_is_closed_until_one_leaves(
             nursery.start_soon(hall.door.receive, Caller())
         await trio.sleep(1.0)
         await hall.receive(Caller())
+        assert hall.door.turned_away == 1
         assert hall.served == 3 and not any(one.closed for one in hall.inside[:3])
         leaves.cancel()
         await trio.testing.wait_all_tasks_blocked()
@@ -223,6 +225,7 @@ async def test_who_knocks_too_often_is_refused_by_its_address_and_it_is_said(mon
     hall = Hall(monkeypatch, fails)
     assert sum(hall.door.may_knock(SOURCE) for _ in range(2 * KNOCKS_BURST)) == KNOCKS_BURST
     assert hall.door.may_knock("10.0.0.8")
+    assert hall.door.turned_away == KNOCKS_BURST
 
 
 @pytest.mark.expect_log("a newcomer is sent away: too many of this address showed no open invitation")
@@ -245,6 +248,7 @@ async def test_newcomers_of_an_address_that_show_no_invitation_are_counted_and_t
         for _ in range(2 * NEWCOMERS_BURST):
             await hall.receive(Caller())
     assert talked_to == [True] * 2 * NEWCOMERS_BURST + [False] * NEWCOMERS_BURST
+    assert hall.door.turned_away == NEWCOMERS_BURST, "who is served is not among them"
     assert all(one.closed for one in hall.inside)
 
 

@@ -67,6 +67,8 @@ class Discovery:
         self._answered: OrderedDict[Question, int] = OrderedDict()
         # Other clusters look for their nodes, too: nothing to warn of. What is not said is counted.
         self._quiet = QuietLog(_log, logging.INFO)
+        self.dropped = 0
+        """Broadcasts that were not answered."""
 
     async def run(self) -> None:
         """Answer until cancelled; at once over where nobody can be enrolled, or no broadcast is heard."""
@@ -97,6 +99,7 @@ class Discovery:
         question = read_question(data)
         why_not = "it is no question" if question is None else self.why_not(question, source.address)
         if question is None or why_not:
+            self.dropped += 1
             self._quiet.say(self._world.clock.now(), source.address, "broadcast", f"a broadcast is not answered: {why_not}")
             return
         await speaker.send(pack_answer(question.nonce, self._me), source)

@@ -44,12 +44,14 @@ class Door:
         self._pending = PendingHandshakes(PENDING_HANDSHAKES_MAX)
         self._turns = HandshakeTurns(HANDSHAKE_GAP_S)
         self._open = 0
+        self.turned_away = 0
+        """Connections that were refused: strangers', and what was too many. What is said of them once a minute is counted each time."""
 
     def may_knock(self, source: str) -> bool:
         """Whether a connection that has just come from an address is received at all; cheap."""
         if self._admission.may_knock(source, time.monotonic()):
             return True
-        self._say(source, "knocks", "connections are closed: too many come, or their TLS handshakes fail, or are of one peer")
+        self._refuse(source, "knocks", "connections are closed: too many come, or their TLS handshakes fail, or are of one peer")
         return False
 
     async def receive(self, stream: trio.SocketStream) -> None:
@@ -63,7 +65,7 @@ class Door:
             return
         self._admission.came_in(source, connection.peer, time.monotonic())
         if self._open >= CONNECTIONS_MAX:
-            self._say(source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
+            self._refuse(source, "full", f"refused: {CONNECTIONS_MAX} connections are open")
             return
         self._open += 1
         try:
@@ -80,7 +82,7 @@ class Door:
             if self._newcomers is None:
                 return
             if not self._admission.may_ask(source, began):
-                self._say(source, "newcomers", "a newcomer is sent away: too many of this address showed no open invitation")
+                self._refuse(source, "newcomers", "a newcomer is sent away: too many of this address showed no open invitation")
                 return
             with trio.move_on_after(NEWCOMER_S_MAX) as scope:
                 self._newcomers_here.admit(scope, source)
@@ -92,7 +94,7 @@ class Door:
                     self._newcomers_here.leave(scope)
             if scope.cancelled_caught:
                 why = "its time was over" if time.monotonic() - began >= NEWCOMER_S_MAX else "too many newcomers are at the door"
-                self._say(source, "newcomers", f"a newcomer is sent away: {why}")
+                self._refuse(source, "newcomers", f"a newcomer is sent away: {why}")
         finally:
             await connection.aclose()
 
@@ -126,8 +128,12 @@ class Door:
                 self._pending.leave(scope)
         if scope.cancelled_caught and trio.current_time() < scope.deadline:
             kind, why = "pushed out", f"pushed out by a newer one: {PENDING_HANDSHAKES_MAX} TLS handshakes are under way"
-        self._say(source, kind, f"connection refused: {why}")
+        self._refuse(source, kind, f"connection refused: {why}")
         return None
+
+    def _refuse(self, source: str, kind: str, text: str) -> None:
+        self.turned_away += 1
+        self._say(source, kind, text)
 
     def _say(self, source: str, kind: str, text: str) -> None:
         self._quiet.say(time.monotonic(), source, kind, text)

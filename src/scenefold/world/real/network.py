@@ -47,6 +47,11 @@ class RealNetwork:
         """All that show our certificate."""
         self._ports = ports
         self._handshake_s_max = handshake_s_max
+        self._doors: list[Door] = []
+
+    @property
+    def turned_away(self) -> int:
+        return sum(door.turned_away for door in self._doors)
 
     async def listen(
         self,
@@ -66,6 +71,7 @@ class RealNetwork:
         context = server_context(self._identity, self._authority_cert, newcomers=newcomers is not None)
         context.set_alpn_protocols([*self._versions.names, *([NEWCOMER] if newcomers is not None else [])])
         door = Door(context, serve, newcomers, self._versions, self._handshake_s_max)
+        self._doors.append(door)
         guarded = [GuardedListener(listener, door.may_knock) for listener in listeners]
         self._contexts.append(context)
         try:
@@ -76,9 +82,12 @@ class RealNetwork:
             self._contexts.remove(context)
 
     def show(self, certificate: bytes) -> None:
-        self._identity = replace(self._identity, certificate=certificate)
+        newer = replace(self._identity, certificate=certificate)
+        # Tried on a context of its own: one that takes only half of it would show nothing usable any more.
+        client_context(newer, self._authority_cert)
+        self._identity = newer
         for context in self._contexts:
-            renew(context, self._identity)
+            renew(context, newer)
 
     async def connect(self, address: str, priority: Priority) -> TlsConnection:
         port = self._ports.number(priority)

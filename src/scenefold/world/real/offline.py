@@ -11,6 +11,8 @@ from scenefold.world.ports import Connection, Datagrams, Endpoint
 class NoNetwork:
     """Whoever asks it for something has the wrong world."""
 
+    turned_away = 0
+
     async def listen(self, *_: object, **__: object) -> NoReturn:
         raise AssertionError("this world has no such network")
 

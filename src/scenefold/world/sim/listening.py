@@ -74,7 +74,7 @@ class Listener:
 
     async def _receive(self, connection: SimConnection) -> None:
         if self._open >= CONNECTIONS_MAX:
-            self._complain("full", f"refused: {CONNECTIONS_MAX} connections are open")
+            self._refuse("full", f"refused: {CONNECTIONS_MAX} connections are open")
             connection.abort()
             return
         self._open += 1
@@ -97,7 +97,7 @@ class Listener:
     def admit(self, connection: SimConnection, why_not: str) -> None:
         """The client's certificate arrives."""
         if why_not:
-            self._complain("stranger", f"connection refused: {why_not}")
+            self._refuse("stranger", f"connection refused: {why_not}")
             connection.abort()
         elif self not in self.process.listeners:
             connection.abort()
@@ -107,11 +107,15 @@ class Listener:
 
     def turn_away(self) -> None:
         """A client found somebody else here than it wanted."""
-        self._complain("stranger", "connection refused: the connection was cut")
+        self._refuse("stranger", "connection refused: the connection was cut")
 
     def speaks_otherwise(self, client: Process) -> None:
         """A client takes no version of the protocol that the process here takes."""
-        self._complain("version", f"connection refused: {self.process.versions.apart_from(client.versions, client.name)}")
+        self._refuse("version", f"connection refused: {self.process.versions.apart_from(client.versions, client.name)}")
+
+    def _refuse(self, kind: str, text: str) -> None:
+        self.process.turned_away += 1
+        self._complain(kind, text)
 
     def _complain(self, kind: str, text: str) -> None:
         self._quiet.say(self._net.now, self._where.address, kind, text)

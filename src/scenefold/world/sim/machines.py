@@ -97,6 +97,8 @@ class Process:
     connections: dict[SimConnection, None] = field(default_factory=dict)
     sockets: dict[SimDatagrams, None] = field(default_factory=dict)
     listeners: dict[Listener, None] = field(default_factory=dict)
+    turned_away: int = 0
+    """Connections that its listeners refused."""
     card: Card | None = None
     """What its certificate says, if it has one."""
     sleepers: dict[Task, None] = field(default_factory=dict)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import trio
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.crypto import Card
 from scenefold.world.ports import Endpoint, Priority, Serve, ServeNewcomer
 from scenefold.world.sim.datagrams import EVERYWHERE, SimDatagrams
@@ -27,6 +27,10 @@ class SimNetwork:
     def __init__(self, net: SimNet, process: Process) -> None:
         self._net = net
         self._process = process
+
+    @property
+    def turned_away(self) -> int:
+        return self._process.turned_away
 
     async def listen(
         self,
@@ -60,7 +64,15 @@ class SimNetwork:
         return await self.open_datagrams(None, Priority.HIGH), (Endpoint(EVERYWHERE, port),)
 
     def show(self, certificate: bytes) -> None:
-        self._process.card = Card.read(certificate)
+        try:
+            card = Card.read(certificate)
+        except DamagedData as problem:
+            raise LocalFault(
+                f"the certificate or key is unusable: {problem.what}", where=self._process.name, remedy="issue it anew"
+            ) from None
+        if self._process.card is not None and card.tls_key != self._process.card.tls_key:
+            raise LocalFault("the certificate or key is unusable: they do not match", where=self._process.name, remedy="issue it anew")
+        self._process.card = card
 
     async def open_datagrams(self, address: str | None, priority: Priority) -> SimDatagrams:
         await trio.lowlevel.checkpoint()
