@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import resource
 import secrets
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -15,19 +18,43 @@ import trio.testing
 
 from loopback import free_ports
 from scenefold.base.ids import node_id_of
-from scenefold.crypto import Authority, Identity
+from scenefold.crypto import Authority, Card, Identity, MemberKeys
 from scenefold.store import LmdbDisk
 from scenefold.store.lmdb_disk import DATA_NAME
 from scenefold.world import World, newcomer_world, real_world
 from scenefold.world.sim import SimNet
+from scenefold.world.sim.clock import WALL_BEGIN
 from scenefold.world.versions import TAKEN, Versions
 
 DESCRIPTORS = Path("/proc/self/fd")
 """The open files of this process, where the system shows them."""
+SIM_NOW = datetime.datetime.fromtimestamp(WALL_BEGIN, datetime.UTC) - datetime.timedelta(days=1)
 LOCK_BYTES = 64
 """What a lock file needs, on a disk on which no store fits."""
 INSIDE_BYTES = 1 << 20
 """What a file can take that grows no more."""
+
+
+Renew = Callable[[MemberKeys], bytes]
+"""A certificate (PEM) for other keys, and the same TLS key."""
+
+
+@dataclass
+class Lasting:
+    """`work` is a call for a lane. `begun` is set when the first has begun; `ended` counts those that are over."""
+
+    seconds: float
+    soon: Callable[[Callable[[], None]], None]
+    """Calls back in the thread of the tasks."""
+    begun: trio.Event = field(default_factory=trio.Event)
+    done: threading.Event = field(default_factory=threading.Event)
+    ended: int = 0
+
+    def work(self) -> str:
+        self.soon(self.begun.set)
+        self.done.wait(self.seconds)
+        self.ended += 1
+        return "worked"
 
 
 class Worlds(Protocol):
@@ -38,6 +65,10 @@ class Worlds(Protocol):
         ...
 
     def node(self, number: int, versions: Versions = TAKEN) -> World: ...
+
+    def certified(self, number: int, keys: MemberKeys) -> tuple[World, Renew]:
+        """The same, with a certificate that names the node's other keys, and what issues a newer one for the same TLS key."""
+        ...
 
     def user(self, name: str, versions: Versions = TAKEN) -> World:
         """`versions` of the protocol that its program takes."""
@@ -53,6 +84,10 @@ class Worlds(Protocol):
 
     async def silence(self, seconds: float) -> None:
         """Wait until no task has anything to do for so long, and nothing is on its way."""
+        ...
+
+    def lasting(self, number: int, seconds: float) -> Lasting:
+        """Work that takes at least so long in lane `store` of a node, or goes on until `done` is set, in a world where that is possible."""
         ...
 
     def full(self, number: int, folder: Path) -> AbstractContextManager[None]:
@@ -84,6 +119,13 @@ class RealWorlds:
     def node(self, number: int, versions: Versions = TAKEN) -> World:
         return self._world(self.identity(number), self.authority, versions)
 
+    def certified(self, number: int, keys: MemberKeys) -> tuple[World, Renew]:
+        name, addresses = f"node:{node_id_of(self.address(number))}", [self.address(number)]
+        identity = self.authority.issue(name, addresses, keys=keys)
+        tls_key = Card.read(identity.certificate).tls_key
+        renew = lambda keys: self.authority.certify(name, addresses, tls_key, keys=keys)  # noqa: E731
+        return self._world(identity, self.authority), renew
+
     def user(self, name: str, versions: Versions = TAKEN) -> World:
         return self._world(self.authority.issue(f"user:{name}", []), self.authority, versions)
 
@@ -96,6 +138,9 @@ class RealWorlds:
 
     async def silence(self, seconds: float) -> None:
         await trio.testing.wait_all_tasks_blocked(seconds)
+
+    def lasting(self, number: int, seconds: float) -> Lasting:
+        return Lasting(seconds, trio.lowlevel.current_trio_token().run_sync_soon)
 
     @contextmanager
     def full(self, number: int, folder: Path) -> Iterator[None]:
@@ -144,6 +189,15 @@ class SimWorlds:
     def node(self, number: int, versions: Versions = TAKEN) -> World:
         return self.net.world(f"node:{node_id_of(self.address(number))}", self.address(number), versions=versions)
 
+    def certified(self, number: int, keys: MemberKeys) -> tuple[World, Renew]:
+        # By the clocks of these machines.
+        authority, now = Authority.create("test", now=SIM_NOW), SIM_NOW
+        name, addresses = f"node:{node_id_of(self.address(number))}", [self.address(number)]
+        identity = authority.issue(name, addresses, keys=keys, now=now)
+        tls_key = Card.read(identity.certificate).tls_key
+        renew = lambda keys: authority.certify(name, addresses, tls_key, keys=keys, now=now)  # noqa: E731
+        return self.net.world(name, self.address(number), certificate=identity.certificate), renew
+
     def user(self, name: str, versions: Versions = TAKEN) -> World:
         return self.net.world(f"user:{name}", versions=versions)
 
@@ -157,6 +211,11 @@ class SimWorlds:
         # What is on its way takes virtual time, and nothing else does.
         await trio.sleep(seconds)
         await trio.testing.wait_all_tasks_blocked()
+
+    def lasting(self, number: int, seconds: float) -> Lasting:
+        # Calls are atomic here; it is the disk that lets virtual time pass on both sides of one.
+        self.net.machine(self.address(number)).disk.slow(seconds)
+        return Lasting(0.0, lambda tell: tell())
 
     @contextmanager
     def full(self, number: int, folder: Path) -> Iterator[None]:

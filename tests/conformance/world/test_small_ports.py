@@ -1,10 +1,9 @@
-"""If this failed, code that runs in one world would not run in the other: clock, entropy, workers."""
+"""If this failed, code that runs in one world would not run in the other: clock and entropy."""
 
 from __future__ import annotations
 
-import threading
+import time
 
-import pytest
 import trio
 
 from conformance.world.makers import Worlds
@@ -31,32 +30,17 @@ def test_entropy_gives_what_was_asked_for(worlds: Worlds) -> None:
     assert all(0 <= entropy.uniform() < 1 for _ in range(1000))
 
 
-async def test_workers_return_and_raise(worlds: Worlds) -> None:
-    workers = worlds.node(0).workers
-    assert await workers.run("crypto", pow, 2, 10) == 1024
-    with pytest.raises(ZeroDivisionError):
-        await workers.run("import", divmod, 1, 0)
-
-
-async def test_a_lane_is_no_wider_than_it_says(worlds: Worlds) -> None:
-    workers = worlds.node(0).workers
-    lock = threading.Lock()
-    overlaps = []
-
-    def alone() -> None:
-        overlaps.append(not lock.acquire(blocking=False))
-        sum(range(10_000))
-        lock.release()
-
-    async with trio.open_nursery() as nursery:
-        for _ in range(50):
-            nursery.start_soon(workers.run, "store", alone)
-    assert overlaps == [False] * 50
-
-
-async def test_waiting_for_a_lane_can_be_cancelled(worlds: Worlds) -> None:
-    workers = worlds.node(0).workers
-    with trio.CancelScope() as scope:
-        scope.cancel()
-        await workers.run("store", pytest.fail, "this must not run")
-    assert scope.cancelled_caught
+async def test_the_stopwatch_measures_what_computing_takes_where_that_takes_any_time(worlds: Worlds) -> None:
+    clock = worlds.node(0).clock
+    stopwatch = clock.stopwatch
+    now = clock.now()
+    begin = None if stopwatch is None else stopwatch()
+    until = time.perf_counter() + 0.002
+    while time.perf_counter() < until:
+        pass
+    if stopwatch is None or begin is None:
+        assert clock.now() == now
+    else:
+        assert stopwatch() - begin >= 0.0019
+        await clock.sleep(0.01)
+        assert stopwatch() - begin >= 0.0119
