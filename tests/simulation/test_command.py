@@ -14,6 +14,7 @@ from scenefold.simulation import laws
 from scenefold.simulation.crowd import run_one
 from scenefold.simulation.outcome import FAULTS_MIN, OPERATIONS_MIN, Order, Result
 from scenefold.simulation.shrink import Shortened
+from scenefold.world.sim.datagrams import SimDatagrams
 from simulation.runs import command
 
 KEYS = {"seeds", "violations", "faults", "operations", "operations_min", "faults_min", "reported", "short"}
@@ -106,6 +107,21 @@ def test_a_seed_that_tests_too_little_is_a_failure_of_the_harness(
     short = replace(enough, operations=1)
     assert replace(short, order=replace(short.order, keep=(1,))).shortage == "", "a shortened run may be short"
     assert replace(violated, operations=1).shortage == "", "a run that broke off may be short"
+
+
+def test_a_bug_in_an_event_is_a_finding_of_its_seed_and_loses_no_other(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def arrive(*_: object) -> bool:
+        raise KeyError("a bug in an event")
+
+    monkeypatch.setattr(SimDatagrams, "arrive", arrive)
+    assert program.main(["--seeds", "0:2", "--jobs", "1", "--json", "--no-shorten"]) == 1
+    output = capsys.readouterr()
+    report = json.loads(output.out)
+    assert [(found["seed"], found["law"]) for found in report["violations"]] == [(0, laws.SOUND), (1, laws.SOUND)]
+    assert all(found["what"].startswith("KeyError: 'a bug in an event'") for found in report["violations"])
+    assert "again: " in output.err
 
 
 @pytest.mark.parametrize(
