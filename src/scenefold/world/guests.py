@@ -76,11 +76,8 @@ class Share:
         self._turn_ended.unpark()
 
     def bill(self, estimate_s: float = 0.0) -> Bill:
-        """For something that is done for this peer. Who may take all pays estimates only, for as long as it may."""
-        return Bill(self._pay, self._stopwatch, estimate_s, self._accuse, self._is_free)
-
-    def _is_free(self) -> bool:
-        return self._turns.is_free(self._guest[0], trio.current_time())
+        """For something that is done for this peer."""
+        return Bill(self._pay, self._stopwatch, estimate_s, self._accuse)
 
     def _accuse(self) -> None:
         self._turns.accuse(self._guest[0], trio.current_time())

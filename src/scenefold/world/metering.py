@@ -3,8 +3,7 @@
 A request is handled in a task that runs for a moment, waits, and runs again; `metered` adds these moments up, by the clock on the
 wall: while one runs no other can, even if the machine has the thread wait in the middle of it. What it has worker threads do counts
 as well, wherever that is asked for (`running_bill`), by the time of the processor; and so does what is found out about it, as that
-its records were not signed. Whether a moment is paid for is asked at its end: who was trusted when a connection began may be so no longer.
-In a simulated world computing takes no time, and only estimates are paid.
+its records were not signed. In a simulated world computing takes no time, and only estimates are paid.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ PAID_AT_ONCE_S = 0.001
 class Bill:
     """Of one request, or of all that a connection costs beside them. `estimate_s` is paid at once, and is the least that it costs.
 
-    `accuse`: called when what is asked turns out to be forged. `is_free`: whether what is measured now is not paid for.
+    `accuse`: called when what is asked turns out to be forged.
     """
 
     def __init__(
@@ -41,10 +40,8 @@ class Bill:
         stopwatch: Stopwatch | None,
         estimate_s: float = 0.0,
         accuse: Callable[[], None] = lambda: None,
-        is_free: Callable[[], bool] = lambda: False,
     ) -> None:
         self.accuse = accuse
-        self._is_free = is_free
         self._pay = pay
         self._stopwatch = stopwatch
         self._estimate_s = estimate_s
@@ -52,14 +49,8 @@ class Bill:
         self._of_threads = deque[float]()
         self._pay_up_to(estimate_s)
 
-    def spend_measured(self, seconds: float) -> None:
-        """A moment of the task has taken so long."""
-        if self._is_free():
-            self._of_threads.clear()
-        else:
-            self.spend(seconds)
-
     def spend(self, seconds: float) -> None:
+        """It has taken so long."""
         self._spent_s += seconds
         while self._of_threads:
             self._spent_s += self._of_threads.popleft()
@@ -86,7 +77,7 @@ class Bill:
     async def metered(self, work: Coroutine[Any, Any, T]) -> T:
         """Await this on this bill, as what is left for the present task to do."""
         _running.set(self)
-        return await (work if self._stopwatch is None else _step_by_step(work, self.spend_measured, self._stopwatch))
+        return await (work if self._stopwatch is None else _step_by_step(work, self.spend, self._stopwatch))
 
 
 _running: ContextVar[Bill | None] = ContextVar("bill", default=None)

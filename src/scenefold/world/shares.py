@@ -1,9 +1,10 @@
 """What part of a node's time each peer may take (specs/03-wire.md, Limits). Pure: no waiting.
 
 One thread handles what all peers ask, so their time is shared by what it costs, and not by how many ask how often. A peer beside
-others has an account: what it costs is taken from it, and it fills again at the peer's share. Of those that are busy all get the
-same, and more the less the others take; what nobody takes is left to the members of the cluster, and to who comes next. One that was
-quiet has saved little, so nobody hoards time.
+others has an account: what it costs is taken from it, and it fills again at the peer's share. Clients have a part of the time among
+them, members of the cluster another one, so that neither kind can push the other out of it: no number of busy clients keeps a handover
+from ending, and no member, whatever it asks, takes more than that from them. Of those of a kind that are busy all get the same, and more
+the less the others take; what nobody takes is left to who comes next. One that was quiet has saved little, so nobody hoards time.
 
 The small and urgent port of a peer is filled first: nothing there waits for the peer's own bulk.
 """
@@ -11,11 +12,15 @@ The small and urgent port of a peer is filled first: nothing there waits for the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import Enum
 from itertools import takewhile
 
 BUSY_SHARE = 0.5
-"""Of the thread's time, for all that are busy beside others: with two of them a quarter each."""
+"""Of the thread's time, for all clients that are busy beside others: with two of them a quarter each."""
+MEMBERS_SHARE = 0.25
+"""Likewise, for all members."""
 BUSY = 0.05
 """Who takes so much counts as busy, who takes less as that part of one: many names that take little are no more than one that takes it all."""
 OTHERS_WEIGHT = 25.0
@@ -34,6 +39,21 @@ OWED_ALONE_S_MAX = 0.05
 """What one that was alone, and took all, owes at most when others come."""
 LOOK_S = 0.02
 """How old the count of the busy ones may be."""
+
+
+class Kind(Enum):
+    """Of a peer."""
+
+    CLIENT = 0
+    """And whoever is no member."""
+    MEMBER = 1
+    """Only clients are others to it."""
+    ACCUSED = 2
+    """A member to which all are others."""
+
+    @property
+    def is_client(self) -> bool:
+        return self is Kind.CLIENT
 
 
 @dataclass
@@ -55,6 +75,7 @@ class _Account:
     """Of one peer: what it may still take, as of `at`, at its bulk port and at its urgent one."""
 
     at: float
+    is_client: bool = True
     bulk_s: float = SAVED_S_MAX
     urgent_s: float = URGENT_SAVED_S_MAX
     taken: _Taken = field(default_factory=_Taken)
@@ -73,14 +94,15 @@ class _Account:
 
 
 class Shares:
-    """Of all peers at one node."""
+    """Of all peers at one node. `kind_of`: what kind of peer one is, at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind_of: Callable[[str, float], Kind] = lambda _peer, _now: Kind.CLIENT) -> None:
+        self._kind_of = kind_of
         self._accounts: dict[str, _Account] = {}
         """Who paid last is the last one."""
-        self._taken = _Taken()
-        """By all."""
-        self._busy = 0.0
+        self._taken = {True: _Taken(), False: _Taken()}
+        """By all clients, and by all members."""
+        self._busy = {True: 0.0, False: 0.0}
         self._looked_at = -math.inf
 
     def __len__(self) -> int:
@@ -103,6 +125,7 @@ class Shares:
         """It has cost so much."""
         account = self._accounts.pop(peer, None) or _Account(now)
         self._accounts[peer] = account
+        account.is_client = self._kind_of(peer, now).is_client
         account.fill(1.0 if is_alone else self.share(peer, now), now)
         owed_s = OWED_ALONE_S_MAX if is_alone else OWED_S_MAX
         if is_urgent:
@@ -110,22 +133,26 @@ class Shares:
         else:
             account.bulk_s = max(-owed_s, account.bulk_s - work_s)
         account.taken.add(work_s, now)
-        self._taken.add(work_s, now)
+        self._taken[account.is_client].add(work_s, now)
         self._forget(now)
 
     def share(self, peer: str, now: float) -> float:
         """Of the time, for one that is beside others."""
-        account = self._accounts.get(peer)
+        kind, account = self._kind_of(peer, now), self._accounts.get(peer)
         own = account.taken.now(now) if account is not None else 0.0
-        others = max(0.0, self._taken.now(now) - own)
-        busy = max(0.0, self._busy_ones(now) - _busy(own))
-        return max(1.0 - OTHERS_WEIGHT * others, BUSY_SHARE / (1.0 + busy))
+        alike = max(0.0, self._taken[kind.is_client].now(now) - own)
+        others = self._taken[not kind.is_client].now(now) + (0.0 if kind is Kind.MEMBER else alike)
+        busy = max(0.0, self._busy_ones(kind.is_client, now) - _busy(own))
+        part = BUSY_SHARE if kind.is_client else MEMBERS_SHARE
+        return max(1.0 - OTHERS_WEIGHT * others, part / (1.0 + busy))
 
-    def _busy_ones(self, now: float) -> float:
+    def _busy_ones(self, are_clients: bool, now: float) -> float:
         if now - self._looked_at >= LOOK_S:
             self._looked_at = now
-            self._busy = sum(_busy(account.taken.now(now)) for account in self._accounts.values())
-        return self._busy
+            self._busy = {True: 0.0, False: 0.0}
+            for account in self._accounts.values():
+                self._busy[account.is_client] += _busy(account.taken.now(now))
+        return self._busy[are_clients]
 
     def _forget(self, now: float) -> None:
         """Who was quiet until its account was full is as if it had never been."""

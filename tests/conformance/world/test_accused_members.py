@@ -1,4 +1,4 @@
-"""If this fails, a member that sends nonsense keeps all of a node's time, or loses it for what others had it pass on."""
+"""If this fails, a member that sends nonsense pays nothing beside other members, or pays for what others had it pass on."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, frame
 from scenefold.world import Connection, open_channel, serve_connection
 from scenefold.world.guests import Guests
 from scenefold.world.serving import Handler
+from scenefold.world.shares import Kind
 from scenefold.world.turns import Turns
 
 MEMBER = "user:ada"
-"""Whoever `connect` connects as: here one that may take all."""
+"""Whoever `connect` connects as: here a member."""
 
 
 async def served(worlds: Worlds, nursery: trio.Nursery, handler: Handler) -> Turns:
@@ -27,19 +28,19 @@ async def served(worlds: Worlds, nursery: trio.Nursery, handler: Handler) -> Tur
         await serve_connection(connection, handler, guests=guests)
 
     await nursery.start(worlds.node(0).network.listen, worlds.address(0), LOW, serve)
-    assert turns.is_free(MEMBER, trio.current_time())
+    assert turns.kind_of(MEMBER, trio.current_time()) is Kind.MEMBER
     return turns
 
 
 @pytest.mark.expect_log("malformed packet")
-async def test_a_packet_that_is_none_costs_a_member_its_free_share(worlds: Worlds) -> None:
+async def test_a_packet_that_is_none_costs_a_member_its_freedom(worlds: Worlds) -> None:
     async with trio.open_nursery() as nursery:
         turns = await served(worlds, nursery, echo)
         async with raw_connection(worlds) as connection:
             await connection.send(frame(bytes([0x93, 0xCC, 0xF0, 77, 0xC0])))
             [fault] = await next_packets(connection, FrameReader())
             assert isinstance(fault, Fault) and fault.reason == RejectReason.ILL_FORMED
-            assert not turns.is_free(MEMBER, trio.current_time())
+            assert turns.kind_of(MEMBER, trio.current_time()) is Kind.ACCUSED
         nursery.cancel_scope.cancel()
 
 
@@ -55,5 +56,5 @@ async def test_what_a_packet_holds_may_be_others_words(worlds: Worlds) -> None:
                 with pytest.raises(Refused) as caught:
                     await channel.request(ask(number), LONG_S)
                 assert caught.value.reason is RejectReason.ILL_FORMED
-        assert turns.is_free(MEMBER, trio.current_time())
+        assert turns.kind_of(MEMBER, trio.current_time()) is Kind.MEMBER
         nursery.cancel_scope.cancel()

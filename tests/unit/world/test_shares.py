@@ -12,9 +12,12 @@ from hypothesis import strategies as st
 from scenefold.world.shares import (
     BUSY,
     BUSY_SHARE,
+    LOOK_S,
+    MEMBERS_SHARE,
     OWED_ALONE_S_MAX,
     SAVED_S_MAX,
     URGENT_SAVED_S_MAX,
+    Kind,
     Shares,
 )
 
@@ -45,7 +48,7 @@ class Asker:
 
 def run(askers: Sequence[Asker], seconds: float, shares: Shares | None = None, begin: float = 100.0) -> None:
     """All ask beside each other. A thread has only so much time; here nobody is slowed by that, only by shares."""
-    shares = shares or Shares()
+    shares = Shares() if shares is None else shares
     for number in range(round(seconds / STEP_S)):
         for asker in askers:
             asker.step(shares, begin + number * STEP_S, number * STEP_S)
@@ -84,6 +87,30 @@ def test_many_names_that_take_little_push_nobody_further_than_one_that_takes_it_
     alone = Asker("user:me", 0.001)
     run([Asker("user:other", 0.001, BUSY), alone], 5.0)
     assert me.took_s == pytest.approx(alone.took_s, rel=0.1)
+
+
+def kind_of(peer: str, _now: float) -> Kind:
+    return Kind.MEMBER if peer.startswith("node:") else Kind.ACCUSED if peer.startswith("liar:") else Kind.CLIENT
+
+
+@pytest.mark.parametrize(("clients", "members"), [(1, 1), (1, 8), (12, 1), (6, 3)])
+def test_neither_clients_nor_members_push_the_other_kind_out_of_its_part(clients: int, members: int) -> None:
+    users = [Asker(f"user:{number}", 0.02) for number in range(clients)]
+    nodes = [Asker(f"node:{number}", 0.02) for number in range(members)]
+    run([*users, *nodes], 5.0, Shares(kind_of))
+    for askers, part in ((users, BUSY_SHARE), (nodes, MEMBERS_SHARE)):
+        fair_s = 5.0 * part / len(askers)
+        for asker in askers:
+            assert 0.9 * fair_s - asker.cost_s <= asker.took_s <= 1.25 * fair_s + SAVED_ALL_S + asker.cost_s
+
+
+@pytest.mark.parametrize(("name", "most"), [("node:me", 1.0), ("liar:me", MEMBERS_SHARE / 2)])
+def test_only_clients_are_others_to_a_member_unless_it_lied(name: str, most: float) -> None:
+    shares = Shares(kind_of)
+    shares.pay("node:other", 0.5, False, False, 0.0)
+    assert shares.share(name, LOOK_S) == most
+    shares.pay("user:other", 0.5, False, False, LOOK_S)
+    assert shares.share(name, 2 * LOOK_S) == MEMBERS_SHARE / 2
 
 
 @pytest.mark.parametrize("quiet_s", [0.0, 1.0, 1_000.0])

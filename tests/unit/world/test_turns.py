@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefold.world.shares import BUSY_SHARE, SAVED_S_MAX
+from scenefold.world.shares import BUSY_SHARE, MEMBERS_SHARE, SAVED_S_MAX, Kind
 from scenefold.world.turns import ACCUSED_S, BESIDE_S, TURN_S, TURNS_MAX, Guest, Turns
 
 ME, OTHER, ANOTHER, PUSHY = (("user:me", 0), ("user:other", 0), ("user:another", 0), ("user:pushy", 0))
@@ -81,27 +81,67 @@ def test_who_is_alone_takes_all_the_time_and_beside_others_a_share() -> None:
         assert 0.9 * 0.5 * BUSY_SHARE <= took_s <= most_s + 0.01
 
 
-def test_members_take_all_the_time_but_begin_no_more_at_a_time_than_others() -> None:
-    turns = Turns(is_trusted=lambda peer: peer == ME[0])
+def are_nodes_members(peer: str) -> bool:
+    return peer.startswith("node:")
+
+
+NODE, OTHER_NODE = ("node:1", 0), ("node:2", 0)
+
+
+def took_by(turns: Turns, guest: Guest, seconds: float, beside: Guest | None, cost_s: float = 0.004) -> float:
+    """What one takes of a thread that has so much time, beside another one that asks for little all the while."""
+    now, took_s = 0.0, 0.0
+    while now < seconds:
+        if beside is not None:
+            visit(turns, beside, now)
+            turns.pay(beside, 0.001, now)
+        now += 0.001
+        if turns.wait_s(guest, now):
+            continue
+        number = turns.begin(guest, now)
+        now += cost_s
+        took_s += cost_s
+        turns.pay(guest, cost_s, now)
+        turns.end(guest, number)
+    return took_s
+
+
+def test_a_member_takes_all_the_time_while_no_client_asks_and_begins_no_more_at_a_time_than_others() -> None:
+    for beside in (None, OTHER_NODE):
+        assert took_by(Turns(are_nodes_members), NODE, 10.0, beside) >= 0.75 * 10.0, "as fast as they come"
+    turns = Turns(are_nodes_members)
+    visit(turns, OTHER_NODE, 0.0)
+    turns.pay(NODE, 3.0, 0.0)
+    assert len(begin_all(turns, NODE, 0.0, 100)) == TURNS_MAX
+
+
+def test_beside_a_client_a_member_takes_its_part_and_no_more() -> None:
+    taken_s = took_by(Turns(are_nodes_members), NODE, 10.0, OTHER)
+    assert 0.9 * MEMBERS_SHARE <= taken_s / 10.0 <= 1.1 * MEMBERS_SHARE + (SAVED_S_MAX + 0.05) / 10.0
+
+
+def test_a_client_that_has_gone_leaves_a_member_all() -> None:
+    turns = Turns(are_nodes_members)
     visit(turns, OTHER, 0.0)
-    for guest in (ME, OTHER, PUSHY):
-        turns.pay(guest, 3.0, 0.0)
-    visit(turns, ANOTHER, 0.0)
-    assert turns.wait_s(PUSHY, 0.0) and len(begin_all(turns, ME, 0.0, 100)) == TURNS_MAX
+    turns.pay(NODE, 3.0, 0.0)
+    assert turns.wait_s(NODE, BESIDE_S) > 0
+    visit(turns, OTHER_NODE, BESIDE_S + 0.01)
+    assert not turns.wait_s(NODE, BESIDE_S + 0.01)
 
 
-def test_a_member_that_sends_what_is_forged_has_the_share_of_everybody_for_a_minute() -> None:
-    turns = Turns(is_trusted=lambda peer: peer in (ME[0], OTHER[0]))
-    turns.accuse(ME[0], 10.0)
-    for guest in (ME, OTHER):
+def test_to_a_member_that_sends_what_is_forged_members_are_others_for_a_minute() -> None:
+    turns = Turns(are_nodes_members)
+    turns.accuse(NODE[0], 10.0)
+    for guest, other in ((NODE, OTHER_NODE), (OTHER_NODE, NODE)):
+        visit(turns, other, 10.0)
         turns.pay(guest, 0.2 + SAVED_S_MAX, 10.0)
-        visit(turns, ANOTHER, 10.0)
-    assert turns.wait_s(ME, 10.0) > 0 and not turns.wait_s(OTHER, 10.0)
-    assert not turns.is_free(ME[0], 10.0 + ACCUSED_S - 1.0) and turns.is_free(ME[0], 10.0 + ACCUSED_S)
+    assert turns.wait_s(NODE, 10.0) > 0 and not turns.wait_s(OTHER_NODE, 10.0)
+    kinds = [turns.kind_of(NODE[0], 10.0 + later) for later in (ACCUSED_S - 1.0, ACCUSED_S)]
+    assert kinds == [Kind.ACCUSED, Kind.MEMBER]
 
 
-def test_who_has_no_more_than_a_share_is_not_remembered_as_accused_and_others_not_for_ever() -> None:
-    turns = Turns(is_trusted=lambda peer: peer.startswith("node:"))
+def test_a_client_is_not_remembered_as_accused_and_a_member_not_for_ever() -> None:
+    turns = Turns(are_nodes_members)
     for number in range(1_000):
         turns.accuse(f"user:{number}", 0.0)
         turns.accuse(f"node:{number}", number * 1.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scenefold.world.shares import LOOK_S, OWED_ALONE_S_MAX, SAVED_S_MAX, URGENT_SAVED_S_MAX, USED_UP_S, Shares
-from scenefold.world.turns import BESIDE_S, TURN_S, Turns
+from scenefold.world.shares import LOOK_S, OWED_ALONE_S_MAX, SAVED_S_MAX, URGENT_SAVED_S_MAX, USED_UP_S, Kind, Shares
+from scenefold.world.turns import BESIDE_S, TURN_S, Guest, Turns
 
 ME, URGENT, OTHER = ("user:me", 0), ("user:me", 1), ("user:other", 0)
 """The second: the same peer at the other port."""
@@ -25,10 +25,12 @@ def begun(turns: Turns, now: float) -> int:
     return count
 
 
-@pytest.mark.parametrize(("is_member", "spent_s", "count"), [(False, 0.0, 4), (False, 0.9, 1), (False, 0.7, 4), (True, 5.0, 4)])
-def test_who_has_saved_next_to_nothing_begins_one_request_at_a_time(is_member: bool, spent_s: float, count: int) -> None:
-    """`spent_s`: of what one may have saved; members have no share."""
-    turns = Turns(is_trusted=lambda _: is_member)
+@pytest.mark.parametrize(
+    ("members", "spent_s", "count"), [((), 0.0, 4), ((), 0.9, 1), ((), 0.7, 4), ((ME,), 0.9, 1), ((ME, OTHER), 5.0, 4)]
+)
+def test_who_has_saved_next_to_nothing_begins_one_request_at_a_time(members: tuple[Guest, ...], spent_s: float, count: int) -> None:
+    """`spent_s`: of what one may have saved; members have no share beside each other."""
+    turns = Turns(lambda peer: peer in {name for name, _ in members})
     beside(turns, 0.0)
     turns.pay(ME, spent_s * SAVED_S_MAX, 0.0)
     assert begun(turns, 0.0) == count
@@ -106,7 +108,14 @@ def test_nobody_owes_more_than_ten_seconds(is_urgent: bool) -> None:
 
 
 def test_the_shares_are_those_of_the_specification() -> None:
-    for takes_s, share in ((0.0, 1.0), (0.01, 0.75), (0.025, 0.375), (0.05, 0.25), (0.5, 0.25)):
-        shares = Shares()
-        shares.pay("user:other", takes_s, False, False, 0.0)
-        assert shares.share("user:me", LOOK_S) == pytest.approx(share, rel=0.05), "who is busy was counted just now"
+    kinds = {"node:me": Kind.MEMBER, "node:other": Kind.MEMBER}
+    for me, other, shares_of in (
+        ("user:me", "user:other", ((0.0, 1.0), (0.01, 0.75), (0.025, 0.375), (0.05, 0.25), (0.5, 0.25))),
+        ("user:me", "node:other", ((0.0, 1.0), (0.01, 0.75), (0.05, 0.5), (0.5, 0.5))),
+        ("node:me", "user:other", ((0.0, 1.0), (0.01, 0.75), (0.05, 0.25), (0.5, 0.25))),
+        ("node:me", "node:other", ((0.0, 1.0), (0.01, 1.0), (0.05, 1.0), (0.5, 1.0))),
+    ):
+        for takes_s, share in shares_of:
+            shares = Shares(lambda peer, _now: kinds.get(peer, Kind.CLIENT))
+            shares.pay(other, takes_s, False, False, 0.0)
+            assert shares.share(me, LOOK_S) == pytest.approx(share, rel=0.05), "who is busy was counted just now"
