@@ -317,6 +317,20 @@ def test_what_stands_in_the_log_under_the_id_of_a_request_answers_for_no_other()
     simulate(scenario)
 
 
+def test_proposals_that_are_refused_fill_no_log(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        await cluster.nodes[1].log.propose(removal_of(cluster, 2), b"q" * 16)
+        for _ in range(5):
+            with pytest.raises(Refused):
+                await cluster.nodes[1].log.propose(removal_of(cluster, 1), b"q" * 16)
+
+    caplog.set_level(logging.INFO, "scenefold.peer.cluster_log.cluster_log")
+    simulate(scenario)
+    assert len([line for line in caplog.messages if "a proposal is refused" in line]) == 1
+
+
 def test_removals_of_others_may_be_vetoed_and_leaving_may_not() -> None:
     async def scenario(cluster: LogCluster) -> None:
         await cluster.start(0, 1, 2)

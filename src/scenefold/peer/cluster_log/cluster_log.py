@@ -52,7 +52,7 @@ from scenefold.wire import (
     SignedRecord,
     Want,
 )
-from scenefold.world import Priority, World
+from scenefold.world import Priority, QuietLog, World
 from scenefold.world.facts import ClusterFacts
 
 WITNESSES_MAX = 16
@@ -85,6 +85,7 @@ class ClusterLog:
         self._voter = None if log_key is None else Voter(world, store, facts, log_key, lambda: self.registry, self._commit)
         self._pusher = LogPusher(world.clock, peers, lambda: self._copy.position, self._push_from)
         self._scenes: SceneLogs | None = None
+        self._quiet = QuietLog(_log, logging.INFO)
 
     # ------------------------------------------------------------------------------------------------- questions
 
@@ -258,12 +259,14 @@ class ClusterLog:
             record = LogRecord.decode(packet.private)
             position = await self._voter.decide(record.entry, record.request_id, proposer)
         except MalformedPacket as problem:
-            _log.info("proposal of %s refused: %s", peer, problem)
-            return rejected(packet, RejectReason.ILL_FORMED, self._facts.voter)
+            return self._refuse(packet, peer, RejectReason.ILL_FORMED, problem)
         except Refused as refusal:
-            _log.info("proposal of %s refused: %s", peer, refusal)
-            return rejected(packet, refusal.reason, self._facts.voter)
+            return self._refuse(packet, peer, refusal.reason, refusal)
         return accepted(packet, position, self._copy.hash_at(position), self._own.member)
+
+    def _refuse(self, packet: ProposeSceneLog, peer: str, reason: RejectReason, problem: Exception) -> Packet:
+        self._quiet.say(self._world.clock.now(), peer, reason.name, f"a proposal is refused: {problem}")
+        return rejected(packet, reason, self._facts.voter)
 
     async def _on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
         if packet.scene != self._scene and self._scenes is not None:
