@@ -115,7 +115,7 @@ def join(
     data
         Folder for what the node stores; by default one in the user's data folder.
     place
-        Where it stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in hexadecimal, 80 for the middle.
+        Where it stands on the line: "loaded", beside the fullest node, of which it gets half, 64 MiB at first; "random"; or a location in hexadecimal, 8 for the middle of the line.
     capacity
         Bytes that the node may store; 0: what its disk holds.
     seed_wait

@@ -71,7 +71,7 @@ def run_(
     blacklist
         Addresses of nodes that must not hold copies of this node's data: in the same rack, say.
     join_at
-        Where a newcomer stands on the line: "loaded", in the middle of the fullest node's arc; "random"; or a location in hexadecimal, 80 for the middle.
+        Where a newcomer stands on the line: "loaded", beside the fullest node, of which it gets half, 64 MiB at first; "random"; or a location in hexadecimal, 8 for the middle of the line.
     balance
         Whether the node evens out its load with its neighbours'.
     log_level

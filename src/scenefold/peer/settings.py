@@ -20,7 +20,7 @@ TRANSFER_BYTES_PER_S = 64 * 1024 * 1024
 """Of handovers and strays together: half of a gigabit link, so that reads and writes keep the other half."""
 
 Place = Literal["loaded", "random"] | Location
-"""Where a newcomer stands: in the middle of the most loaded node's arc, anywhere, or where it is told to."""
+"""Where a newcomer stands: beside the most loaded node, anywhere, or where it is told to."""
 
 
 def processors() -> int:
