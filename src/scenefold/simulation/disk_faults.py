@@ -13,6 +13,7 @@ from scenefold.peer.cluster_log.lives import Lives
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disks import arc_of, granted_life, has_open_handover, incarnation_of, keys_outside, lives_of
 from scenefold.simulation.faults import Fault, Kind
+from scenefold.simulation.overlaps import Overlaps
 from scenefold.simulation.rotting import TableRot
 from scenefold.store.layout import RECORDS
 from scenefold.world.sim import dice
@@ -44,6 +45,7 @@ class DiskFaults:
         self._is_over = is_over
         self._dice = dice(cluster.net.seed, "storm")
         self._table_rot = TableRot(cluster)
+        self._fills: Overlaps[int] = Overlaps()
         self._at_step: dict[int, trio.Event] = {}
 
     async def befall(self, fault: Fault) -> None:
@@ -77,7 +79,8 @@ class DiskFaults:
         if self._is_over():
             return
         self._begins(fault)
-        node.disk.fill(0 if fault.amount > NO_BYTE else RESERVE_LEFT_BYTES)
+        self._fills.begin(node.slot, fault)
+        self._fill_as_told(node)
         reach.hampered(node.slot, self._cluster.net.now)
         if stray is not None:
             before = self._watch.records(node.slot)
@@ -85,9 +88,14 @@ class DiskFaults:
             self._watch.damaged(node.slot, stray, before)
         await trio.sleep(fault.end_s - fault.begin_s)
         if not self._is_over():
-            node.disk.fill(None)
+            self._fills.end(node.slot, fault)
+            self._fill_as_told(node)
             reach.relieved(node.slot, self._cluster.net.now)
             self._ends(fault)
+
+    def _fill_as_told(self, node: Node) -> None:
+        amount = self._fills.worst(node.slot)
+        node.disk.fill(None if amount is None else 0 if amount > NO_BYTE else RESERVE_LEFT_BYTES)
 
     async def _stray_of(self, node: Node) -> bytes:
         """The key of a record that is none of its node's, nor on its way, once one lies where that runs."""

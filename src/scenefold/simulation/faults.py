@@ -68,7 +68,7 @@ class Whom(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How faults of a kind are drawn. `odds`: of being in a seed at all; above 1, of being there once more. `amount`: see `meaning`."""
+    """How faults of a kind are drawn. `odds`: how many a seed has on average; no kind is in all seeds (weather.py). `amount`: see `meaning`."""
 
     odds: float
     whom: Whom
@@ -92,8 +92,8 @@ KINDS: dict[Kind, Shape] = {
     Kind.PAUSE: Shape(0.75, Whom.ONE, (1, 60), long_odds=0.3),
     Kind.RESET: Shape(0.66, Whom.PAIR, (0.5, 4), (1, 4), "resets, spread over the time"),
     Kind.CRASH: Shape(0.7, Whom.ONE, (0.5, 60), (0, 1), "above 0.5 its machine vanishes silently", long_odds=0.2),
-    Kind.CRASH_BEFORE_COMMIT: Shape(1.2, Whom.ONE, (1, 15), (1, 5), "which commit from then on"),
-    Kind.CRASH_AFTER_COMMIT: Shape(1.2, Whom.ONE, (1, 15), (1, 5), "which commit from then on"),
+    Kind.CRASH_BEFORE_COMMIT: Shape(1.45, Whom.ONE, (1, 15), (1, 5), "which commit from then on"),
+    Kind.CRASH_AFTER_COMMIT: Shape(1.45, Whom.ONE, (1, 15), (1, 5), "which commit from then on"),
     Kind.CRASH_BEFORE_SEND: Shape(0.95, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.CRASH_AFTER_SEND: Shape(0.85, Whom.ONE, (1, 15), (1, 40), "which packet from then on"),
     Kind.TORN_WRITE: Shape(0.9, Whom.ONE, (1, 15)),

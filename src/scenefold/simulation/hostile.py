@@ -63,16 +63,21 @@ class HostileFaults:
             await self._lie(fault)
 
     async def _replay(self, fault: Fault) -> None:
-        self._begins(fault)
-        while self._cluster.net.now < fault.end_s and not self._is_over():
+        net, has_begun = self._cluster.net, False
+        while net.now < fault.end_s and not self._is_over():
             flip = self._dice.random() < FLIPPED
-            self._cluster.net.play_again(self._dice, self._flipped if flip else None)
+            net.play_again(self._dice, self._flipped if flip else None)
+            if not has_begun and net.counts["played again"]:
+                # Once something was kept there always is something.
+                has_begun = True
+                self._begins(fault)
             await trio.sleep(1 / fault.amount)
-        self._ends(fault)
+        if has_begun:
+            self._ends(fault)
 
     async def _lie(self, fault: Fault) -> None:
         possession, scopes = self._possession(fault.slots[0]), scopes_of(fault.amount)
-        self._begins(fault)
+        told, before, has_begun = self._cluster.watch.recorder.lies.told, self._cluster.watch.recorder.lies.told.total(), False
         possession.liar.at_work += scopes
         try:
             while self._cluster.net.now < fault.end_s and not self._is_over():
@@ -87,10 +92,14 @@ class HostileFaults:
                 if Scope.STATUSES in scopes:
                     await possession.lives.flood()
                 self._look_for_believers()
+                if not has_begun and told.total() > before:
+                    has_begun = True
+                    self._begins(fault)
         finally:
             for scope in scopes:
                 possession.liar.at_work.remove(scope)
-        self._ends(fault)
+        if has_begun:
+            self._ends(fault)
 
     def _possession(self, slot: int) -> _Possession:
         if slot not in self._liars:

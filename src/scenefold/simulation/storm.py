@@ -7,10 +7,8 @@ come (the n-th commit, a handover) lies in wait until the storm is over.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import ClassVar
 
 import trio
@@ -22,6 +20,8 @@ from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.disks import handovers_of
 from scenefold.simulation.faults import HANDOVER_STEPS, Fault, Kind
 from scenefold.simulation.hostile import HostileFaults
+from scenefold.simulation.link_faults import LinkFaults
+from scenefold.simulation.overlaps import Overlaps
 from scenefold.simulation.workload import CLIENTS, client_name
 from scenefold.world.sim import CALM, Point, Weather
 
@@ -48,8 +48,10 @@ class Storm:
         self._drain = drain
         self._nursery = nursery
         self._disks = DiskFaults(cluster, self._begins, self._ends, lambda: self._is_over)
+        self._links = LinkFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over, clients)
         self._weather: dict[Fault, Weather] = {}
+        self._burdens: Overlaps[tuple[int, Kind]] = Overlaps()
         self._wait_for_handover: list[Fault] = []
         self._handovers: dict[int, list[Handover]] = {}
         self._is_over = False
@@ -99,45 +101,6 @@ class Storm:
     def _node(self, fault: Fault, index: int = 0) -> Node:
         return self._cluster.nodes[fault.slots[index]]
 
-    @contextmanager
-    def _apart(self, pairs: list[tuple[int, int]]) -> Iterator[None]:
-        """The observer knows that these cannot talk."""
-        for pair in pairs:
-            self._watch.reach.cut(*pair, self._net.now)
-        try:
-            yield
-        finally:
-            for pair in pairs:
-                self._watch.reach.mended(*pair, self._net.now)
-
-    async def _partition(self, fault: Fault) -> None:
-        slots = list(self._cluster.nodes)
-        others = [slot for slot in slots if slot not in fault.slots]
-        groups = [[self._cluster.nodes[slot].address for slot in group] for group in (fault.slots, others)]
-        self._begins(fault)
-        with self._apart([(one, other) for one in fault.slots for other in others]):
-            partition = self._net.partition(*groups)
-            await trio.sleep_until(fault.end_s)
-            self._net.unite(partition)
-        self._ends(fault)
-
-    async def _cut(self, fault: Fault) -> None:
-        source, target = self._node(fault).address, self._node(fault, 1).address
-        self._begins(fault)
-        with self._apart([(fault.slots[0], fault.slots[1])]):
-            if fault.kind is Kind.ONE_WAY:
-                self._net.cut(source, target, one_way=True)
-            else:
-                self._net.clog(source, target)
-            await trio.sleep_until(fault.end_s)
-            if self._is_over:
-                return
-            if fault.kind is Kind.ONE_WAY:
-                self._net.mend(source, target, one_way=True)
-            else:
-                self._net.unclog(source, target)
-        self._ends(fault)
-
     async def _bad_weather(self, fault: Fault) -> None:
         """Several kinds of bad weather add up."""
         self._begins(fault)
@@ -161,27 +124,30 @@ class Storm:
         self._net.set_weather(weather)
 
     async def _burden(self, fault: Fault) -> None:
-        """A machine that works on, but badly."""
-        begin, end = self._burdens(fault, self._node(fault))
+        """A machine that works on, but badly; as badly as the worst of what lies on it says."""
+        target = fault.slots[0], fault.kind
         self._begins(fault)
-        begin()
+        self._burdens.begin(target, fault)
+        self._lay(*target)
         self._watch.reach.hampered(fault.slots[0], self._net.now)
         await trio.sleep_until(fault.end_s)
         if not self._is_over:
-            end()
+            self._burdens.end(target, fault)
+            self._lay(*target)
             self._watch.reach.relieved(fault.slots[0], self._net.now)
             self._ends(fault)
 
-    def _burdens(self, fault: Fault, node: Node) -> tuple[Callable[[], None], Callable[[], None]]:
-        """What lays a burden on a machine, and what takes it off."""
-        net, machine = self._net, self._net.machine(node.address)
-        match fault.kind:
+    def _lay(self, slot: int, kind: Kind) -> None:
+        """Lay burdens of a kind on a machine, or take them off."""
+        address, amount = self._cluster.nodes[slot].address, self._burdens.worst((slot, kind))
+        machine = self._net.machine(address)
+        match kind:
             case Kind.SLOW_NODE:
-                return partial(net.slow, node.address, fault.amount), partial(net.slow, node.address, 1.0)
+                self._net.slow(address, amount or 1.0)
             case Kind.SLOW_DISK:
-                return partial(machine.disk.slow, fault.amount), partial(machine.disk.slow, 0.0)
+                machine.disk.slow(amount or 0.0)
             case _:
-                return partial(machine.clock.set_rate, 1.0 + fault.amount), partial(machine.clock.set_rate, 1.0)
+                machine.clock.set_rate(1.0 + (amount or 0.0))
 
     async def _pause(self, fault: Fault) -> None:
         """A machine stands still; its clock does not."""
@@ -190,16 +156,9 @@ class Storm:
             return
         self._begins(fault)
         self._net.pause(node.address, fault.end_s - fault.begin_s)
-        with self._apart([(node.slot, other) for other in self._cluster.nodes if other != node.slot]):
+        with self._links.apart([(node.slot, other) for other in self._cluster.nodes if other != node.slot]):
             await trio.sleep_until(fault.end_s)
         self._ends(fault)
-
-    async def _reset(self, fault: Fault) -> None:
-        one, other = self._node(fault).address, self._node(fault, 1).address
-        self._begins(fault)
-        for _ in range(int(fault.amount)):
-            self._net.reset(one, other)
-            await trio.sleep((fault.end_s - fault.begin_s) / fault.amount)
 
     async def _crash(self, fault: Fault) -> None:
         if self._cluster.crash(fault.slots[0], silent=fault.amount > 0.5):
@@ -217,6 +176,9 @@ class Storm:
 
         if node.is_wanted:
             self._net.trap(node.address, point, max(1, int(fault.amount)), spring)
+
+    async def _hit_links(self, fault: Fault) -> None:
+        await self._links.befall(fault)
 
     async def _hit_disk(self, fault: Fault) -> None:
         await self._disks.befall(fault)
@@ -275,9 +237,9 @@ class Storm:
         return True
 
     _LASTING: ClassVar[dict[Kind, Callable[[Storm, Fault], Awaitable[None]]]] = {
-        Kind.PARTITION: _partition,
-        Kind.ONE_WAY: _cut,
-        Kind.CLOG: _cut,
+        Kind.PARTITION: _hit_links,
+        Kind.ONE_WAY: _hit_links,
+        Kind.CLOG: _hit_links,
         Kind.LOSS: _bad_weather,
         Kind.DUPLICATION: _bad_weather,
         Kind.REORDERING: _bad_weather,
@@ -286,7 +248,7 @@ class Storm:
         Kind.DISK_FULL: _hit_disk,
         Kind.CLOCK_RATE: _burden,
         Kind.PAUSE: _pause,
-        Kind.RESET: _reset,
+        Kind.RESET: _hit_links,
         Kind.CRASH: _crash,
         Kind.CORRUPTION: _hit_disk,
         Kind.WIPED_DISK: _hit_disk,

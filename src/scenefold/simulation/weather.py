@@ -20,6 +20,8 @@ AGAIN_MAX = 3
 LONG_S = 50.0
 """Removal after 20 s of silence, its probes, and the wait for leases take some 40 s together."""
 FAULTS_MIN = 8
+PRESENT_MAX = 0.7
+"""Of all seeds so many at most have a kind. One that takes effect too seldom for that comes more often where it comes."""
 SPARES_MAX = 4
 
 
@@ -58,7 +60,12 @@ def spares_of(schedule: Schedule, nodes: int) -> list[int]:
 
 
 def _times(odds: float, dice: random.Random) -> int:
-    return int(odds) + (dice.random() < odds % 1)
+    if odds <= PRESENT_MAX:
+        return int(dice.random() < odds)
+    if dice.random() >= PRESENT_MAX:
+        return 0
+    each = odds / PRESENT_MAX
+    return int(each) + (dice.random() < each % 1)
 
 
 def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spares: Iterator[int]) -> Fault:

@@ -17,6 +17,11 @@ def test_a_thousand_seeds_have_five_hundred_of_each_kind_with_room_to_spare() ->
     assert {kind: counts[kind] for kind in Kind if counts[kind] < 600} == {}
 
 
+def test_each_kind_is_missing_in_a_quarter_of_all_seeds() -> None:
+    there = Counter(kind for seed in range(1000) for kind in {fault.kind for fault in draw(seed, FIVE)})
+    assert {kind: there[kind] for kind in Kind if there[kind] > 750} == {}
+
+
 def test_a_seed_is_a_schedule() -> None:
     assert draw(7, FIVE) == draw(7, FIVE)
     assert draw(7, FIVE) != draw(8, FIVE)
