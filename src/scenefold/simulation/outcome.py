@@ -40,7 +40,8 @@ class Order:
 
     @property
     def climate(self) -> Climate:
-        return Climate(self.nodes, members=self.workload != "data", storm_s=self.storm_s, kinds=self.kinds)
+        mostly = self.workload == "members"
+        return Climate(self.nodes, members=self.workload != "data", mostly_members=mostly, storm_s=self.storm_s, kinds=self.kinds)
 
     @property
     def replay(self) -> str:

@@ -68,7 +68,7 @@ def _parser() -> Parser:
         "--workload",
         choices=WORKLOADS,
         default="all",
-        help="data: no joins and drains; members: mostly those; keys: the scene's key changes, too",
+        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--jobs", type=number(int, 1, JOBS_MAX), default=2, metavar="N", help="processes (default 2)")

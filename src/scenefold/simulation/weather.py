@@ -22,28 +22,43 @@ LONG_S = 50.0
 FAULTS_MIN = 8
 PRESENT_MAX = 0.7
 """Of all seeds so many at most have a kind. One that takes effect too seldom for that comes more often where it comes."""
-SPARES_MAX = 4
+SPARES_MAX = 6
+MEMBERSHIP = (
+    *(kind for kind, shape in KINDS.items() if shape.moves_members),
+    Kind.CRASH,
+    Kind.CRASH_BEFORE_COMMIT,
+    Kind.CRASH_AFTER_COMMIT,
+    Kind.WIPED_DISK,
+)
+"""What makes nodes come, go, and begin anew."""
+MEMBERSHIP_MORE, OTHERS_LESS = 1.3, 0.2
+"""How much more, or less, often than else, in a climate that is mostly of these."""
 
 
 @dataclass(frozen=True, slots=True)
 class Climate:
-    """What a schedule is drawn for: `members` False leaves joins, drains and their interruptions out.
+    """What a schedule is drawn for: `members` False leaves joins, drains and their interruptions out; `mostly_members` has
+    little else than these, and crashes.
 
     `kinds`: none but these, and each of them; (): any, of which each seed lacks some.
     """
 
     nodes: int
     members: bool = True
+    mostly_members: bool = False
     storm_s: float = STORM_S
     kinds: tuple[Kind, ...] = ()
 
 
 def draw(seed: int, climate: Climate) -> Schedule:
     """The schedule of a seed."""
-    dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}")
+    dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}{'/mostly' if climate.mostly_members else ''}")
     allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
     allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
-    kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(KINDS[kind].odds, dice))]
+    kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(_odds(kind, climate), dice))]
+    if climate.mostly_members and not climate.kinds:
+        kinds += [Kind.JOIN, Kind.DRAIN]
+        allowed = [kind for kind in allowed if kind in MEMBERSHIP]
     if repeatable := [kind for kind in allowed if KINDS[kind].whom is not Whom.SPARE]:
         kinds += [dice.choice(repeatable) for _ in range(FAULTS_MIN - len(kinds))]
     if repeatable := [kind for kind in kinds if kind in repeatable]:
@@ -57,6 +72,12 @@ def draw(seed: int, climate: Climate) -> Schedule:
 def spares_of(schedule: Schedule, nodes: int) -> list[int]:
     """The slots that a schedule starts beside the founders."""
     return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes})
+
+
+def _odds(kind: Kind, climate: Climate) -> float:
+    if not climate.mostly_members:
+        return KINDS[kind].odds
+    return KINDS[kind].odds * (MEMBERSHIP_MORE if kind in MEMBERSHIP else OTHERS_LESS)
 
 
 def _times(odds: float, dice: random.Random) -> int:

@@ -7,7 +7,9 @@ from collections import Counter
 import pytest
 
 from scenefold.simulation.faults import KINDS, VOTER, Fault, Kind, Whom
-from scenefold.simulation.weather import FAULTS_MIN, LONG_S, Climate, draw, spares_of
+from scenefold.simulation.outcome import WORKLOADS, Order
+from scenefold.simulation.weather import FAULTS_MIN, LONG_S, MEMBERSHIP, Climate, draw, spares_of
+from scenefold.simulation.workload import PAUSE_S
 
 FIVE = Climate(5)
 
@@ -53,6 +55,20 @@ def test_slots_are_founders_or_spares_of_ones_own() -> None:
 def test_without_members_nobody_joins_or_leaves() -> None:
     for seed in range(100):
         assert not any(KINDS[fault.kind].moves_members for fault in draw(seed, Climate(5, members=False)))
+
+
+def test_workloads_differ_in_what_moves_members() -> None:
+    shares = {}
+    for workload in WORKLOADS:
+        schedules = [Order(seed, workload=workload).schedule for seed in range(100)]
+        faults = [fault.kind for schedule in schedules for fault in schedule]
+        shares[workload] = sum(kind in MEMBERSHIP for kind in faults) / len(faults)
+        kinds = [{fault.kind for fault in schedule} for schedule in schedules]
+        assert all({Kind.JOIN, Kind.DRAIN} <= each for each in kinds) is (workload == "members")
+        assert any(KINDS[kind].moves_members for kind in faults) is (workload != "data")
+    assert shares["data"] < shares["all"] < 0.4 and shares["members"] > 2 / 3
+    assert shares["keys"] == shares["all"]
+    assert PAUSE_S["members"] > 2 * PAUSE_S["all"]
 
 
 @pytest.mark.parametrize("kinds", [(Kind.JOIN,), (Kind.ONE_WAY,), (Kind.RESTORED_BACKUP, Kind.JOIN), (Kind.CRASH, Kind.LOSS, Kind.DRAIN)])
