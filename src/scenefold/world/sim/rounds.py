@@ -9,6 +9,7 @@ by dice: so tasks meet in more orders than if all of them always gave way.
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -59,6 +60,38 @@ def spare_rounds() -> None:
     runner.io_manager = _Polls(runner.io_manager, runner.entry_queue)
 
 
+class _DeadlineChange:
+    """What Trio does when a change of a scope is over that may concern its deadline: the queue of deadlines is told.
+
+    Trio writes it as a generator, of which each scope makes two: as an object it costs a third.
+    """
+
+    __slots__ = ("_scope",)
+
+    def __init__(self, scope: Any) -> None:
+        self._scope = scope
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, *_: object) -> None:
+        scope = self._scope
+        before = scope._registered_deadline
+        now = math.inf if scope._cancel_status is None or scope._cancel_called else scope._deadline
+        if before != now:
+            scope._registered_deadline = now
+            deadlines = trio._core._run.GLOBAL_RUN_CONTEXT.runner.deadlines
+            if before != math.inf:
+                deadlines.remove(before, scope)
+            if now != math.inf:
+                deadlines.add(now, scope)
+
+
+def _change_of_deadline(scope: Any) -> _DeadlineChange:
+    """A function, since only those become methods."""
+    return _DeadlineChange(scope)
+
+
 class SchedulingDice(random.Random):
     """Trio's dice. Shuffles the few tasks of a round in a third of the time."""
 
@@ -76,6 +109,8 @@ def tasks_by(dice: SchedulingDice) -> Iterator[None]:
     lowlevel: Any = trio.lowlevel
     deterministic, before, give_way = run._ALLOW_DETERMINISTIC_SCHEDULING, run._r, run.cancel_shielded_checkpoint
     draw, current_task = dice.random, trio.lowlevel.current_task
+    scopes: Any = trio.CancelScope
+    change_deadline = scopes._might_change_registered_deadline
 
     async def perhaps_give_way() -> None:
         # A task's first one is kept: libraries move a new task into another context that way.
@@ -84,8 +119,10 @@ def tasks_by(dice: SchedulingDice) -> Iterator[None]:
 
     run._ALLOW_DETERMINISTIC_SCHEDULING, run._r = True, dice
     run.cancel_shielded_checkpoint = lowlevel.cancel_shielded_checkpoint = perhaps_give_way
+    scopes._might_change_registered_deadline = _change_of_deadline
     try:
         yield
     finally:
         run._ALLOW_DETERMINISTIC_SCHEDULING, run._r = deterministic, before
         run.cancel_shielded_checkpoint = lowlevel.cancel_shielded_checkpoint = give_way
+        scopes._might_change_registered_deadline = change_deadline
