@@ -53,6 +53,8 @@ class Uint(Kind[int]):
         self.text = f"u{bits}{bounds}"
 
     def plain(self, value: int) -> object:
+        if type(value) is int and self.least <= value <= self.most:
+            return value  # Nearly all: packets consist of numbers.
         # bool is an int to Python, but not to MessagePack.
         if not isinstance(value, int) or isinstance(value, bool):
             raise Misfit(f"an integer was expected, not {type(value).__name__}")
