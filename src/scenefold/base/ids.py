@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+from functools import lru_cache
 from typing import NewType
 
 NodeId = NewType("NodeId", int)
@@ -15,10 +16,13 @@ KeyId = NewType("KeyId", int)
 """32 bits: the first 32 bits of the SHA-256 of a public key."""
 
 SPACE_ID_MAX = 8191
+REMEMBERED_MAX = 4096
+"""Addresses and ids: those of a large cluster. They are asked for several times a packet."""
 _UNSPECIFIED = ipaddress.IPv4Network("0.0.0.0/8")
 _BROADCAST = ipaddress.IPv4Address("255.255.255.255")
 
 
+@lru_cache(REMEMBERED_MAX)
 def node_id_of(address: str) -> NodeId:
     """The id of the node at an IPv4 address such as "127.0.0.2"; ValueError if it is none."""
     return NodeId(int(ipaddress.IPv4Address(address)))
@@ -35,6 +39,7 @@ def checked_node_id(address: str) -> NodeId:
     return NodeId(int(known))
 
 
+@lru_cache(REMEMBERED_MAX)
 def address_of(node_id: NodeId) -> str:
     """The IPv4 address that a node id stands for."""
     return str(ipaddress.IPv4Address(node_id))
