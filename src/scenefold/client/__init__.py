@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.grants import Access, role_named
-    from scenefold.client.health import ClusterStatus, Concern, NodeState
+    from scenefold.client.health import ClusterStatus, NodeState
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
     from scenefold.client.moving import Movement, Rate, movements, rates
+    from scenefold.client.own_warnings import Concern
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.reading import open_scene_with_keys
@@ -36,7 +37,8 @@ _HOMES = {
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.grants": "Access role_named",
-    "scenefold.client.health": "ClusterStatus Concern NodeState",
+    "scenefold.client.health": "ClusterStatus NodeState",
+    "scenefold.client.own_warnings": "Concern",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
     "scenefold.client.moving": "Movement Rate movements rates",
     "scenefold.client.positions": "Found",

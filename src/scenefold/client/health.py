@@ -13,29 +13,12 @@ from typing import Any
 from scenefold.base.cover import without
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
+from scenefold.client.own_warnings import Concern, own_warnings
 from scenefold.client.removals import RemovedNode
 from scenefold.client.reports import HandoverReport, NodeReport
 
-HANDOVER_LONG_S = 60.0
-"""A piece has 64 MiB, and goes in seconds; a newcomer's first one may be larger, and is worth a line all the same."""
-NEARLY_FULL = 0.9
-"""Balancing fills nobody further."""
-STALL_RECENT_S = 600.0
 NEVER_CAME = bytes(16)
 """The incarnation of a founder that never registered."""
-
-
-@dataclass(frozen=True, slots=True)
-class Concern:
-    """Something that is off. `degrades`: until it is mended some data cannot be had, or cannot be changed."""
-
-    kind: str
-    text: str
-    degrades: bool
-    address: str = ""
-
-    def document(self) -> dict[str, Any]:
-        return {"kind": self.kind, "address": self.address or None, "text": self.text, "degrades": self.degrades}
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +163,7 @@ def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
     warnings = [*_absences(nodes), *line_warnings(nodes)]
     for node in nodes:
         if node.report is not None:
-            warnings += _own_warnings(node.address, node.report, newest)
+            warnings += own_warnings(node.address, node.report, newest)
     warnings += _deafness(nodes)
     return ClusterStatus(name, asked, tuple(nodes), tuple(warnings))
 
@@ -203,36 +186,6 @@ def _absences(nodes: Iterable[NodeState]) -> Iterable[Concern]:
             kind, what = ("awaited", "has never come") if node.role == "awaited" else ("missing", "does not answer")
             consequence = "; nobody can join or be removed meanwhile" if node.is_voter else ""
             yield Concern(kind, f"{node.address} {what}{consequence}: {node.problem}", True, node.address)
-
-
-def _own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Concern]:
-    if report.lease_s <= 0 and report.role != "joining":
-        yield Concern("no lease", f"{address} has no lease: it takes no writes until the voter answers it", True, address)
-    if report.role == "joining":
-        yield Concern("joining", f"{address} owns nothing yet", False, address)
-    if report.log_position < newest:
-        behind = newest - report.log_position
-        yield Concern("behind", f"{address} lacks the last {behind} entries of the cluster's log", False, address)
-    for handover in report.handovers:
-        if handover.step == "released" and handover.peer_removed:
-            text = (
-                f"{address} is about to take back a piece that it had let go of: {handover.peer} was removed before it said that it has it"
-            )
-            yield Concern("handover", text, True, address)
-        elif handover.gives and handover.seconds >= HANDOVER_LONG_S:
-            text = f"{address} has been giving a piece to {handover.peer} for {handover.seconds:.0f} s: it is {handover.step}"
-            yield Concern("handover", text, handover.step == "released", address)
-    if report.strays:
-        yield Concern(
-            "strays", f"{address} holds {report.strays} records that belong elsewhere: they are being brought home", False, address
-        )
-    if report.damaged:
-        yield Concern("damaged", f"{address} has met damaged records {report.damaged} times: check its disk", True, address)
-    if report.fill >= NEARLY_FULL:
-        yield Concern("nearly full", f"{address} is {report.fill:.0%} full", True, address)
-    if report.stall_ago_s is not None and report.stall_ago_s < STALL_RECENT_S:
-        text = f"{address} did not run for {report.stall_last_s:.0f} s, {report.stall_ago_s:.0f} s ago: it slept, its clock jumped, or it was starved"
-        yield Concern("stalled", text, False, address)
 
 
 def _deafness(nodes: Sequence[NodeState]) -> Iterable[Concern]:

@@ -51,6 +51,17 @@ class PeerReport:
 
 
 @dataclass(frozen=True, slots=True)
+class SignReport:
+    """That somebody means harm, as one node has met it: what, how often, how long ago last, and by whose word."""
+
+    kind: str
+    """own key, contested or forged; a later node may say more."""
+    count: int
+    ago_s: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
 class NodeReport:
     """A node at the moment of answering."""
 
@@ -87,6 +98,7 @@ class NodeReport:
     """Connections that it refused since its start: strangers', and what was too many."""
     dropped: int
     """Datagrams that it dropped, likewise."""
+    signs: tuple[SignReport, ...]
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -154,6 +166,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             blacklist=tuple(map(str, found.get("blacklist", ()))),
             turned_away=_count(events.get("connections turned away", 0)),
             dropped=_count(events.get("datagrams dropped", 0)),
+            signs=tuple(map(_sign, found.get("signs", ()))),
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:
@@ -190,6 +203,10 @@ def _handover(found: Mapping[str, Any]) -> HandoverReport:
         bytes=_count(found["bytes"]),
         peer_removed=bool(found.get("peer_removed", False)),
     )
+
+
+def _sign(found: Mapping[str, Any]) -> SignReport:
+    return SignReport(kind=str(found["kind"]), count=_count(found["count"]), ago_s=_amount(found["ago_s"]), source=str(found["source"]))
 
 
 def _arc(found: Mapping[str, Any] | None) -> Arc | None:

@@ -81,6 +81,7 @@ class Moment:
     events: Mapping[str, int]
     balance: Mapping[str, Any]
     blacklist: Sequence[str] = ()
+    signs: Sequence[Mapping[str, Any]] = ()
 
 
 def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory) -> dict[str, Any]:
@@ -117,6 +118,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "events": dict(sorted(moment.events.items())),
         "balance": dict(moment.balance),
         "blacklist": list(moment.blacklist),
+        "signs": list(moment.signs),
     }
 
 
@@ -215,6 +217,7 @@ class Reporting:
             },
             balance=context.balancer.report(),
             blacklist=context.settings.blacklist,
+            signs=context.gossip.signs.documents(now),
         )
         return report_of(moment, context.cluster_log.registry, context.roster, self._memory)
 

@@ -19,9 +19,11 @@ from scenefold.base.ids import node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
 from scenefold.client.health import ClusterStatus, NodeState, judged, line_warnings
 from scenefold.client.moving import movements, rates
+from scenefold.client.own_warnings import own_warnings
 from scenefold.client.reports import NodeReport, read_drain_report, read_report
 from scenefold.wire import pack_value
 
+SIGN = {"count": 3, "ago_s": 12.0, "source": "127.0.0.9"}
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 
 
@@ -174,6 +176,7 @@ def test_a_founder_that_never_came_is_awaited() -> None:
         ({"damaged": 1}, "damaged", True),
         ({"used_bytes": 9_100}, "nearly full", True),
         ({"stalls": {"count": 2, "last_s": 300.0, "ago_s": 12.0}}, "stalled", False),
+        *(({"signs": [{**SIGN, "kind": kind}]}, kind, False) for kind in ("own key", "contested", "forged")),
         ({"handovers": [handover(arc(0.2, 0.25), ADDRESSES[1], seconds=61)]}, "handover", False),
         ({"handovers": [handover(arc(0.2, 0.25), ADDRESSES[1], step="released", seconds=61)]}, "handover", True),
         ({"handovers": [{**handover(arc(0.2, 0.25), ADDRESSES[1], step="released"), "peer_removed": True}]}, "handover", True),
@@ -277,3 +280,14 @@ def test_the_ends_of_the_line_count() -> None:
     assert [warning.kind for warning in line_warnings([])] == ["gap"]
     short = node(ADDRESSES[0], Arc(FIRST, Location.from_number(LAST.number - 1)))
     assert [warning.text.split(",")[0] for warning in line_warnings([short])] == ["nobody owns ffffffff..ffffffff (0.00% of the line)"]
+
+
+def test_a_sign_of_harm_names_who_told_it_and_is_not_told_of_for_ever() -> None:
+    def texts(ago_s: float, kind: str = "own key") -> list[str]:
+        signs = [{**SIGN, "kind": kind, "ago_s": ago_s}] * 1000
+        node = report(ADDRESSES[0], arc(0, 1), signs=signs)
+        return [concern.text for concern in own_warnings(ADDRESSES[0], node, 0)]
+
+    (text,) = texts(599.0)
+    assert "signs with the key of 127.0.0.2" in text and "3 times, last 599 s ago by 127.0.0.9" in text
+    assert texts(601.0) == texts(1.0, kind="of a later version") == []

@@ -310,6 +310,8 @@ async def test_a_claim_on_what_is_ours_is_not_believed(autojump_clock: trio.test
         them.of(1).own.arc = WHOLE_LINE
         await trio.sleep(CLAIM_PATIENCE_S + 30)
         assert bound is not None and them.of(0).gossip.dropped > 0
+        (sign,) = them.of(0).gossip.signs.documents(trio.current_time())
+        assert (sign["kind"], sign["source"]) == ("contested", "127.0.0.3")
         status = them.of(0).roster.status(node_at(1))
         assert status is not None and status.left_fence == Location.from_number(bound.first.number - 1) and status.right_bound == LAST
 
@@ -364,6 +366,7 @@ async def test_who_hears_its_own_key_speak_has_the_last_word(autojump_clock: tri
         assert third.arcs()[robbed.own.me] != true
         with trio.fail_after(120.0):
             await until(lambda: third.arcs()[robbed.own.me] == true)
+        assert [(sign["kind"], sign["count"]) for sign in robbed.gossip.signs.documents(trio.current_time())] == [("own key", 1)]
         for lamport in ((2 << 32) + 1, (1 << 32) + (1 << 32) - 1, (1 << 32) + 1):
             assert not robbed.own.may_follow(lamport), "another boot, no room behind it, or the past"
 

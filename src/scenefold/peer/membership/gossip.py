@@ -30,6 +30,7 @@ from scenefold.peer.membership.knocking import KNOCK_S_MAX, KNOCKS_MAX, Knocks
 from scenefold.peer.membership.pages import Pages
 from scenefold.peer.membership.proofs import PROBE_PAUSES_S, Proofs
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.signs import Signs
 from scenefold.peer.membership.status import TELL_S, OwnStatus, arc_of_status, is_news
 from scenefold.peer.membership.throws import ROUND_S
 from scenefold.peer.waiters import Waiters
@@ -168,6 +169,11 @@ class Gossip:
     def dropped(self) -> int:
         """Datagrams that did not count, statuses that did not verify or claimed what is ours, since the start."""
         return self._hearing.dropped + self._datagrams.dropped.total()
+
+    @property
+    def signs(self) -> Signs:
+        """Signs that somebody means harm."""
+        return self._hearing.signs
 
     # --------------------------------------------------------------------------------------------------- speaking
 

@@ -18,6 +18,7 @@ from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.enrolment.card_rules import credential_of
 from scenefold.peer.membership.claims import claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.signs import Sign, Signs
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.membership.throws import Throws
 from scenefold.wire import Packet, PingBroadcast, Status, decode_packet
@@ -70,6 +71,7 @@ class Hearing:
         """The newest status of each peer that names a log position above ours."""
         self.is_contested = False
         """Somebody has claimed what is ours since this was last set to False: others may believe it until we speak."""
+        self.signs = Signs()
         self.dropped = 0
         """Packets and statuses that did not verify, or claimed what is ours, since the start."""
 
@@ -131,6 +133,8 @@ class Hearing:
         """Take a status that would change something, unless there is a problem with it; True if it is a sign of life."""
         now, node = self._world.clock.now(), status.node
         if problem:
+            if self.key_of(node) is not None:
+                self.signs.note(Sign.FORGED, address_of(sender), now)
             self.drop(address_of(sender), "status", f"a status of {address_of(node)} is dropped: {problem}")
             return False
         is_contest, early = claims_what_is_ours(status, self._own.arc), is_early(status, self._roster.position)
@@ -138,6 +142,8 @@ class Hearing:
             self.is_contested = True
             since = self._claimed_since.setdefault(node, now)
             quiet = self._quiet_claims if now - since < CLAIM_PATIENCE_S else self._quiet
+            if now - since >= CLAIM_PATIENCE_S:
+                self.signs.note(Sign.CONTESTED, address_of(sender), now)
             why = f", by position {status.log_position} of the cluster's log, and nobody has shown us that" if early else ""
             text = f"a status of {address_of(node)} is dropped: it claims places that are ours{why}"
             self.drop(address_of(sender), "claim", text, quiet)
@@ -160,6 +166,7 @@ class Hearing:
             return
         own.follow(status.lamport)
         self.is_contested = True
+        self.signs.note(Sign.OWN_KEY, address_of(sender), self._world.clock.now())
         self.drop(address_of(sender), "myself", "somebody else signs statuses with the key of this node")
 
     def log_grew(self) -> None:
