@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 
 from scenefold.simulation.outcome import Order, Result
 
@@ -17,8 +18,16 @@ def run_all(orders: Sequence[Order], jobs: int) -> Iterator[Result]:
         yield from map(run_one, orders)
         return
     # Processes are spawned, not forked: each is what a stranger's would be, and nothing of ours can leak into a run.
-    with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=RUNS_PER_PROCESS) as pool:
+    with multiprocessing.get_context("spawn").Pool(jobs, initializer=_settle, maxtasksperchild=RUNS_PER_PROCESS) as pool:
         yield from pool.imap_unordered(run_one, orders)
+
+
+def _settle() -> None:
+    """What all runs of a process need is there before the first of them."""
+    from scenefold.world.sim.run import settle
+
+    import_module("scenefold.simulation.run")
+    settle()
 
 
 def run_one(order: Order) -> Result:

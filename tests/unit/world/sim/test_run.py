@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import gc
+import math
 import warnings
 
 import pytest
 import trio
 import trio.testing
 
-from scenefold.world.sim import SimulationStuck, run_simulated
+from scenefold.world.sim import SimulationStuck, run, run_simulated
 from scenefold.world.sim.time import current_time_of_simulation
 
 
@@ -159,10 +160,41 @@ def test_the_order_of_tasks_comes_from_the_seed() -> None:
 
 def test_trio_and_the_collector_are_left_as_they_were() -> None:
     core = trio._core._run
-    switch, dice = core._ALLOW_DETERMINISTIC_SCHEDULING, core._r.getstate()
+    switch, dice, frozen = core._ALLOW_DETERMINISTIC_SCHEDULING, core._r.getstate(), gc.get_freeze_count()
+    deadlines = trio.CancelScope._might_change_registered_deadline
     order_of_tasks(3)
     assert (core._ALLOW_DETERMINISTIC_SCHEDULING, core._r.getstate()) == (switch, dice)
-    assert gc.isenabled()
+    assert trio.CancelScope._might_change_registered_deadline is deadlines
+    assert gc.isenabled() and gc.get_freeze_count() <= frozen
+
+
+def test_in_a_process_that_only_simulates_what_was_there_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "_settled", [])
+    try:
+        run.settle()
+        before = gc.get_freeze_count()
+        order_of_tasks(3)
+        assert gc.get_freeze_count() >= before > 0
+    finally:
+        gc.unfreeze()
+
+
+def test_a_deadline_counts_as_it_was_last_set() -> None:
+    async def main() -> list[float]:
+        ends = []
+        for first, then in ((1.0, 2.0), (2.0, 1.0), (math.inf, 1.0)):
+            begin = trio.current_time()
+            with trio.CancelScope(deadline=begin + first) as scope:
+                scope.deadline = begin + then
+                await trio.sleep_forever()
+            ends.append(trio.current_time() - begin)
+        with trio.move_on_after(1.0) as scope:
+            scope.deadline = math.inf
+            await trio.sleep(3.0)
+        assert not scope.cancelled_caught
+        return ends
+
+    assert run_simulated(1, main) == [2.0, 1.0, 1.0]
 
 
 def test_generators_are_finalized() -> None:
