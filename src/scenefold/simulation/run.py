@@ -32,7 +32,7 @@ from scenefold.simulation.mutants import mutated
 from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.rotating import KeyChanges
-from scenefold.simulation.speed import quick_packets, remembered_signatures
+from scenefold.simulation.speed import quick_headers, quick_packets, remembered_signatures
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
 from scenefold.simulation.weather import spares_of
@@ -66,6 +66,7 @@ def run(order: Order) -> Result:
         stack.enter_context(remembered_signatures())
         stack.enter_context(mutated(order.mutant))
         stack.enter_context(quick_packets())
+        stack.enter_context(quick_headers())
         file = stack.enter_context(Path(order.trace_file).open("w")) if order.trace_file else None
         drama = _Drama(order, schedule, Trace(keep=0, file=file))
         try:

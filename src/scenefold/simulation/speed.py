@@ -13,11 +13,12 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
-from scenefold.crypto import PublicKey, SealingKey, SealingPublicKey, SigningKey, datagrams
+from scenefold.crypto import PublicKey, RecordHeader, SealingKey, SealingPublicKey, SigningKey, datagrams
 from scenefold.peer.membership import hearing
 
 REMEMBERED_MAX = 50_000
 PACKETS_MAX = 8_192
+HEADERS_MAX = 8_192
 
 _Signed = tuple[bytes, bytes, bytes, bytes]
 
@@ -62,6 +63,19 @@ def quick_packets() -> Iterator[None]:
         yield
     finally:
         module.decode_packet, module.problem_of = decode, problem_of
+
+
+@contextmanager
+def quick_headers() -> Iterator[None]:
+    """Each header of a record is decoded once in this process: nodes, clients and the judge look at the same ones again and again."""
+    module: Any = RecordHeader
+    before: Any = RecordHeader.__dict__["decode"]
+    remembering: Any = lru_cache(HEADERS_MAX)(before.__func__)
+    module.decode = classmethod(remembering)
+    try:
+        yield
+    finally:
+        module.decode = before
 
 
 @contextmanager
