@@ -127,7 +127,9 @@ class SimNet(Faults):
 
     @property
     def now(self) -> float:
-        return self._clock().now if self._time is not None or trio.lowlevel.in_trio_run() else 0.0
+        if self._time is not None:
+            return self._time.now
+        return self._clock().now if trio.lowlevel.in_trio_run() else 0.0
 
     def _clock(self) -> VirtualTime:
         if self._time is None:
