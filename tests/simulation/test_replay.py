@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from pathlib import Path
 
 import pytest
 
+from scenefold.simulation.crowd import run_one
+from scenefold.simulation.outcome import Order
 from simulation.runs import command
 
 SEED = "11"
@@ -23,3 +26,12 @@ def test_one_seed_is_one_trace_in_any_process(tmp_path: Path, workload: str) -> 
     different = [pair for pair in zip(first.splitlines(), second.splitlines(), strict=False) if pair[0] != pair[1]]
     assert different[:1] == []
     assert first == second
+
+
+def test_a_process_that_has_run_other_seeds_runs_one_as_a_fresh_one_does() -> None:
+    order, other = Order(11, storm_s=20.0), Order(12, storm_s=20.0, workload="keys")
+    with multiprocessing.get_context("spawn").Pool(1) as fresh:
+        first = fresh.apply(run_one, (order,))
+        fresh.apply(run_one, (other,))
+        again = fresh.apply(run_one, (order,))
+    assert (again.trace_hash, again.operations, again.faults) == (first.trace_hash, first.operations, first.faults)
