@@ -214,18 +214,25 @@ def revoked_text(who: str, done: Revoked, *, is_node: bool) -> str:
     return f"{keys} The node is taken off the line." if done.line else f"{keys} The node does not stand on the line."
 
 
-def renew(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
-    """Issue new certificates for all keys in a profile that has the authority's key. No node need run.
+def renew(*certificates: Path, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+    """Issue new certificates for all keys in a profile that has the authority's key, or for a member that was away. No node need run.
 
-    Needed only after the cluster was off for so long that certificates ran out, or a clock was wrong: else they are renewed by themselves. The first node's profile has that key, too, sealed to the node. Copy each node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
+    Needed only after the cluster, or one member, was off for so long that certificates ran out, or a clock was wrong: else they are renewed by themselves. The first node's profile has that key, too, sealed to the node. Copy each node's `nodes/ADDRESS/certificate.pem` to its machine afterwards.
 
     Example: scenectl cluster renew --profile studio
+
+    Example: scenectl cluster renew ada.pem --profile studio
+
+    Parameters
+    ----------
+    certificates
+        Copies of members' `certificate.pem`, to be written over by new ones for the same keys; the keys themselves stay where they are. By default all that lie in the profile.
     """
     from scenefold.client import profile_folder
     from scenefold.world.profile import ClusterProfile
     from scenefold.world.reissue import reissue
 
-    cards = reissue(ClusterProfile.load(profile_folder(output.profile)))
+    cards = reissue(ClusterProfile.load(profile_folder(output.profile)), certificates)
     documents = [{"name": card.name, "not_after": f"{card.not_after:%Y-%m-%d}"} for card in cards]
     rows = [(shown_member(one["name"]), one["not_after"]) for one in documents]
     emit(output, {"renewed": documents}, table(("member", "certificate until"), rows))

@@ -34,6 +34,7 @@ _HEAD = struct.Struct(">BB")
 _KEY = struct.Struct(">BH")
 _VERSION = 1
 _ADMINISTRATOR = 1
+_RENEWED = "send the certificate to who has the authority's key, for scenectl cluster renew FILE (docs: Keep your keys)"
 _BIT_STRING = 3
 """Its tag in DER; a signature of P-256 is short enough for a length of one byte."""
 
@@ -210,10 +211,10 @@ def _check_time(card: Card, now: datetime.datetime) -> None:
         raise OutOfDate(
             f"the certificate is valid from {first:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}",
             where=card.name,
-            remedy="set the clock right; if it is, a wrong one dated the certificate: scenectl cluster renew, where the authority's key is",
+            remedy=f"set the clock right; if it is, a wrong one dated the certificate: {_RENEWED}",
         )
     if now > last:
-        remedy = "if that date lies ahead, set the clock right; else scenectl cluster renew, where the authority's key is"
+        remedy = f"if that date lies ahead, set the clock right; else {_RENEWED}"
         what = f"the certificate was valid until {last:%Y-%m-%d}, and this clock says {now:%Y-%m-%d}"
         raise OutOfDate(what, where=card.name, remedy=remedy)
 

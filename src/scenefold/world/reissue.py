@@ -1,10 +1,11 @@
-"""New certificates for all keys in a profile, by the authority's own key: for a cluster that slept until they had run out.
+"""New certificates for the same keys, by the authority's own key: for a cluster, or one member, that slept until they had run out.
 
 While nodes run, certificates are renewed by themselves (specs/15-cluster-log.md, Enrolling). Nothing here asks anybody.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
@@ -14,13 +15,14 @@ from scenefold.world.own_papers import card_in_file, opened_authority
 from scenefold.world.profile import ClusterProfile
 
 
-def reissue(profile: ClusterProfile) -> list[Card]:
+def reissue(profile: ClusterProfile, places: Sequence[Path] = ()) -> list[Card]:
     """Replace every certificate of a node or user here by one that counts from today, for the same keys; their cards.
 
-    LocalFault without the authority's key, DamagedData for a certificate of another cluster.
+    `places`: instead, these files, copies of certificates of members whose keys are elsewhere. LocalFault without the authority's key,
+    NotOfThisCluster for a certificate of another cluster, DamagedData for a damaged one. Those before it are replaced then.
     """
     authority, cards = read_authority(profile), []
-    for place in _places(profile.folder):
+    for place in places or _places(profile.folder):
         old = card_in_file(place, authority.certificate)
         pem = authority.certify(old.name, list(old.addresses), old.tls_key, keys=old.keys)
         write_secret(place, pem, replace=True)
