@@ -156,9 +156,13 @@ class Membership:
     async def revoke_user(self, user: str) -> Revoked:
         """Let a user's key count no longer, anywhere in the cluster. That it counts no longer already is no error."""
         name, view = f"user:{user}", await self._cluster_log.newest()
-        if not _is_member(name, view, self._profile.owners()) and _was_revoked(name, view):
-            return Revoked(keys=False)
-        card = await self.card_of(name)
+        known = view.card_of(name, self._profile.owners())
+        if known is None:
+            if _was_revoked(name, view):
+                return Revoked(keys=False)
+            raise self._no_member(name, view)
+        # Also one that has run out: its keys may be in a newer certificate that the log does not have (reissue.py).
+        card = Card.verified(known.der, self._profile.authority_certificate())
         await self._order(RevokeUser(card.name, card.signing_id))
         return Revoked(keys=True)
 

@@ -17,7 +17,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.membership import Membership
 from scenefold.crypto import AUTHORITY_PURPOSE, Card
 from scenefold.wire import Packet
-from scenefold.wire.enrol_entries import Trust
+from scenefold.wire.enrol_entries import RevokeUser, Trust
 from scenefold.wire.enrol_packets import Administer, Administered, Enrolled, RequestRenewal, RespondCard
 from scenefold.wire.orders import Order
 from scenefold.world.facts import Credential
@@ -210,6 +210,15 @@ async def test_nobody_shows_the_card_of_a_revoked_member(tmp_path: Path) -> None
         assert (await membership(nodes, tmp_path, [], view).card_of(name)).name == name
         with pytest.raises(LocalFault, match="is revoked"):
             await membership(nodes, tmp_path, [], revoked).card_of(name)
+
+
+async def test_a_user_whose_certificate_has_run_out_can_be_revoked(tmp_path: Path) -> None:
+    """The keys may count still, under a certificate that was issued where nobody asks the log."""
+    card, nodes = card_for("user:eve", 1), Nodes(NOW + 800 * DAY, {})
+    await membership(nodes, tmp_path, [], enrolled_as(card)).revoke_user("eve")
+    assert ordered_by(nodes) == [RevokeUser("user:eve", card.signing_id)]
+    with pytest.raises(LocalFault, match="is no member"):
+        await membership(nodes, tmp_path, [], enrolled_as(card)).revoke_user("ben")
 
 
 def enrolled(since: datetime.timedelta) -> Enrolled:
