@@ -10,11 +10,13 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.location import Arc, Location
-from scenefold.peer.line import Side
+from scenefold.peer.line import Side, copying, giving
 from scenefold.world.sim import Point, run_simulated
-from unit.peer.line.street import House, Street
+from unit.peer.line.street import RECORD_BYTES, House, Street
 
 RECORDS = 24
+PART = 2
+"""Records of a batch, where there are to be many: half of the records are given."""
 
 
 @pytest.fixture(autouse=True)
@@ -112,6 +114,20 @@ async def give_within(street: Street, number: int, side: Side, share: float = 0.
 @pytest.mark.parametrize("story", [handing_right, handing_all_left])
 def test_a_crash_at_every_step_of_a_handover(story: Story, number: int, point: Point) -> None:
     assert crash_everywhere(story, number, point) >= 4
+
+
+# Six batches are listed, copied, written and deleted, besides what a handover of one batch sends and writes.
+IN_PARTS = [(Point.BEFORE_SEND, 20), (Point.AFTER_SEND, 20), (Point.BEFORE_COMMIT, 9), (Point.AFTER_COMMIT, 9)]
+
+
+@pytest.mark.parametrize(("point", "least"), IN_PARTS)
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_crash_at_every_step_of_a_handover_in_many_parts(monkeypatch: pytest.MonkeyPatch, number: int, point: Point, least: int) -> None:
+    """A real piece is listed, copied and deleted in many batches, and a node may die between any two of them."""
+    monkeypatch.setattr(copying, "LIST_RECORDS_MAX", PART)
+    monkeypatch.setattr(copying, "COPY_BYTES_MAX", PART * (RECORD_BYTES + 300))
+    monkeypatch.setattr(giving, "DELETE_BATCH", PART)
+    assert crash_everywhere(handing_right, number, point) >= least
 
 
 async def adopting(street: Street) -> None:
