@@ -16,7 +16,7 @@ STORM_S = 60.0
 """Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
 QUIET_START_S = 4.0
 """The cluster forms and the first records are written before anything goes wrong."""
-AGAIN_MAX = 3
+AGAIN_MAX = 2
 LONG_S = 50.0
 """Removal after 20 s of silence, its probes, and the wait for leases take some 40 s together."""
 FAULTS_MIN = 8
