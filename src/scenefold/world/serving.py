@@ -128,7 +128,8 @@ class _Serving:
         if reader.at_boundary:
             return await self._connection.receive(RECEIVE_BYTES)
         began_at = trio.current_time()
-        with trio.move_on_after(self._patience_s):
+        # What comes in the very moment in which patience ends may leave less than none of it.
+        with trio.move_on_after(max(0.0, self._patience_s)):
             data = await self._connection.receive(RECEIVE_BYTES)
             self._patience_s -= trio.current_time() - began_at
             return data

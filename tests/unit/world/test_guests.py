@@ -221,6 +221,28 @@ async def test_a_byte_a_second_is_too_slow(port: Port, autojump_clock: trio.test
     assert not isinstance(decode_packet(idle.answers[0][4:]), Fault)
 
 
+@pytest.mark.expect_log(f"a frame did not arrive whole within {FRAME_S_MAX:g} s")
+async def test_a_byte_that_comes_as_patience_ends_ends_no_node(autojump_clock: trio.testing.MockClock) -> None:
+    """A busy thread learns of both at once, and later than they were."""
+
+    class Busy(Line):
+        async def receive(self, count_max: int) -> bytes:
+            data = await super().receive(count_max)
+            with trio.CancelScope(shield=True):
+                await trio.sleep(FRAME_S_MAX * 0.6)
+            return data
+
+    line = Busy("user:slow")
+    for at in range(4):
+        line.feed(QUESTION[at : at + 1])
+    await serve_connection(line, answer_nothing, guests=Guests())
+    assert line.unread == 1, "the third came too late, after the patience, and ended the connection"
+
+
+async def answer_nothing(_packet: Packet, _peer: str) -> None:
+    return None
+
+
 async def test_time_in_which_we_do_not_read_is_not_the_peers(port: Port, autojump_clock: trio.testing.MockClock) -> None:
     line = port.connect("user:busy")
     line.feed(QUESTION * 64 + QUESTION[:5])
