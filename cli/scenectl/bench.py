@@ -120,7 +120,7 @@ def seal(
 def hostile(
     *,
     attack: str | None = None,
-    seconds: Annotated[int, whole(1, 3600)] = 3,
+    seconds: Annotated[int, whole(1, 3600)] = 2,
     rounds: Annotated[int, whole(1, 100)] = 3,
     nodes: Annotated[int, whole(1, 16)] = 3,
     ports: PortsOption | None = None,

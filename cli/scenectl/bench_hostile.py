@@ -25,7 +25,7 @@ from scenectl.output import table
 
 if TYPE_CHECKING:
     from scenefold.base.location import Location
-    from scenefold.client import Scene, Space
+    from scenefold.client import Cluster, Scene, Space
     from scenefold.node.local import LocalCluster
     from scenefold.world import Ports
 
@@ -34,6 +34,10 @@ RECORD_BYTES = 1024
 SPACE = 10
 REST_S = 1.0
 """From the beginning of an attack, or of the burning, until it is measured: limits let a burst of anything through."""
+FRAME_S = 2
+"""So long the nodes wait for the rest of a frame, that an attack meets this limit within a turn of its own; else it is a minute."""
+NODE = "scenectl.attacks.node"
+OPTIONS = ("--frame-s", str(FRAME_S))
 _BURN = "import sys, time\nshare = float(sys.argv[1])\nwhile True:\n    end = time.process_time() + share / 50\n    while time.process_time() < end: pass\n    time.sleep((1 - share) / 50)\n"
 
 
@@ -85,20 +89,22 @@ class Honest:
 
 async def bench_hostile(bench: HostileBench) -> dict[str, Any]:
     """Measure and return the report (docs/reference/scenectl.md)."""
-    from scenectl.attacks import ATTACKS
+    from scenectl.attacks import ATTACKS, BY_MEMBERS
+    from scenefold.base.errors import LocalFault
     from scenefold.base.ids import SpaceId
-    from scenefold.base.location import LINE_LENGTH, Location
     from scenefold.client import connect
     from scenefold.node.local import local_cluster
 
+    if bench.nodes == 1 and any(name in BY_MEMBERS for name in bench.attacks):
+        raise LocalFault("a member attacks another one, and this cluster has one node", remedy="--nodes 2")
+    attacks = bench.attacks or [name for name in ATTACKS if bench.nodes > 1 or name not in BY_MEMBERS]
     async with AsyncExitStack() as stack:
-        nodes = await stack.enter_async_context(local_cluster(bench.nodes, spares=1, ports=bench.ports))
+        nodes = await stack.enter_async_context(local_cluster(bench.nodes, spares=1, ports=bench.ports, options=OPTIONS, module=NODE))
         cluster = await stack.enter_async_context(connect(nodes.profile))
         scene = await cluster.scenes.create("bench-hostile")
-        places = [Location.from_number(LINE_LENGTH * (2 * index + 1) // (2 * BATCH)) for index in range(BATCH)]
-        honest = Honest(scene.space(SpaceId(SPACE)), places)
+        honest = Honest(scene.space(SpaceId(SPACE)), honest_places())
         alone = await honest.rate(bench.seconds)
-        rows = [await _measure(bench, nodes, scene, honest, name) for name in bench.attacks or ATTACKS]
+        rows = [await _measure(bench, nodes, cluster, scene, honest, name) for name in attacks]
         return {
             "nodes": bench.nodes,
             "seconds": bench.seconds,
@@ -110,29 +116,60 @@ async def bench_hostile(bench: HostileBench) -> dict[str, Any]:
         }
 
 
-async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, honest: Honest, name: str) -> dict[str, Any]:
-    from scenectl.attacks.running import attacking
+def honest_places() -> list[Location]:
+    """All over the line."""
+    from scenefold.base.location import LINE_LENGTH, Location
 
-    settings = {
+    return [Location.from_number(LINE_LENGTH * (2 * index + 1) // (2 * BATCH)) for index in range(BATCH)]
+
+
+def aimed(nodes: LocalCluster, scene: Scene, name: str) -> dict[str, Any]:
+    """The settings of an attack on the first node."""
+    from scenectl.attacks.node import lie_of
+    from scenefold.base.location import Location
+
+    places = honest_places()
+    return {
         "profile": str(nodes.profile),
         "address": nodes.addresses[0],
         "scene": scene.id,
+        "scene_name": scene.name,
         "space": SPACE,
-        "place": honest.places[0].hex(),
+        "place": places[0].hex(),
+        "far": Location.from_number(places[-1].number + 1).hex(),
+        "lie": str(lie_of(nodes.folder / "data" / nodes.addresses[-1])),
         "attack": name,
     }
+
+
+async def counted(cluster: Cluster, address: str) -> Counter[str]:
+    """What a node has counted of what it did not take, since its start; nothing if it does not answer."""
+    reports = [node.report for node in (await cluster.look()).nodes if node.address == address]
+    return Counter({"turned away": one.turned_away, "datagrams dropped": one.dropped} if (one := reports[0]) is not None else {})
+
+
+async def _measure(bench: HostileBench, nodes: LocalCluster, cluster: Cluster, scene: Scene, honest: Honest, name: str) -> dict[str, Any]:
+    from scenectl.attacks import LIARS
+    from scenectl.attacks.running import attacking
+
+    settings = aimed(nodes, scene, name)
+    # The last node owns the last part of the line: whoever reads there is lied to, and others shall not be kept from theirs.
+    honest.places = honest_places()[: BATCH // 2 if name in LIARS else BATCH]
     before, failed, grown = memory_bytes(nodes), honest.failed, 0
+    node_counted = Counter[str]()
     seen, seconds, cpu_s = Counter[str](), 0.0, 0.0
     attacked: list[float] = []
     beside: list[float] = []
     cores: list[float] = []
     """Of the node that is attacked: beside the attack, less those beside the burner."""
     for _ in range(bench.rounds):
+        counted_before = await counted(cluster, nodes.addresses[0])
         async with attacking(settings) as report:
             await trio.sleep(REST_S)
             with _cores_of(nodes) as under_attack:
                 attacked.append(await honest.rate(bench.seconds))
             grown = max(grown, memory_bytes(nodes) - before)
+        node_counted.update(await counted(cluster, nodes.addresses[0]) - counted_before)
         seen.update(report.seen)
         seconds, cpu_s = seconds + report.seconds, cpu_s + report.cpu_s
         share = min(0.99, cpu_s / seconds)
@@ -148,6 +185,7 @@ async def _measure(bench: HostileBench, nodes: LocalCluster, scene: Scene, hones
         "attack": name,
         "seen": dict(sorted(seen.items())),
         "per_second": {what: count / seconds for what, count in sorted(seen.items())},
+        "node_counted": dict(sorted(node_counted.items())),
         "attacker_cores": cpu_s / seconds,
         "records_per_second": statistics.median(attacked),
         "beside_a_burner": statistics.median(beside),
@@ -190,7 +228,8 @@ def bench_text(report: dict[str, Any]) -> str:
     """The report for people."""
     rows = []
     for row in report["attacks"]:
-        did = ", ".join(f"{what} {rate:,.0f}/s" for what, rate in row["per_second"].items())
+        did = ", ".join(f"{what} {rate:,.0f}/s" for what, rate in row["per_second"].items() if rate)
+        did += "".join(f", {count:,} {what}" for what, count in row["node_counted"].items())
         growth = f"{row['memory_growth_bytes'] / (1 << 20):+.0f} MiB"
         low, high = row["relative_range"]
         relative = f"{row['relative']:.0%} ({low * 100:.0f} to {high * 100:.0f})"

@@ -120,8 +120,11 @@ def half_arrived(movement: Movement) -> bool:
 
 
 @asynccontextmanager
-async def living_cluster(folder: Path, count: int, *, spares: int = 0, options: tuple[str, ...] = ()) -> AsyncIterator[Living]:
+async def living_cluster(
+    folder: Path, count: int, *, spares: int = 0, options: tuple[str, ...] = (), module: str = "scenefold.node"
+) -> AsyncIterator[Living]:
     ports = free_ports(addresses(count + spares))
-    async with local_cluster(count, folder, spares=spares, ports=ports, options=options) as nodes, connect(nodes.profile) as cluster:
+    running = local_cluster(count, folder, spares=spares, ports=ports, options=options, module=module)
+    async with running as nodes, connect(nodes.profile) as cluster:
         scene = await cluster.scenes.create("kept")
         yield Living(nodes, cluster, Kept(scene.space(SPACE)))

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
 
 import trio
 
 from scenefold.base.errors import ScenefoldError
-from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.ids import SceneId, SpaceId, address_of
 from scenefold.base.location import Location
 from scenefold.world import Connection, ConnectionLost, Priority, World, real_world
 
@@ -30,22 +31,35 @@ BURST = 50
 
 @dataclass
 class Attacker:
-    """Somebody who aims at one node. `place`: where an honest record lies."""
+    """Somebody who aims at one node. `place`: where an honest record lies that is written again and again.
+
+    `far`: a place of the last founder, which lies while the file `lie` says so.
+    """
 
     profile: ClusterProfile
     address: str
     scene: SceneId
+    scene_name: str
     space: SpaceId
     place: Location
+    far: Location
+    lie: Path
+    is_member: bool = False
     seen: Counter[str] = field(default_factory=Counter)
     dice: Random = field(default_factory=lambda: Random(1))
     _world: World | None = None
 
     @property
+    def as_member(self) -> Attacker:
+        """The same with the keys of a node that the cluster's log has as a member."""
+        return replace(self, is_member=True, _world=None)
+
+    @property
     def world(self) -> World:
-        """That of a spare: the cluster has certified it, and nobody has granted it anything."""
+        """That of a spare, which the cluster has certified and nobody has granted anything; or of the last founder."""
         if self._world is None:
-            identity = self.profile.node_identity(self.profile.members[-1].address)
+            address = address_of(self.profile.founders[-1]) if self.is_member else self.profile.members[-1].address
+            identity = self.profile.node_identity(address)
             self._world = real_world(identity, self.profile.authority_certificate(), ports=self.profile.ports)
         return self._world
 
@@ -53,7 +67,11 @@ class Attacker:
         return await trio.open_tcp_stream(self.address, self.profile.ports.number(priority))
 
     async def enter(self, priority: Priority = Priority.HIGH) -> Connection:
-        return await self.world.network.connect(self.address, priority)
+        try:
+            return await self.world.network.connect(self.address, priority)
+        except (OSError, ScenefoldError):
+            self.seen["refused"] += 1
+            raise
 
 
 Attack = Callable[[Attacker], Awaitable[None]]

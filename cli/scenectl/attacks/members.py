@@ -8,7 +8,7 @@ from random import Random
 
 import trio
 
-from scenectl.attacks.attacker import CROWD, HANDS, Attacker, by_many
+from scenectl.attacks.attacker import CROWD, HANDS, PAUSE_S, Attacker, by_many
 from scenefold.base.errors import Refused
 from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX, FRAME_BYTES_MAX
 from scenefold.base.location import Location
@@ -27,8 +27,9 @@ from scenefold.wire import (
     RequestTable,
     encode_packet,
 )
-from scenefold.world import Links, Priority, open_links
+from scenefold.world import ConnectionLost, Links, Priority, open_links
 
+OLD_MAX = 65
 _LENGTH = struct.Struct(">I")
 
 
@@ -59,6 +60,8 @@ async def byte_a_second(me: Attacker) -> None:
                 await connection.send(bytes((byte,)))
                 me.seen["bytes"] += 1
                 await trio.sleep(1.0)
+        except ConnectionLost:
+            me.seen["closed by the node"] += 1
         finally:
             await connection.aclose()
 
@@ -99,6 +102,11 @@ async def malformed_packets(me: Attacker) -> None:
                 await connection.send(_LENGTH.pack(len(noise)) + noise)
                 me.seen["sent"] += 1
                 await trio.lowlevel.checkpoint()
+            while await connection.receive(1 << 16):
+                pass
+            me.seen["closed by the node"] += 1
+        except ConnectionLost:
+            me.seen["closed by the node"] += 1
         finally:
             await connection.aclose()
 
@@ -112,10 +120,17 @@ async def flood_of_requests(me: Attacker) -> None:
         async def hand() -> None:
             question: Packet = RequestTable() if me.dice.random() < 0.5 else GetMany(me.scene, 0, (RecordKey(me.space, me.place),) * 64)
             priority = Priority.HIGH if isinstance(question, RequestTable) else Priority.LOW
+            began = trio.current_time()
             await links.request(me.address, priority, question, 10.0)
             me.seen["answered"] += 1
+            me.seen["of these after a quarter of a second"] += trio.current_time() - began > 0.25
 
         await by_many(256, hand)
+
+
+async def flood_by_a_member(me: Attacker) -> None:
+    """The same by a node that is a member of the cluster's log."""
+    await flood_of_requests(me.as_member)
 
 
 async def forged_records(me: Attacker) -> None:
@@ -128,6 +143,30 @@ async def forged_records(me: Attacker) -> None:
         while True:
             items = tuple(_forged(good, me.dice) for _ in range(64))
             answer = await links.request(me.address, Priority.LOW, PutMany(items), 10.0)
+            assert isinstance(answer, PutManyReply)
+            for outcome in answer.outcomes:
+                me.seen[RejectReason(outcome.reason).name.lower() if outcome.reason else "taken"] += 1
+
+
+async def forged_records_from_a_member(me: Attacker) -> None:
+    """The same by a node that is a member of the cluster's log."""
+    await forged_records(me.as_member)
+
+
+async def old_record_again(me: Attacker) -> None:
+    """What its writer signed, and has written over since, as it was."""
+    met: dict[bytes, PutItem] = {}
+    async with open_links(me.world) as links:
+        while True:
+            found = await links.request(me.address, Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),)), 10.0)
+            assert isinstance(found, GetManyReply) and found.records[0] is not None
+            record = found.records[0]
+            met.setdefault(record.signature, PutItem(me.scene, me.space, me.place, record.signature, record.header, record.ciphertext))
+            *old, _present = list(met.values())[-OLD_MAX:]
+            if not old:
+                await trio.sleep(PAUSE_S)
+                continue
+            answer = await links.request(me.address, Priority.LOW, PutMany(tuple(old)), 10.0)
             assert isinstance(answer, PutManyReply)
             for outcome in answer.outcomes:
                 me.seen[RejectReason(outcome.reason).name.lower() if outcome.reason else "taken"] += 1

@@ -18,11 +18,25 @@ END_S_MAX = 30.0
 
 @dataclass
 class Report:
-    """What an attack did; filled when it has ended."""
+    """What an attack did, as of half a second ago; all of it once it has ended."""
 
     seconds: float = 0.0
     cpu_s: float = 0.0
     seen: dict[str, int] = field(default_factory=dict)
+    has_begun: trio.Event = field(default_factory=trio.Event)
+
+    async def follow(self, process: trio.Process) -> None:
+        """Until the process has ended."""
+        assert process.stdout is not None
+        rest = b""
+        while more := await process.stdout.receive_some():
+            *lines, rest = (rest + more).split(b"\n")
+            for line in lines:
+                said = json.loads(line)
+                self.seconds, self.cpu_s, self.seen = said["seconds"], said["cpu_s"], said["seen"]
+                self.has_begun.set()
+        if not self.has_begun.is_set():
+            raise RuntimeError("the attacker ended before it had begun")
 
 
 @asynccontextmanager
@@ -33,18 +47,14 @@ async def attacking(settings: dict[str, Any]) -> AsyncIterator[Report]:
     process = await trio.lowlevel.open_process(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert process.stdin is not None and process.stdout is not None
     try:
-        said = b""
-        with trio.fail_after(BEGIN_S_MAX):
-            while b"\n" not in said:
-                said += await _more(process.stdout)
-        yield report
-        await process.stdin.aclose()
-        with trio.fail_after(END_S_MAX):
-            while more := await process.stdout.receive_some():
-                said += more
-            await process.wait()
-        found = json.loads(said.partition(b"\n")[2])
-        report.seconds, report.cpu_s, report.seen = found["seconds"], found["cpu_s"], found["seen"]
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(report.follow, process)
+            with trio.fail_after(BEGIN_S_MAX):
+                await report.has_begun.wait()
+            yield report
+            await process.stdin.aclose()
+            with trio.fail_after(END_S_MAX):
+                await process.wait()
     finally:
         if process.returncode is None:
             process.kill()
@@ -52,10 +62,3 @@ async def attacking(settings: dict[str, Any]) -> AsyncIterator[Report]:
             await process.wait()
             await process.stdin.aclose()
             await process.stdout.aclose()
-
-
-async def _more(stream: trio.abc.ReceiveStream) -> bytes:
-    data = await stream.receive_some()
-    if not data:
-        raise RuntimeError("the attacker ended before it had begun")
-    return bytes(data)

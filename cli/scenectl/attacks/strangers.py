@@ -8,6 +8,7 @@ from contextlib import suppress
 import trio
 
 from scenectl.attacks.attacker import BURST, CROWD, HANDS, PAUSE_S, Attacker, by_many
+from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import newcomer_context
 from scenefold.world import Priority
 
@@ -51,6 +52,9 @@ async def handshakes(me: Attacker) -> None:
             await secure.do_handshake()
             me.seen["answered"] += 1
             await secure.receive_some()
+            me.seen["closed by the node"] += 1
+        except trio.BrokenResourceError:
+            me.seen["closed by the node"] += 1
         finally:
             await trio.aclose_forcefully(secure)
 
@@ -59,10 +63,20 @@ async def handshakes(me: Attacker) -> None:
 
 async def forged_datagrams(me: Attacker) -> None:
     """Datagrams in the name of members, and noise."""
+    await _forge(me, [member.node_id for member in me.profile.members], "")
+
+
+async def forged_datagrams_from_a_members_address(me: Attacker) -> None:
+    """The same by somebody who can write a member's address on them: only their seal tells."""
+    member = me.profile.founders[-1]
+    await _forge(me, [member], address_of(member))
+
+
+async def _forge(me: Attacker, members: list[NodeId], source: str) -> None:
     socket = trio.socket.socket(type=trio.socket.SOCK_DGRAM)
-    members = [member.node_id for member in me.profile.members]
     target = next(member.node_id for member in me.profile.members if member.address == me.address)
     with socket:
+        await socket.bind((source, 0))
         while True:
             for _ in range(BURST):
                 head = struct.pack(">4sII", b"SFD2", me.dice.choice(members), target)

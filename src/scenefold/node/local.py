@@ -34,10 +34,11 @@ _PROFILE = "profile"
 class LocalCluster:
     """Nodes of one profile, each a process. Made by `local_cluster`."""
 
-    def __init__(self, folder: Path, known: ClusterProfile, options: Sequence[str], nursery: trio.Nursery) -> None:
+    def __init__(self, folder: Path, known: ClusterProfile, options: Sequence[str], nursery: trio.Nursery, module: str) -> None:
         self.folder = folder
         self.known = known
         self._options = options
+        self._module = module
         self._nursery = nursery
         self._nodes: dict[str, NodeProcess] = {}
 
@@ -69,7 +70,7 @@ class LocalCluster:
         assert before is None or before.ended.is_set(), f"node {address} is running"
         arguments = ["--profile", str(self.profile), "--address", address]
         arguments += ["--data", str(self.folder / "data" / address), *self._options]
-        node = self._nodes[address] = NodeProcess(address, arguments, self.log(address))
+        node = self._nodes[address] = NodeProcess(address, arguments, self.log(address), self._module)
         self._nursery.start_soon(node.run)
 
     async def wait(self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX) -> None:
@@ -113,6 +114,7 @@ async def local_cluster(
     memory_bytes: int = 0,
     first_address: str = FIRST_ADDRESS,
     options: Sequence[str] = (),
+    module: str = "scenefold.node",
     start_s_max: float = START_S_MAX,
     trust: bool = False,
 ) -> AsyncIterator[LocalCluster]:
@@ -121,7 +123,7 @@ async def local_cluster(
     `folder` gets profile/, data/ and logs/, and keeps them; one that holds such a cluster already is run again. None: a
     temporary folder, removed at the end. `threads` render in each node; by default the machine's are shared out,
     and so are three quarters of its memory.
-    `options` are further arguments of `python -m scenefold.node`. `trust`: a cluster that is made here trusts all its nodes, so that they
+    `options` are further arguments of `python -m scenefold.node`, or of another `module` that runs one. `trust`: a cluster that is made here trusts all its nodes, so that they
     render; else its first node only.
     """
     if not 1 <= count <= POOL_NODES_MAX:
@@ -132,7 +134,7 @@ async def local_cluster(
         arguments = ["--threads", str(threads or max(1, processors() // count)), *options]
         arguments += ["--memory", str(memory_bytes or machine_memory_bytes() * 3 // 4 // count)]
         async with _nodes_end_with_the_block() as nursery:
-            cluster = LocalCluster(place, known, arguments, nursery)
+            cluster = LocalCluster(place, known, arguments, nursery, module)
             for address in cluster.addresses:
                 cluster.start(address)
             await cluster.wait(seconds=start_s_max)

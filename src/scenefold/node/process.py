@@ -34,14 +34,14 @@ class NodeEnded(Exception):
 class NodeProcess:
     """A node at an address of this machine. `run` it in a task; `ready`, `joined` and `ended` say how it stands."""
 
-    def __init__(self, address: str, arguments: Sequence[str], log: Path) -> None:
+    def __init__(self, address: str, arguments: Sequence[str], log: Path, module: str = "scenefold.node") -> None:
         self.address = address
         self.log = log
         self.pid: int | None = None
         self.ready = trio.Event()
         self.joined = trio.Event()
         self.ended = trio.Event()
-        self._command = [sys.executable, "-m", "scenefold.node", "--stop-with-parent", *arguments]
+        self._command = [sys.executable, "-m", module, "--stop-with-parent", *arguments]
         self._process: trio.Process | None = None
         self._failure: dict[str, Any] | None = None
         self._expected_end = False
