@@ -50,6 +50,7 @@ class Interrupted(Exception):
     def __init__(self, signal_number: int = 2) -> None:
         super().__init__(signal_number)
         self.signal_number = signal_number
+        self.what, self.where, self.remedy = "interrupted", "", "the same command may be given again"
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,9 @@ def ending_of(error: BaseException) -> Ending:
     """The exit code and the words for an error that no verb handled."""
     error = most_telling(error)
     match error:
-        case Interrupted() | KeyboardInterrupt():
+        case Interrupted():
+            return Ending("interrupted", INTERRUPTED, error.what, error.where, error.remedy)
+        case KeyboardInterrupt():
             return Ending("interrupted", INTERRUPTED, "interrupted", remedy="the same command may be given again")
         case UsageFault():
             return _ending("usage", WRONG_USAGE, error)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from integration.scenectl_process import Done, running, scenectl
+from integration.scenectl_process import Done, command, environment, running, scenectl
 from loopback import ports_option
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 """Some thirty commands, each a process."""
 
+RECORD_BYTES = 50_000
+"""At the slowest rate a minute each, but for the first."""
 ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 
 
@@ -66,8 +70,9 @@ def test_a_scene_is_shared_worked_in_and_taken_away_again(people: People) -> Non
     assert "reading only" in put(people.ben, "3", b"ben's part").refusal(1)
     assert "only an owner" in scenectl("scene", "grant", "kitchen", "user:ben", "--role", "writer", profile=people.ada).refusal(1)
 
-    left = done("scene", "revoke", "kitchen", "user:ada", "--json", profile=people.owner).json
-    assert (left["key_epoch"], len(left["members"])) == (1, 2)
+    left = done("scene", "revoke", "kitchen", "user:ada", "--later", "--json", profile=people.owner).json
+    assert (left["key_epoch"], len(left["members"]), left["sealed_anew"]) == (1, 2, None)
+    assert "rotate-key kitchen --resume" in done("scene", "access", "kitchen", profile=people.ben).out.decode()
     assert "was revoked" in put(people.ada, "4", b"late").refusal(4)
     assert put(people.owner, "5", b"after").code == 0
     assert "not sealed to you" in get(people.ada, "5").refusal(4)
@@ -78,11 +83,47 @@ def test_a_scene_is_shared_worked_in_and_taken_away_again(people: People) -> Non
     assert "not sealed to you" in get(people.ada, "1").refusal(4), "what lay there is under the new key by now"
     assert get(people.ben, "1").out == b"a plan"
     shown = done("scene", "access", "kitchen", profile=people.ben).out.decode()
-    assert "user:ben" in shown and "reader" in shown and "user:ada" not in shown
+    assert "user:ben" in shown and "reader" in shown and "user:ada" not in shown and "--resume" not in shown
 
     again = done("scene", "rotate-key", "kitchen", "--rate", "50", "--json", profile=people.owner).json
     assert (again["key_epoch"], again["renewed"]) == (2, 3)
     assert get(people.ben, "1").out == b"a plan"
+
+
+def test_a_revocation_seals_anew_what_lies_there_and_says_so_if_it_is_ended(people: People) -> None:
+    def owner(*arguments: str, stdin: bytes = b"") -> Done:
+        return done(*arguments, profile=people.owner, stdin=stdin)
+
+    def left() -> list[str]:
+        return [owner("scene", verb, "attic", "--json").json["former_keys"] for verb in ("access", "info")]
+
+    owner("scene", "create", "attic")
+    owner("space", "create", "more", "--box", "0,0,0:1,1,1", "--scene", "attic")
+    for space in ("files", "more"):
+        owner("data", "put", space, "1", "-", "--scene", "attic", stdin=bytes(RECORD_BYTES))
+    owner("scene", "grant", "attic", "user:ada", "--role", "writer")
+    owner("scene", "grant", "attic", "user:ben")
+
+    said = interrupted("scene", "revoke", "attic", "user:ada", "--rate", "0.001", profile=people.owner)
+    assert "user:ada has no access to attic any more" in said and "`scenectl scene rotate-key attic --resume`" in said
+    assert "user:ada" not in (shown := owner("scene", "access", "attic").out.decode()) and "rotate-key attic --resume" in shown
+    assert left() == ["some", "some"] and "rotate-key attic --resume" in owner("scene", "info", "attic").out.decode()
+    assert owner("scene", "rotate-key", "attic", "--resume", "--json").json["complete"]
+    assert left() == ["none", "none"]
+
+    report = owner("scene", "revoke", "attic", "user:ben", "--json").json["sealed_anew"]
+    assert (report["key_epoch"], report["renewed"], report["complete"]) == (2, 2, True)
+    assert left() == ["none", "none"]
+
+
+def interrupted(*arguments: str, profile: str) -> str:
+    """The error line of a command that is sent SIGINT once it says that it has begun what may be interrupted."""
+    with subprocess.Popen(command(*arguments), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment(profile)) as process:
+        assert process.stderr is not None
+        assert b"may be interrupted" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read().decode()
+    return Done(process.returncode, b"", said).refusal(130)
 
 
 def test_whom_the_cluster_does_not_know_nothing_is_granted(people: People) -> None:
@@ -100,7 +141,9 @@ def test_whom_the_cluster_does_not_know_nothing_is_granted(people: People) -> No
 
 def test_no_key_stands_in_a_profile_in_the_clear(people: People) -> None:
     for profile in (people.owner, people.ben):
-        (entry,) = (Path(profile) / "scenes").glob("*.toml")
-        text = entry.read_text()
-        assert "symmetric" not in text and "seed" not in text
-        assert entry.stat().st_mode & 0o777 == 0o600
+        entries = list((Path(profile) / "scenes").glob("*.toml"))
+        assert entries
+        for entry in entries:
+            text = entry.read_text()
+            assert "symmetric" not in text and "seed" not in text
+            assert entry.stat().st_mode & 0o777 == 0o600

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from scenefold.client.cards import card_for, member_name
     from scenefold.client.cluster import Cluster
     from scenefold.client.connecting import connect, create_cluster, profile_folder
+    from scenefold.client.former_keys import FormerKeys
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.grants import Access, role_named
     from scenefold.client.health import ClusterStatus, NodeState
@@ -35,6 +36,7 @@ _HOMES = {
     "scenefold.client.cards": "card_for member_name",
     "scenefold.client.cluster": "Cluster",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
+    "scenefold.client.former_keys": "FormerKeys",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.grants": "Access role_named",
     "scenefold.client.health": "ClusterStatus NodeState",
@@ -73,6 +75,7 @@ __all__ = [
     "Concern",
     "DrainReport",
     "EpochKeys",
+    "FormerKeys",
     "Found",
     "FreshItem",
     "HandoverReport",
