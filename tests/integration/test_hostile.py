@@ -23,8 +23,9 @@ ROUNDS = 5
 HAPPENS_S_MAX = 60.0
 GROWTH_BYTES_MAX = 96 << 20
 """Of all nodes under one attack: a peer may have 64 MiB under way."""
-ROUNDS_PER_FLOOD = 0.002
-"""Of honest work, for each request of a flood that is answered meanwhile: both are slow on a slow machine."""
+ROUNDS_PER_FLOOD = 0.02
+"""Of honest work, for each request of a flood that is answered meanwhile: both are slow on a slow machine. With shares there are four times
+as many and more; a member that had no share left as many as this."""
 STRANGERS = ("silent strangers", "garbage", "handshakes", "forged datagrams")
 HOLDERS = ("silent members", "a byte a second", "enormous lengths", "malformed packets", "flood of requests")
 FORGERS = ("forged records", "others' names", "replayed datagrams", "an old record played again")
@@ -43,8 +44,8 @@ HAPPENS = {
     "forged records": ("signature_invalid", 64),
     "forged records from a member": ("signature_invalid", 64),
     "an old record played again": ("stale_version", 10),
-    "flood of requests": ("of these after a quarter of a second", 50),
-    "flood by a member": ("of these after a quarter of a second", 50),
+    "flood of requests": ("of these after a quarter of a second", 300),
+    "flood by a member": ("of these after a quarter of a second", 300),
     "answers with garbage": ("lies refused", 16),
     "answers with an old version": ("old, and the reader was warned", 16),
 }
