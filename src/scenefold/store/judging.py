@@ -49,6 +49,8 @@ class PutResult:
     location: Location | None = None
     has_changed: bool = field(default=False, compare=False)
     """Whether anything was written: a repetition, or what is older, changes nothing."""
+    over_wreck: bool = field(default=False, compare=False)
+    """Whether the header that lay there had rotted."""
 
     @property
     def reason(self) -> RejectReason | None:

@@ -7,7 +7,6 @@ one record in a store, wherever it lies: what brings it to another place takes i
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -38,8 +37,6 @@ class Judge(NamedTuple):
 
 _OF_CLIENTS = Judge(judge, judge_over_wreck)
 _OF_COPIES = Judge(judge_copy, judge_copy_over_wreck)
-
-_log = logging.getLogger("scenefold.store")
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,13 +242,13 @@ def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, record: R
         tally.add((new.scene, new.space), 0 if value is not None else 1, len(packed) - replaced_bytes)
         if spot.object:
             note_place(transaction, spot)
-        return PutResult(result.outcome, result.current, has_changed=True)
+        return replace(result, has_changed=True)
     return result
 
 
 def _judged(judges: Judge, record: Record, present: RecordHeader | None, value: memoryview | None) -> PutResult:
     if present is None and value is not None:
-        return judges.wreck(record, value)
+        return replace(judges.wreck(record, value), over_wreck=True)
     return judges.whole(record.header, present)
 
 
@@ -286,8 +283,7 @@ def _present(value: memoryview) -> RecordHeader | None:
     """The header of what is there; None if it is damaged, and its version not known any more."""
     try:
         return stored_header(value)
-    except DamagedData as error:
-        _log.error("a damaged record is in the way of another: %s", error)
+    except DamagedData:
         return None
 
 

@@ -6,7 +6,6 @@ write. Records must have been verified before they come here.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -20,13 +19,14 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import STORE_READ_BATCH_MAX, STORE_RESERVE_BYTES
 from scenefold.base.location import Arc
-from scenefold.crypto import Record, RecordHeader, RecordPlace
+from scenefold.crypto import Record, RecordHeader, RecordPlace, object_of
 from scenefold.store import reading, walking
 from scenefold.store.changes import PutValue, PutValues
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
+from scenefold.store.noticing import Noticed
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.sealing import SealedEnvironment, StoreDamaged
@@ -42,8 +42,6 @@ T = TypeVar("T")
 SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
-_log = logging.getLogger("scenefold.store")
-
 
 class Store:
     """An open store; made by `open_store`."""
@@ -55,8 +53,12 @@ class Store:
         self._writer = writer
         self.identity = identity
         self._opened_as = identity.incarnation
-        self.damaged = 0
-        """Reads since the start that met a record which had changed on the disk."""
+        self._noticed = Noticed(world.clock)
+
+    @property
+    def damaged(self) -> int:
+        """Reads and writes since the start that met a record which had changed on the disk."""
+        return self._noticed.count
 
     @property
     def commits(self) -> int:
@@ -67,14 +69,21 @@ class Store:
 
     async def put(self, puts: Sequence[Put]) -> list[PutResult]:
         """Store verified records in this node's arc; results in their order. What is STORED is durable on return."""
-        return await self._writer.submit(PutRecords(_with_headers(puts)))
+        return self._looked_over(puts, await self._writer.submit(PutRecords(_with_headers(puts))))
 
     async def merge(self, puts: Sequence[Put]) -> list[PutResult]:
         """Take verified copies from other nodes, wherever they lie: the highest version stays, whatever it expects.
 
         A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
         """
-        return await self._writer.submit(MergeRecords(_with_headers(puts)))
+        return self._looked_over(puts, await self._writer.submit(MergeRecords(_with_headers(puts))))
+
+    def _looked_over(self, puts: Sequence[Put], results: list[PutResult]) -> list[PutResult]:
+        for put, result in zip(puts, results, strict=True):
+            if result.over_wreck:
+                header = put.record.header
+                self._noticed.written_over(Spot(RecordPlace(header.scene, header.space, header.location), object_of(header)))
+        return results
 
     async def remove(self, versions: Sequence[tuple[Spot, bytes]]) -> int:
         """Delete exactly the versions with these digests, and say how many were there. Durable on return."""
@@ -110,10 +119,9 @@ class Store:
         records: list[Record | DamagedData | None] = []
         for start in range(0, len(spots), STORE_READ_BATCH_MAX):
             records += await self._view(reading.read_records, spots[start : start + STORE_READ_BATCH_MAX])
-        for found in records:
+        for spot, found in zip(spots, records, strict=True):
             if isinstance(found, DamagedData):
-                self.damaged += 1
-                _log.error("%s", found)
+                self._noticed.read(spot, found.what)
         return records
 
     async def digests(self, spots: Sequence[Spot]) -> list[bytes | None]:

@@ -252,7 +252,7 @@ async def test_a_store_that_refuses_new_records_is_full_in_its_own_words(tmp_pat
     assert capacity_of(roomy, 1 << 16) == 1 << 16
 
 
-@pytest.mark.expect_log("full but for its reserve|a damaged record is in the way")
+@pytest.mark.expect_log("full but for its reserve|changed on the disk")
 @pytest.mark.parametrize("reserve", [0, FULL], ids=["room", "full"])
 async def test_what_is_expected_is_judged_alike_with_room_and_without(tmp_path: Path, reserve: int) -> None:
     """Of a rotten record the header is there still, and says which version it is: its writer must not hear that another one is.
