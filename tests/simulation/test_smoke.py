@@ -9,6 +9,9 @@ import pytest
 from scenefold.simulation.faults import Kind
 from simulation.runs import fail_with_stories, run_seeds
 
+pytestmark = pytest.mark.timeout(600)
+"""A storm ends by its virtual time. What this machine does besides may only make it slow."""
+
 SMOKE = range(20)
 
 
