@@ -198,14 +198,14 @@ class Scenes:
                 await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
                 self._take(scene)
                 if known is not None:
-                    self._changes.count(known, self._world.clock.now())
+                    self._changes.count(known, scene.public, self._world.clock.now())
             return scene
 
     def _check_changes(self, packet: ProposeSceneLog) -> None:
         """Before anything is looked at that takes time."""
         known = self._known.get(packet.public.scene)
         if known is not None:
-            self._changes.check(known, packet.public.position, self._world.clock.now())
+            self._changes.check(known, packet.public, self._world.clock.now())
 
     async def _judged(self, packet: ProposeSceneLog, known: KnownScene | None) -> KnownScene:
         """What is to be kept if this is decided; `known` if it was decided before. Refused if it must not be."""
