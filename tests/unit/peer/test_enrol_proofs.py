@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import datetime
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -21,9 +22,9 @@ from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, Rev
 from scenefold.wire.orders import EnrolForm
 from scenefold.world.enrol_forms import Wanted, form_in
 from scenefold.world.roll import InvitationState
-from unit.peer.logs_made import node, record
+from unit.peer.logs_made import node, record, secrets_of
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, enrolled, form_for, invitation_key
-from unit.peer.test_enrol_rules import CLOCK, FACTS, NEWCOMER, form, invite, judged, log, member, ordered
+from unit.peer.test_enrol_rules import CLOCK, FACTS, NEWCOMER, OWNER, form, invite, judged, log, member, ordered
 from unit.peer.test_enrol_rules import order as given
 from unit.world.test_roll import YEAR
 
@@ -204,3 +205,29 @@ def test_the_only_node_that_can_issue_is_not_invited_anew_for_that_would_end_its
     with pytest.raises(Refused, match="only trusted node"):
         ordered(alone, given(invite(NAME, 2)))
     assert ordered(alone, given(invite(ANY_NODE, 2))), "which takes the place of no node"
+
+
+def test_somebody_issues_whatever_was_ordered_before_another_order_was_carried_out() -> None:
+    trust = Trust(NEWCOMER, True, NEWCOMERS[0].sealing.public.raw, b"sealed")
+    invited = log(invite(ANY_NODE, 1), enrolled(1, OLD), trust, invite(NAME, 2), Trust(node(0), False))
+    anew = form(NAME, 1, 2, NEWCOMER)
+    for refused in (partial(committed, invited, enrolled(2, card_for(NAME, 1))), partial(judged, invited, anew, key=invitation_key(2))):
+        with pytest.raises(Refused, match="only trusted node") as caught:
+            refused()
+        assert caught.value.reason is RejectReason.NOT_AUTHORISED
+    for entry in (Trust(NEWCOMER, False), RevokeNode(NEWCOMER, NEWCOMERS[0].signing.key_id)):
+        with pytest.raises(Refused, match="only trusted node"):
+            check_proposer(entry, node(0), invited, FACTS, CLOCK)
+    two = invited.apply(record(invited, Trust(node(0), True, secrets_of(0).sealing.public.raw)))
+    assert judged(two, anew, key=invitation_key(2))
+    assert committed(two, enrolled(2, card_for(NAME, 1))).issuers == {node(0)}
+
+
+def test_somebody_administers_whatever_was_ordered_before_another_order_was_carried_out() -> None:
+    two = log(invite(ADA, 1, admin=True), enrolled(1, card_for(ADA, 0, admin=True)))
+    owner, ada = (RevokeUser(name, card.signing_id) for name, card in (("user:owner", OWNER), (ADA, card_for(ADA, 0, admin=True))))
+    for first, second in ((owner, ada), (ada, owner)):
+        check_proposer(first, node(0), two, FACTS, CLOCK)
+        check_proposer(second, node(0), two, FACTS, CLOCK)
+        with pytest.raises(Refused, match="only administrator"):
+            check_proposer(second, node(0), two.apply(record(two, first)), FACTS, CLOCK)

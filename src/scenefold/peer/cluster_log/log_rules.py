@@ -15,7 +15,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Card
 from scenefold.peer.cluster_log.lives import Lives
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.peer.enrolment.card_rules import check_issued, check_trust, credential_of
+from scenefold.peer.enrolment.card_rules import check_issued, check_others_administer, check_others_issue, check_trust, credential_of
 from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.facts import ClusterFacts
@@ -40,6 +40,11 @@ def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts:
                 raise _not_authorised("only a voter takes an administrator's orders into the log")
             if isinstance(entry, Trust):
                 check_trust(entry, registry, facts)
+            # What follows was judged when it was ordered, too; but another order may have come in between.
+            if isinstance(entry, RevokeNode) or (isinstance(entry, Trust) and not entry.trusted):
+                check_others_issue(entry.node, registry)
+            if isinstance(entry, RevokeUser):
+                check_others_administer(entry.name, registry, facts)
         case _:
             raise Refused(RejectReason.ILL_FORMED, f"nobody proposes a {type(entry).__name__} to the cluster's log")
 

@@ -125,6 +125,9 @@ def check_issued(entry: Enrol | RenewCard, registry: Registry, facts: ClusterFac
         invitation = registry.roll.invitations.get(form_in(entry.form).invitation)
         if invitation is not None:
             check_not_expired(invitation.entry, now)
+        if node is not None:
+            # It takes the trust in the node, which may be the last one since it was invited.
+            check_others_issue(node, registry)
         return
     if _keys_of(card.name, registry, facts) != (card.keys.signing, card.keys.sealing):
         raise _forbidden(f"{card.name} is known by other keys")
@@ -165,6 +168,22 @@ def check_trust(entry: Trust, registry: Registry, facts: ClusterFacts) -> None:
         raise _forbidden(f"{address_of(entry.node)} is no node of this cluster", "see `scenectl cluster nodes`")
     if entry.trusted and entry.sealing_key != known.sealing_key.raw:
         raise _forbidden(f"{address_of(entry.node)} opens with another key than the one that was sealed to", "trust it again")
+
+
+def check_others_administer(name: str, registry: Registry, facts: ClusterFacts) -> None:
+    """Refused if nobody could give orders any more without this user."""
+    if administrators(registry, facts) == [name]:
+        raise _forbidden(f"{name} is the only administrator", "invite another one first, with --admin")
+
+
+def check_others_issue(node: NodeId, registry: Registry) -> None:
+    """Refused if nobody could be enrolled any more, and no certificate renewed, without this node. Who has left the line helps nobody."""
+    if node in registry.issuers and not any(registry.stands(other) for other in registry.issuers - {node}):
+        what = f"{address_of(node)} is the only trusted node that has the authority's key"
+        waiting = ", ".join(address_of(other) for other in sorted(registry.roll.trusted - {node}) if registry.stands(other))
+        if waiting:
+            raise Refused(RejectReason.NOT_READY, what, remedy=f"wait until it was sealed to {waiting}")
+        raise _forbidden(what, "trust another one first: scenectl cluster trust ADDRESS")
 
 
 def check_not_expired(invite: Invite, now: float) -> None:

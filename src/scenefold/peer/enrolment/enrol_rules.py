@@ -10,11 +10,20 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ORDER_DOMAIN, Card, InvalidSignature, node_named
 from scenefold.peer.cluster_log.registry import Registry
-from scenefold.peer.enrolment.card_rules import administrators, card_of, check_not_expired, check_trust, credential_of, in_utc, is_original
+from scenefold.peer.enrolment.card_rules import (
+    card_of,
+    check_not_expired,
+    check_others_administer,
+    check_others_issue,
+    check_trust,
+    credential_of,
+    in_utc,
+    is_original,
+)
 from scenefold.wire import RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.orders import Order
@@ -60,6 +69,8 @@ def judge_form(data: bytes, signature: bytes, registry: Registry, facts: Cluster
             raise _forbidden(f"{asked.name} is a member already", "ask for a token under another name")
     elif is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
+    else:
+        check_others_issue(node, registry)
     return asked
 
 
@@ -113,7 +124,7 @@ def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts, now: f
         case Trust(node, trusted):
             check_trust(order.entry, registry, facts)
             if not trusted:
-                _check_others_issue(node, registry)
+                check_others_issue(node, registry)
         case _:
             raise Refused(RejectReason.ILL_FORMED, f"nobody orders a {type(order.entry).__name__}")
 
@@ -129,8 +140,8 @@ def _check_invite(entry: Invite, by: str, registry: Registry, facts: ClusterFact
         raise _forbidden(f"{entry.name} is a member already", "choose another name")
     if node is not None and is_original(node, registry, facts):
         raise _forbidden(f"{address_of(node)} has been one of this cluster's nodes from the start", "use another address")
-    if node is not None:  # Whoever uses this takes the trust in it.
-        _check_others_issue(node, registry)
+    if node is not None:  # Whoever uses this takes the trust in it: asked here too, so that nobody hands out a token that serves nobody.
+        check_others_issue(node, registry)
 
 
 def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts: ClusterFacts) -> None:
@@ -138,25 +149,14 @@ def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts:
         card = card_of(entry.name, registry, facts)
         if card is None or card.signing_id != entry.key:
             raise _forbidden(f"{entry.name} is no member with such a key", "see `scenectl cluster users`")
-        if administrators(registry, facts) == [entry.name]:
-            raise _forbidden(f"{entry.name} is the only administrator", "invite another one first, with --admin")
+        check_others_administer(entry.name, registry, facts)
         return
     known = credential_of(entry.node, registry, facts)
     if known is None or known.public_key.key_id != entry.key:
         raise _forbidden(f"{address_of(entry.node)} is no node with such a key", "see `scenectl cluster nodes`")
     if entry.node in registry.voters:
         raise _forbidden(f"{address_of(entry.node)} decides the cluster's log, which cannot do without it")
-    _check_others_issue(entry.node, registry)
-
-
-def _check_others_issue(node: NodeId, registry: Registry) -> None:
-    """Refused if nobody could be enrolled any more, and no certificate renewed, without this node. Who has left the line helps nobody."""
-    if node in registry.issuers and not any(registry.stands(other) for other in registry.issuers - {node}):
-        what = f"{address_of(node)} is the only trusted node that has the authority's key"
-        waiting = ", ".join(address_of(other) for other in sorted(registry.roll.trusted - {node}) if registry.stands(other))
-        if waiting:
-            raise Refused(RejectReason.NOT_READY, what, remedy=f"wait until it was sealed to {waiting}")
-        raise _forbidden(what, "trust another one first: scenectl cluster trust ADDRESS")
+    check_others_issue(entry.node, registry)
 
 
 def _forbidden(what: str, remedy: str = "") -> Refused:
