@@ -28,3 +28,4 @@ class RejectReason(IntEnum):
     WRONG_INCARNATION = 18
     UNKNOWN_SCENE_OR_SPACE = 19
     POOL_BUSY = 20
+    DAMAGED = 21

@@ -181,9 +181,8 @@ def stale_answer(address: str) -> Refused:
 
 
 def _no_lease(address: str) -> Refused:
-    # Or it has met a record that has rotted: it says so of both that they did not happen, and why says its status.
-    what = "has no lease: it takes no writes until the cluster's voter answers it (or the record there is damaged)"
-    remedy = "see that the voter runs; `scenectl cluster status` names it, who has no lease, and who has met damaged records"
+    what = "has no lease: it takes no writes until the cluster's voter answers it"
+    remedy = "see that the voter runs; `scenectl cluster status` names it, and who has no lease"
     return Refused(RejectReason.NOT_READY, what, where=address, remedy=remedy)
 
 

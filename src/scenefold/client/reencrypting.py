@@ -31,6 +31,7 @@ _STORED = 0
 _OWN_FAULTS = frozenset(
     {
         RejectReason.BUSY,
+        RejectReason.DAMAGED,
         RejectReason.ILL_FORMED,
         RejectReason.OUTSIDE_BOUNDS,
         RejectReason.SIGNATURE_INVALID,

@@ -36,7 +36,7 @@ from scenefold.wire import (
 )
 from scenefold.world import Links, Priority
 
-_WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL})
+_WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL, RejectReason.DAMAGED})
 REFUSED_MAX = 64
 Tell = Callable[[str, Place, str], None]
 """Who, where, what: for the story."""

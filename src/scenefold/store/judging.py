@@ -32,7 +32,7 @@ _REASONS = {
     Outcome.STALE: RejectReason.STALE_VERSION,
     Outcome.EXISTS: RejectReason.STALE_VERSION,
     Outcome.FULL: RejectReason.STORAGE_FULL,
-    Outcome.DAMAGED: RejectReason.NOT_READY,
+    Outcome.DAMAGED: RejectReason.DAMAGED,
     Outcome.NOT_OWNED: RejectReason.NOT_MY_LOCATION,
 }
 

@@ -20,11 +20,13 @@ from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.crypto import RecordHeader, SigningKey, object_of
+from scenefold.crypto import Record, RecordHeader, SigningKey, object_of
 from scenefold.peer.records.verification import KnownScene, verified_put
 from scenefold.peer.scene_log.proposals import accepted, decide, rejection
 from scenefold.scene.log import Decider
-from scenefold.store.judging import judge
+from scenefold.store.judging import PutResult, judge
+from scenefold.store.layout import HEADER_AT, pack_record
+from scenefold.store.wrecks import judge_over_wreck
 from scenefold.wire import (
     DAMAGED_RECORD,
     Fault,
@@ -125,6 +127,8 @@ class FakeNodes:
     """They store one more record, and have no lease by the time that they could say so."""
     rotten: set[Location] = field(default_factory=set)
     """Places whose records have changed on the disk."""
+    wrecks: set[Location] = field(default_factory=set)
+    """Places whose records' headers have, though not in what says their versions. What is put over one heals it."""
     helpers: set[str] = field(default_factory=set)
     """They store whatever somebody signs, under whichever key and epoch."""
     ill_timed: Callable[[], None] | None = None
@@ -191,7 +195,8 @@ class FakeNodes:
                 found = [self._found(key) for key in packet.keys[: self.reply_records_max]]
                 records = [None if item is None else RecordBytes(item.signature, item.header, item.ciphertext) for item in found]
                 records = [
-                    DAMAGED_RECORD if key.location in self.rotten else record for key, record in zip(packet.keys, records, strict=False)
+                    DAMAGED_RECORD if key.location in self.rotten | self.wrecks else record
+                    for key, record in zip(packet.keys, records, strict=False)
                 ]
                 return GetManyReply(tuple(records), address in self.without_lease)
             case QueryRange():
@@ -255,9 +260,10 @@ class FakeNodes:
                 verified_put(item, KnownScene.of(header))
             except Refused as refusal:
                 return PutOutcome(refusal.reason, item.location, NodeId(0))
-        reason = judge(new, None if present is None else RecordHeader.decode(present.header)).reason
+        reason = (_judge_over_wreck(item, present) if item.location in self.wrecks and present else judge(new, _header(present))).reason
         if reason is not None:
             return PutOutcome(reason, item.location, NodeId(0))
+        self.wrecks.discard(item.location)
         self.records[item.space, item.location] = item
         return PutOutcome(0, item.location, NodeId(0))
 
@@ -277,3 +283,19 @@ class FakeNodes:
         objects = tuple(bytes(header.location[4:]) for header in headers if header.placement)
         stale = address in self.without_lease
         return ReturnRange(packet.scene, packet.space, packet.first, last, tuple(found[: self.range_max]), objects, stale)
+
+
+def _header(item: PutItem | None) -> RecordHeader | None:
+    return None if item is None else RecordHeader.decode(item.header)
+
+
+def _judge_over_wreck(new: PutItem, present: PutItem) -> PutResult:
+    """A bit of the genesis in the header has turned over, and one of the ciphertext."""
+    value = bytearray(pack_record(_record(present)))
+    value[HEADER_AT + 7] ^= 1
+    value[-1] ^= 1
+    return judge_over_wreck(_record(new), memoryview(bytes(value)))
+
+
+def _record(item: PutItem) -> Record:
+    return Record(item.header, item.signature, item.ciphertext)

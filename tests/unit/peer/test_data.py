@@ -316,7 +316,7 @@ def test_a_damaged_record_is_no_answer() -> None:
 
 @pytest.mark.expect_log("changed on the disk")
 def test_what_cannot_be_compared_with_a_damaged_record_was_not_done_and_says_so() -> None:
-    """With the node's own id, so that its writer is in no doubt."""
+    """For a reason of its own: its writer is in no doubt, and does not wait for a lease that is there."""
 
     async def test(_: Neighbours, one: Node) -> None:
         assert await put(one, item(5, seq=2)) == [0]
@@ -324,7 +324,7 @@ def test_what_cannot_be_compared_with_a_damaged_record_was_not_done_and_says_so(
         for _turn in range(20):
             one.disk.corrupt("records", dice)
         claim = item(5, seq=3, expects=EXPECTS_NOTHING)
-        assert await outcomes(one, claim) == [PutOutcome(RejectReason.NOT_READY, claim.location, one.me)]
+        assert await outcomes(one, claim) == [PutOutcome(RejectReason.DAMAGED, claim.location, NodeId(0))]
         assert await put(one, item(5, seq=3)) == [0]
 
     with_nodes(test, arc(0, 99))

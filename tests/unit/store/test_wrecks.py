@@ -73,7 +73,7 @@ def _unmakes_the_header(bit: int) -> bool:
 
 
 @SAID
-async def test_what_nobody_can_judge_is_refused_as_not_ready_and_changes_nothing(tmp_path: Path) -> None:
+async def test_what_nobody_can_judge_is_refused_as_damaged_and_changes_nothing(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         await store.put([Put(THERE)])
         before = await store.statistics()
@@ -81,7 +81,7 @@ async def test_what_nobody_can_judge_is_refused_as_not_ready_and_changes_nothing
     async with whole_store(world(), tmp_path) as store:
         for refused in (OLDER, CLAIM, OTHER):
             (result,) = await store.put([Put(refused)])
-            assert (result.outcome, result.reason, result.has_changed) == (Outcome.DAMAGED, RejectReason.NOT_READY, False)
+            assert (result.outcome, result.reason, result.has_changed) == (Outcome.DAMAGED, RejectReason.DAMAGED, False)
         assert (await store.statistics()).spaces == before.spaces
         (result,) = await store.put([Put(NEXT)])
         assert result.outcome is Outcome.STORED

@@ -131,9 +131,6 @@ class Writes:
             return self._not_ours(item, home_of(item))
         if not self._lease.holds():
             return _outcome(item, RejectReason.NOT_READY)
-        if result.outcome is Outcome.DAMAGED:
-            # Our own id: it is not here.
-            return PutOutcome(RejectReason.NOT_READY, item.location, self._me)
         return PutOutcome(result.reason or 0, item.location if result.location is None else result.location, NodeId(0))
 
     async def _scenes_of(self, items: Sequence[PutItem], asker: str) -> tuple[dict[SceneId, KnownScene], dict[SceneId, RejectReason], bool]:
