@@ -16,6 +16,7 @@ import trio
 from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.log_pull import LogPuller
+from scenefold.peer.cluster_log.log_voter import first_trust_of
 from scenefold.peer.cluster_log.registered import NO_INCARNATION
 from scenefold.peer.timing import RENEW_S, SYNC_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import Member, RemoveNode
@@ -92,6 +93,31 @@ def test_a_first_trust_that_was_withdrawn_does_not_come_back_with_a_restart_and_
         assert cluster.nodes[1].log.registry.roll.trusted == {node(0), node(2)}
 
     simulate(scenario)
+
+
+def test_a_member_that_takes_the_request_id_of_a_first_trust_does_not_keep_that_out_of_the_log() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        whole = cluster.facts
+
+        async def started_anew(*trusted: int) -> None:
+            position = cluster.nodes[0].log.registry.position
+            await cluster.crash(0)
+            cluster.facts = replace(whole, trusted=tuple(map(node, trusted)))
+            await cluster.start(0)
+            await cluster.nodes[1].log.changed_after(position)
+
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        for attempt, number in enumerate((2, 3)):
+            gone = RemoveNode(Member(node(number), NO_INCARNATION), "never came")
+            await cluster.nodes[1].log.propose(gone, first_trust_of(node(1), attempt))
+        await started_anew(1)
+        assert cluster.nodes[1].log.registry.roll.trusted == {node(0), node(1)}
+        await cluster.nodes[0].log.propose(Trust(node(1), False))
+        await started_anew(1, 4)
+        assert cluster.nodes[1].log.registry.roll.trusted == {node(0), node(4)}, "withdrawn for ever"
+
+    simulate(scenario, founders=5)
 
 
 def test_a_spare_joins_and_everybody_knows_at_once() -> None:

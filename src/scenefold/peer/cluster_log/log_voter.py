@@ -37,9 +37,12 @@ Commit = Callable[[SignedRecord, Registry], Awaitable[None]]
 _log = logging.getLogger("scenefold.peer.cluster_log.cluster_log")
 
 
-def first_trust_of(node: NodeId) -> bytes:
-    """The request id of the record by which a node is trusted from the start."""
-    return hashlib.sha256(b"scenefold/first-trust" + node.to_bytes(4, "big")).digest()[:16]
+def first_trust_of(node: NodeId, attempt: int = 0) -> bytes:
+    """The request id of the record by which a node is trusted from the start. Everybody can know it, so a member may have put a record of its
+    own into the log under it: then it is that of the next attempt.
+    """
+    again = attempt.to_bytes(4, "big") if attempt else b""
+    return hashlib.sha256(b"scenefold/first-trust" + node.to_bytes(4, "big") + again).digest()[:16]
 
 
 class Voter:
@@ -108,10 +111,23 @@ class Voter:
             if self._registry().position == 0:
                 await self._append(entry, self._world.entropy.token(16), self._facts.voter)
             for node in self._facts.trusted:
-                request_id, known, registry = first_trust_of(node), self._facts.credential(node), self._registry()
-                is_as_made = known is not None and credential_of(node, registry, self._facts) == known
-                if registry.position_of(request_id) is None and known is not None and is_as_made:
-                    await self._append(Trust(node, True, known.sealing_key.raw), request_id, self._facts.voter)
+                known = self._facts.credential(node)
+                if known is None or credential_of(node, self._registry(), self._facts) != known:
+                    continue
+                trust = Trust(node, True, known.sealing_key.raw)
+                request_id = self._first_request_of(trust)
+                if request_id is not None:
+                    await self._append(trust, request_id, self._facts.voter)
+
+    def _first_request_of(self, trust: Trust) -> bytes | None:
+        """The request id to commit it under; None if it was committed. Each id that a member took before has cost it a record."""
+        attempt = 0
+        while True:
+            request_id = first_trust_of(trust.node, attempt)
+            try:
+                return request_id if self._registry().committed_at(request_id, trust) is None else None
+            except Refused:
+                attempt += 1
 
     def _committed_at(self, entry: LogEntry, request_id: bytes) -> int | None:
         """Where this was committed already; a member that registers again, not knowing that it has, is welcome, wherever it would stand.
