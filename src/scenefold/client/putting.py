@@ -126,8 +126,9 @@ async def _check_room(access: SceneAccess, wish: Wish, there: Opened) -> None:
         return
     await access.refresh()
     if there.version[0] >= access.identity.position:
-        remedy = "revoke whoever wrote that: any change of the scene's members or spaces frees the place"
-        what = f"the record there has the highest version that there is, by the key {there.version[2]:08x}"
+        remedy = "any change of the scene's members or spaces frees the place"
+        last = f"the last to write there was the key {there.version[2]:08x}, who need not have chosen that number"
+        what = f"the record there has the highest version that there is; {last}"
         raise Refused(RejectReason.BUSY, what, where=access.where(wish), remedy=remedy)
 
 

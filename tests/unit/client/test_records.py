@@ -117,11 +117,23 @@ async def test_who_chose_the_highest_version_holds_one_place_and_no_other_one(au
         await other.space(FILES).put(LAST, b"other %d" % number)
     assert await reader.space(FILES).get(LAST) == b"other 2"
     assert RecordHeader.decode(nodes.records[FILES, LAST].header).seq < 2**62
-    with pytest.raises(Refused, match=r"highest version.*by the key"):
+    with pytest.raises(Refused, match=r"highest version.*the last to write there was the key"):
         await reader.space(FILES).put(FIRST, b"mine")
     later = replace(reader.access.identity, position=2)
     await Scene(replace(reader.access, identity=later)).space(FILES).put(FIRST, b"after a change of the scene")
     assert await Scene(replace(reader.access, identity=later)).space(FILES).get(FIRST) == b"after a change of the scene"
+
+
+async def test_who_was_led_to_the_highest_version_is_not_called_its_author(autojump_clock: MockClock) -> None:
+    nodes = FakeNodes()
+    hostile, honest, third = (_scene(nodes) for _ in range(3))
+    hostile.access.sequencer.saw(SEQ_MAX - 2, SEQ_MAX / 1e6)
+    await hostile.space(FILES).put(FIRST, b"the highest but one")
+    await honest.space(FILES).put(FIRST, b"led to the highest")
+    assert RecordHeader.decode(nodes.records[FILES, FIRST].header).seq == SEQ_MAX
+    with pytest.raises(Refused, match="who need not have chosen that number") as refused:
+        await third.space(FILES).put(FIRST, b"mine")
+    assert "revoke" not in refused.value.remedy and "any change of the scene" in refused.value.remedy
 
 
 async def test_of_several_payloads_for_a_place_with_a_high_version_the_last_one_stays(autojump_clock: MockClock) -> None:
