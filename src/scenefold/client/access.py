@@ -19,7 +19,6 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.delivery import fetch
-from scenefold.client.key_use import KeyUse
 from scenefold.client.known_log import LOOK_S
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
@@ -47,7 +46,6 @@ class SceneAccess:
     writer: SigningKey | None
     session: int = 0
     sequencer: Sequencer = field(default_factory=Sequencer)
-    key_use: KeyUse = field(default_factory=KeyUse)
     lengths: Lengths = field(default_factory=Lengths)
     setbacks: Setbacks = field(default_factory=Setbacks)
     log: LogAccess | None = None

@@ -28,6 +28,7 @@ from scenefold.base.limits import (
 )
 from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
 from scenefold.client.hedging import first_answer, some_answers
+from scenefold.client.key_use import KeyUse
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.client.trying import patiently, pause
@@ -72,6 +73,8 @@ class Calls:
         self.table = RoutingTable([*founders, *(Owner(node, address, None) for node, address in spares)])
         self._told = [*addresses, *(address for _, address in spares)]
         """What the profile names. Whatever a node says of who is there, these are asked as well."""
+        self.key_use = KeyUse()
+        """Of all scenes, however often each is opened."""
         self._learning = trio.Lock()
         self._has_asked = False
         self._links = links

@@ -15,14 +15,14 @@ SEALED_MAX = 2**28
 
 
 class KeyUse:
-    """Of one scene: what was sealed under each of its keys, by epoch."""
+    """Of one client: what was sealed under each key, by genesis of the scene and epoch. To open a scene anew begins nothing anew."""
 
     def __init__(self) -> None:
-        self._sealed = Counter[int]()
+        self._sealed = Counter[tuple[bytes, int]]()
 
-    def take(self, key_epoch: int, count: int, where: str) -> None:
+    def take(self, genesis: bytes, key_epoch: int, count: int, where: str) -> None:
         """Before so many more are sealed. LocalFault if they would be too many under this key."""
-        if self._sealed[key_epoch] + count > SEALED_MAX:
+        if self._sealed[genesis, key_epoch] + count > SEALED_MAX:
             remedy = "change the key with `scenectl scene rotate-key`; if that is what was going on, go on with --resume"
             raise LocalFault(f"{SEALED_MAX} records were sealed under one key of the scene", where=where, remedy=remedy)
-        self._sealed[key_epoch] += count
+        self._sealed[genesis, key_epoch] += count

@@ -154,7 +154,7 @@ async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
         if size > PAYLOAD_BYTES_MAX:
             where = access.where(wishes[index])
             raise LocalFault(f"{size} bytes do not fit a record of {PAYLOAD_BYTES_MAX}", where=where, remedy="split it")
-    access.key_use.take(access.identity.sealing_key[0], len(drafts), f"scene {access.name}")
+    access.calls.key_use.take(access.identity.genesis, access.identity.sealing_key[0], len(drafts), f"scene {access.name}")
     batches = list(frames(range(len(drafts)), sizes, CLIENT_BATCH_BYTES))
     sealed: list[list[PutItem]] = [[] for _ in batches]
 
