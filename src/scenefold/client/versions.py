@@ -1,12 +1,13 @@
-"""The order of a writer's records: each gets a higher number than all that it wrote or read before (storage.md, *Data packets*).
+"""The order of a writer's records: numbers that rise within a session (specs/04-records.md, Record).
+
+Each is higher than all that the session wrote or read before, those apart that no clock gives: one of these is passed at its own place alone.
 
 Versions are ordered by (epoch, seq, writer, session, digest). Seq is a hybrid of the wall clock in microseconds
 and a counter: it rises within a session whatever the clock does, and a later session of the same user begins
 above an earlier one as long as the clock is right by more than the pause between them. Where it is not, the
-owner says that the version is stale, and the writer goes on above what is stored (`saw`).
+owner says that the version is stale, and the writer goes on above what is stored (`saw`, or `above` for that record alone).
 
-A number of more than a day from now is no clock's that is nearly right. It is passed at its own place alone: were all of a session's
-records to go on above it, one writer who chose the highest could lead every reader there, and nothing that they wrote could be
+A number of more than a day from now is no clock's that is nearly right. Were all of a session's records to go on above it, one writer who chose the highest could lead every reader there, and nothing that they wrote could be
 written over before the scene's log goes on.
 """
 
