@@ -65,6 +65,7 @@ from scenefold.crypto.secret_folder import SecretFolder, refuse_to_ask
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, write_secret
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES, SUITES, Suite, UnknownSuite, suite_named, suite_of
 from scenefold.crypto.tls import client_context, newcomer_context, peer_certificate, peer_key, peer_name, renew, server_context
+from scenefold.crypto.tls_keys import check_tls_key
 
 __all__ = [
     "ALIVE_DOMAIN",
@@ -129,6 +130,7 @@ __all__ = [
     "check_claim",
     "check_signature",
     "check_signed",
+    "check_tls_key",
     "claimed_epoch",
     "client_context",
     "head_of",

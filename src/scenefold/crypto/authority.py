@@ -24,9 +24,7 @@ from cryptography.hazmat.primitives.serialization import (
     Encoding,
     NoEncryption,
     PrivateFormat,
-    PublicFormat,
     load_der_private_key,
-    load_der_public_key,
     load_pem_private_key,
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
@@ -37,6 +35,7 @@ from scenefold.crypto.keys import InvalidSignature
 from scenefold.crypto.names import NAME_PATTERN, common_name
 from scenefold.crypto.secret_folder import SecretFolder
 from scenefold.crypto.secrets_on_disk import make_private_folder, read_certificate, read_secret, write_secret
+from scenefold.crypto.tls_keys import public_tls_key, tls_key_of
 
 AUTHORITY_YEARS = 10
 LEAF_DAYS = 365
@@ -116,7 +115,7 @@ class Authority:
         """A certificate (PEM), valid for a year, for a TLS key that was made elsewhere: P-256, DER. DamagedData if it is another."""
         if not NAME_PATTERN.fullmatch(name):
             raise LocalFault(f"{name!r} names no member", remedy='use "node:<number>" or "user:<name>" with letters, digits and . _ @ -')
-        key = _public_key(tls_key)
+        key = public_tls_key(tls_key)
         uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
         if name.startswith("node:"):
             uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
@@ -251,21 +250,6 @@ def tls_key_in(pem: bytes, where: str = "") -> bytes:
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise LocalFault("the TLS key is none, or damaged", where=where, remedy="begin again with another token")
     return tls_key_of(key)
-
-
-def tls_key_of(key: ec.EllipticCurvePrivateKey) -> bytes:
-    """The public half (DER), as `Authority.certify` takes it."""
-    return key.public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
-
-
-def _public_key(der: bytes) -> ec.EllipticCurvePublicKey:
-    try:
-        key = load_der_public_key(der)
-    except _UNREADABLE:
-        raise DamagedData("the TLS key to certify is no key") from None
-    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
-        raise DamagedData("the TLS key to certify is not of P-256")
-    return key
 
 
 def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:

@@ -19,13 +19,14 @@ from typing import Self
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature as _InvalidSignature
 from cryptography.exceptions import UnsupportedAlgorithm
-from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+from cryptography.hazmat.primitives.serialization import Encoding
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId
 from scenefold.crypto.keys import PublicKey
 from scenefold.crypto.names import NAME_PATTERN, common_name
 from scenefold.crypto.sealing_keys import SealingPublicKey
+from scenefold.crypto.tls_keys import tls_key_from
 
 MEMBER_KEYS = x509.ObjectIdentifier("2.25.148122825122386051277728952077388622717")
 CARD_BYTES_MAX = 4096
@@ -121,11 +122,12 @@ class Card:
 
     @property
     def tls_key(self) -> bytes:
-        """The public key that the certificate is for (DER)."""
+        """The public key that the certificate is for (DER); DamagedData if it is none of P-256."""
         try:
-            return _parsed(self.der).public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+            key = _parsed(self.der).public_key()
         except (ValueError, TypeError, UnsupportedAlgorithm):
             raise DamagedData("the certificate is for no key", where=self.name) from None
+        return tls_key_from(key)
 
     @classmethod
     def verified(cls, certificate: bytes, authority: bytes, now: datetime.datetime | None = None) -> Self:

@@ -107,7 +107,7 @@ def _check_file(path: Path, found: os.stat_result, exposed_mask: int) -> None:
         raise LocalFault(
             f"the key file belongs to another user (id {found.st_uid})",
             where=str(path),
-            remedy=f"chown {os.geteuid()} '{path}', and replace the key if that user is not you",
+            remedy=_as_owner(path, found.st_uid),
         )
     mode = stat.S_IMODE(found.st_mode)
     if mode & exposed_mask:
@@ -116,3 +116,11 @@ def _check_file(path: Path, found: os.stat_result, exposed_mask: int) -> None:
             where=str(path),
             remedy=f"chmod 600 '{path}', and replace the key if others use this machine",
         )
+
+
+def _as_owner(path: Path, owner: int) -> str:
+    """What to do about a file of another user. Were root told to take it, its user would be locked out of a profile that was all right."""
+    run = f"run it as that user (`sudo -u '#{owner}'`, in a container `--user {owner}`)"
+    if os.geteuid() == _ROOT:
+        return run
+    return f"{run} if the keys are theirs; if they are yours, chown {os.geteuid()} '{path}', and replace the key if that user is not you"

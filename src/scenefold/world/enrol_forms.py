@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, address_of, checked_node_id
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import ENROL_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, node_named
+from scenefold.crypto import ENROL_DOMAIN, Card, InvalidSignature, MemberKeys, PublicKey, check_tls_key, node_named
 from scenefold.wire import MalformedPacket
 from scenefold.wire.enrol_entries import Invite
 from scenefold.wire.orders import EnrolForm
@@ -31,6 +31,10 @@ class Wanted:
 
     def check_possible(self) -> None:
         """Refused (5) unless a member can be there and use such keys."""
+        try:
+            check_tls_key(self.tls_key)
+        except DamagedData as problem:
+            raise _ill_formed(str(problem)) from problem
         node = node_named(self.name)
         if node is None:
             if self.addresses:

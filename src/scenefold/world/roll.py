@@ -15,7 +15,7 @@ from functools import lru_cache
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import NAME_PATTERN, Card, node_named
+from scenefold.crypto import NAME_PATTERN, Card, check_tls_key, node_named
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, EnrolEntry, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.enrol_forms import check_signed, form_in, wanted
 
@@ -172,9 +172,11 @@ def check_invited(roll: Roll, invite: Invite, name: str, key: KeyId) -> None:
 
 @lru_cache(maxsize=4096)
 def card_in(der: bytes) -> Card:
-    """The card in a certificate; Refused (5) if it is none."""
+    """The card in a certificate; Refused (5) if it is none, or of no TLS key that the authority certifies."""
     try:
-        return Card.read(der)
+        card = Card.read(der)
+        check_tls_key(card.tls_key)
+        return card
     except DamagedData as problem:
         raise _ill_formed(str(problem)) from problem
 

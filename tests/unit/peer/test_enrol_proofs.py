@@ -9,6 +9,8 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_der_public_key
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, node_id_of
@@ -231,3 +233,34 @@ def test_somebody_administers_whatever_was_ordered_before_another_order_was_carr
         check_proposer(second, node(0), two, FACTS, CLOCK)
         with pytest.raises(Refused, match="only administrator"):
             check_proposer(second, node(0), two.apply(record(two, first)), FACTS, CLOCK)
+
+
+P256, P192 = bytes.fromhex("2a8648ce3d030107"), bytes.fromhex("2a8648ce3d030101")
+"""Of curves, as certificates name them."""
+LARGER = ec.generate_private_key(ec.SECP384R1()).public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+
+
+def _card_for_key(tls_key: bytes, monkeypatch: pytest.MonkeyPatch) -> bytes:
+    """A card for a key that an authority which runs our program certifies none of."""
+    monkeypatch.setattr("scenefold.crypto.authority.public_tls_key", load_der_public_key)
+    pem = AUTHORITY.certify(ADA, [], tls_key, keys=NEWCOMERS[0].public(), now=NOW)
+    return Card.verified(pem, AUTHORITY.certificate).der
+
+
+def test_a_card_for_a_key_that_tls_here_does_not_know_is_refused_and_ends_no_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    registry, good = log(invite(ADA)), enrolled(1, card_for(ADA, 0))
+    larger = _card_for_key(LARGER, monkeypatch)
+    for card in (good.card.replace(P256, P192), larger):
+        assert card != good.card
+        assert folded(registry, replace(good, card=card)) is RejectReason.ILL_FORMED
+        assert folded(committed(registry, good), RenewCard(card)) is RejectReason.ILL_FORMED
+    asked = replace(form_for(card_for(ADA, 0), 1), tls_key=LARGER)
+    assert folded(registry, replace(enrolled(1, card_for(ADA, 0), form=asked), card=larger)) is RejectReason.ILL_FORMED
+    assert refusal(registry, enrolled(1, card_for(ADA, 0), form=asked)) is RejectReason.ILL_FORMED
+
+
+@pytest.mark.parametrize("tls_key", [LARGER, b"", b"no key", TLS_KEYS[0].replace(P256, P192), TLS_KEYS[0] + b"0"])
+def test_a_newcomer_with_a_key_that_tls_here_does_not_know_hears_so(tls_key: bytes) -> None:
+    with pytest.raises(Refused, match="TLS key") as caught:
+        judged(log(invite(ADA)), replace(form(), tls_key=tls_key))
+    assert caught.value.reason is RejectReason.ILL_FORMED
