@@ -39,11 +39,14 @@ def heaviest(problems: Sequence[Unreachable | Refused | PeerFault]) -> Unreachab
 
 
 def as_told(problem: Problem) -> Problem | Refused:
-    """What is told when patience is over: a node that was busy all the while gives its reason of the moment, and no remedy."""
+    """What is told when patience is over: a node that said "not now" all the while gives its reason of the moment, and often no remedy.
+
+    13 need not be load: a place may be frozen by a handover, an id still in use, another's lease not over. So no load is blamed.
+    """
     if not isinstance(problem, Refused) or problem.reason is not RejectReason.BUSY or problem.remedy:
         return problem
-    remedy = "repeat it when there is less to do; `scenectl cluster top` shows which nodes are busy"
-    return Refused(RejectReason.BUSY, f"busy all the time: {problem.what}", where=problem.where, remedy=remedy)
+    remedy = "repeat it in a while; `scenectl cluster status` tells what is amiss, `scenectl cluster top` which nodes are busy"
+    return Refused(RejectReason.BUSY, f"not now, however often it was tried: {problem.what}", where=problem.where, remedy=remedy)
 
 
 class Patience:

@@ -17,7 +17,7 @@ from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_TRIES_MAX
 from scenefold.base.location import FIRST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.fresh import FreshItem, put_fresh
-from scenefold.client.patience import Patience
+from scenefold.client.patience import Patience, as_told
 from scenefold.client.space import ABSENT
 from scenefold.crypto import wanted_place
 from scenefold.peer.scene_log.proposals import rejection
@@ -89,8 +89,16 @@ async def test_when_all_nodes_are_busy_all_the_time_that_is_said_and_what_to_do(
     ending = ending_of(refused.value)
     assert (refused.value.reason, ending.kind, ending.exit_code) == (RejectReason.BUSY, "refused", 3)
     assert re.fullmatch(
-        r"busy all the time: later \(127\.0\.0\.[234]\): repeat it when there is less to do; .*`scenectl cluster top`.*", ending.line
+        r"not now, however often it was tried: later \(127\.0\.0\.[234]\): repeat it in a while; .*status.*`scenectl cluster top`.*",
+        ending.line,
     )
+
+
+def test_what_is_no_load_is_not_blamed_on_it() -> None:
+    told = as_told(Refused(RejectReason.BUSY, "id in use: 127.0.0.4 may hold a lease for 9 s more", where="127.0.0.2"))
+    assert "id in use" in told.what and "busy" not in told.what and "less to do" not in told.remedy and told.remedy
+    with_remedy = Refused(RejectReason.BUSY, "overtaken", remedy="try again")
+    assert as_told(with_remedy) is with_remedy
 
 
 async def test_a_place_that_changes_hands_all_the_time_is_busy_as_well(autojump_clock: MockClock) -> None:
