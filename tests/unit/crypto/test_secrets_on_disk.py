@@ -74,7 +74,11 @@ def test_what_belongs_to_another_user_is_refused_and_what_is_the_systems_is_not(
     monkeypatch.setattr(os, "fstat", owned_by(1001))
     with pytest.raises(LocalFault, match=r"belongs to another user \(id 1001\)") as caught:
         read(path)
-    assert "chown 1000" in caught.value.remedy
+    assert "chown 1000" in caught.value.remedy and caught.value.remedy.startswith("run it as that user")
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    with pytest.raises(LocalFault, match=r"belongs to another user \(id 1001\)") as caught:
+        read(path)
+    assert "#1001" in caught.value.remedy and "chown" not in caught.value.remedy, "its user would be locked out"
 
 
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
