@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_BYTES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.client.delivery import deliver
+from scenefold.client.delivery import Delivered, deliver
 from scenefold.client.doubt import Doubt
 from scenefold.client.sealing import Draft, Opened, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.tombstones import is_tombstone
-from scenefold.client.versions import SEQ_MAX, beyond_clocks
+from scenefold.client.versions import SEQ_MAX
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import EXPECTS_NOTHING, NONCE_BYTES, RecordHeader
 from scenefold.crypto.record_header import version_key
@@ -34,9 +34,10 @@ _REMEDIES = {
     RejectReason.STORAGE_FULL: "free space on the nodes or add a node",
     RejectReason.UNKNOWN_SCENE_OR_SPACE: "`scenectl space list` shows the spaces of the scene",
 }
-_DAMAGED = "the record that lies there is damaged: nobody can tell its version, nor whether this one may replace it"
 _WITHOUT = "write or delete it without an expectation"
-_LATER = "change the scene's members or spaces and write again; if it lasts, drain that node"
+_HEALED = (
+    "let whoever has the very record send it again, or change the scene's members or spaces and write anew; if it lasts, drain that node"
+)
 
 
 async def put(access: SceneAccess, wishes: Sequence[Wish], *, fresh: bool) -> list[Placed]:
@@ -52,13 +53,11 @@ async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: 
     pending = list(range(len(wishes)))
     current = list(wishes)
     routes = [wish.route for wish in wishes]
-    lifted: set[int] = set()
     for attempt in range(CLIENT_TRIES_MAX):
         await access.check([wishes[index] for index in pending])
         items = dict(zip(pending, await _seal(access, [current[index] for index in pending]), strict=True))
         outcomes = await deliver(access.calls, items, routes, doubt)
         behind: list[int] = []
-        damaged: list[int] = []
         for index, item in items.items():
             outcome = outcomes[index]
             placed[index] = Placed(outcome.reason, _digest_of(item), outcome.node, outcome.location)
@@ -71,31 +70,20 @@ async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: 
                 doubt.settle(index)
             if outcome.reason in _BEHIND and attempt + 1 < CLIENT_TRIES_MAX and access.log is not None:
                 behind.append(index)
-            elif outcome.reason == RejectReason.DAMAGED and wishes[index].expect is None and index not in lifted:
-                damaged.append(index)
             elif not is_settled and (not is_stale or index in doubt):
                 await _explain(access, outcome.reason, wishes[index])
-                raise _refused(access, outcome.reason, wishes[index])
+                raise _refused(access, outcome, wishes[index])
         if behind:
             # The log went on without us. What was not stored is signed anew, under the position that is known now.
             await access.refresh()
         stale = [index for index in pending if _is_stale(placed[index]) and not fresh]
-        pending = behind + damaged + await _over_stale(access, wishes, current, stale)
-        lifted.update(damaged)
-        _lift(access, current, damaged)
+        pending = behind + await _over_stale(access, wishes, current, stale)
         if not pending:
             break
     else:
         remedy = "somebody else writes there all the time; try again"
         raise Refused(RejectReason.BUSY, f"{len(pending)} records are overtaken again and again", remedy=remedy)
     return [outcome for outcome in placed if outcome is not None]
-
-
-def _lift(access: SceneAccess, current: list[Wish], damaged: Sequence[int]) -> None:
-    """Let these be above what nobody can read any more: it may be of a clock that is ahead of ours."""
-    beyond = beyond_clocks(access.calls.world.clock.wall())
-    for index in damaged:
-        current[index] = current[index]._replace(above=max(current[index].above, beyond))
 
 
 async def _over_stale(access: SceneAccess, wishes: Sequence[Wish], current: list[Wish], stale: Sequence[int]) -> list[int]:
@@ -170,14 +158,22 @@ async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
     return items
 
 
-def _refused(access: SceneAccess, reason: int, wish: Wish) -> Refused:
-    if reason == RejectReason.DAMAGED:
-        if wish.expect is not None:
-            return Refused(RejectReason.DAMAGED, f"{_DAMAGED} by what it expects", where=access.where(wish), remedy=_WITHOUT)
-        return Refused(RejectReason.DAMAGED, _DAMAGED, where=access.where(wish), remedy=_LATER)
-    remedy = _REMEDIES.get(RejectReason(reason), "")
-    words = RejectReason(reason).name.lower().replace("_", " ")
-    return Refused(RejectReason(reason), f"the record was refused: {words}", where=access.where(wish), remedy=remedy)
+def _refused(access: SceneAccess, outcome: Delivered, wish: Wish) -> Refused:
+    reason = RejectReason(outcome.reason)
+    if reason is RejectReason.DAMAGED:
+        return _damaged(access, outcome, wish)
+    words = reason.name.lower().replace("_", " ")
+    return Refused(reason, f"the record was refused: {words}", where=access.where(wish), remedy=_REMEDIES.get(reason, ""))
+
+
+def _damaged(access: SceneAccess, outcome: Delivered, wish: Wish) -> Refused:
+    """Only an owner can say that, and nobody can see whether it is so. So nothing is signed for its asking: not what is above all
+    that clocks give, which who lies could keep, and put over what is written there later."""
+    by = access.calls.address_of(outcome.node)
+    what = f"{by} says that the record there is damaged: it cannot tell its version, nor whether this one may replace it"
+    if wish.expect is not None:
+        return Refused(RejectReason.DAMAGED, f"{what} by what it expects", where=access.where(wish), remedy=_WITHOUT)
+    return Refused(RejectReason.DAMAGED, what, where=access.where(wish), remedy=_HEALED)
 
 
 def _digest_of(item: PutItem) -> bytes:

@@ -17,13 +17,6 @@ SEQ_MAX = 2**64 - 1
 AHEAD_S_MAX = 24 * 3600.0
 """How far clocks of writers may differ without costing each write that meets one of the other a second try."""
 
-_BEYOND_S = AHEAD_S_MAX + 3600.0
-
-
-def beyond_clocks(wall_s: float) -> int:
-    """Above every number that a clock gives which is right by a day. No reader with a clock that is right by an hour goes on from there."""
-    return int((wall_s + _BEYOND_S) * 1e6)
-
 
 class Sequencer:
     """Numbers for the records of one session."""

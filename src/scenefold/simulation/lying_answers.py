@@ -32,6 +32,8 @@ from scenefold.wire import (
 )
 
 OF_READS = (Manner.NONSENSE, Manner.NONSENSE, Manner.WITHHELD, Manner.OLDER)
+REFUSALS = (RejectReason.STALE_VERSION, RejectReason.DAMAGED)
+"""Of what it has stored: whoever signs it anew, higher, hands it a record to be kept for later."""
 
 Honest = Callable[[Packet, str], Awaitable[Packet | None]]
 Twist = Callable[[Honest, Packet, str], Awaitable[Packet | None]]
@@ -151,7 +153,7 @@ class LyingAnswers:
             if outcomes[index].reason == 0:
                 place, version = named(items[index])
                 self._liar.tells(peer, place, Manner.MISJUDGED, version.digest)
-                outcomes[index] = replace(outcomes[index], reason=RejectReason.STALE_VERSION)
+                outcomes[index] = replace(outcomes[index], reason=self._liar.dice.choice(REFUSALS))
         return PutManyReply(tuple(outcomes))
 
     async def _others(self, honest: Honest, items: Sequence[PutItem], lies: dict[int, PutOutcome], peer: str) -> list[PutOutcome]:

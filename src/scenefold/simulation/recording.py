@@ -37,6 +37,8 @@ from scenefold.wire import (
 from scenefold.world import Links, Priority
 
 _WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL, RejectReason.DAMAGED})
+_ANSWERS = frozenset({0, RejectReason.STALE_VERSION, RejectReason.DAMAGED})
+"""Those that a liar gives to writes, in place of true ones."""
 REFUSED_MAX = 64
 Tell = Callable[[str, Place, str], None]
 """Who, where, what: for the story."""
@@ -108,12 +110,12 @@ class Recorder:
             lie = self.lies.of_write(place, version.digest, way, begin)
             if lie is not None:
                 # Whatever was said of it, it may have happened, and against what it expects.
-                if outcome is not Outcome.MAYBE:
+                if reason in _ANSWERS:
                     self.lies.report(place, lie, f"{who} is told that {name} is {outcome.value}")
                 outcome, expect = Outcome.MAYBE, None
             if outcome is Outcome.REFUSED and expect is not None and item not in self.refused:
                 self.refused.append(item)
-            if reason not in _WITHOUT_EFFECT:
+            if reason not in _WITHOUT_EFFECT or lie is not None:
                 ended = NEVER_ENDED if outcome is Outcome.MAYBE else end
                 self.histories.add(place, Write(begin, ended, version, expect, outcome, who, self._now()))
             word = "no answer" if reason is None else "done" if reason == 0 else RejectReason(reason).name

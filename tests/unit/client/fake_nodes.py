@@ -20,13 +20,11 @@ from scenefold.base.location import FIRST, Arc, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.crypto import Record, RecordHeader, SigningKey, object_of
+from scenefold.crypto import RecordHeader, SigningKey, object_of
 from scenefold.peer.records.verification import KnownScene, verified_put
 from scenefold.peer.scene_log.proposals import accepted, decide, rejection
 from scenefold.scene.log import Decider
-from scenefold.store.judging import PutResult, judge
-from scenefold.store.layout import HEADER_AT, pack_record
-from scenefold.store.wrecks import judge_over_wreck
+from scenefold.store.judging import judge
 from scenefold.wire import (
     DAMAGED_RECORD,
     Fault,
@@ -59,6 +57,7 @@ from scenefold.wire import (
 )
 from scenefold.wire.scene_log_packets import Ballot
 from scenefold.world import Priority, World
+from unit.client.wrecks_made import header_of, judge_of_wreck
 
 KEEPER_KEY = SigningKey(b"f" * 32)
 ORIGIN = Decider(node_id_of("127.0.0.2"), KEEPER_KEY.public.raw)
@@ -129,6 +128,8 @@ class FakeNodes:
     """Places whose records have changed on the disk."""
     wrecks: set[Location] = field(default_factory=set)
     """Places whose records' headers have, though not in what says their versions. What is put over one heals it."""
+    liars_of_damage: set[str] = field(default_factory=set)
+    """They say of whatever is put that a damaged record lies there."""
     helpers: set[str] = field(default_factory=set)
     """They store whatever somebody signs, under whichever key and epoch."""
     ill_timed: Callable[[], None] | None = None
@@ -253,6 +254,8 @@ class FakeNodes:
         owner = self.table.owner_of(item.location)
         if owner.address != address:
             return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, owner.node_id)
+        if address in self.liars_of_damage:
+            return PutOutcome(RejectReason.DAMAGED, item.location, NodeId(0))
         present = self.records.get((item.space, item.location))
         header = self.headers.get(item.scene)
         if header is not None and address not in self.helpers:
@@ -260,7 +263,7 @@ class FakeNodes:
                 verified_put(item, KnownScene.of(header))
             except Refused as refusal:
                 return PutOutcome(refusal.reason, item.location, NodeId(0))
-        reason = (_judge_over_wreck(item, present) if item.location in self.wrecks and present else judge(new, _header(present))).reason
+        reason = (judge_of_wreck(item, present) if item.location in self.wrecks and present else judge(new, header_of(present))).reason
         if reason is not None:
             return PutOutcome(reason, item.location, NodeId(0))
         self.wrecks.discard(item.location)
@@ -283,19 +286,3 @@ class FakeNodes:
         objects = tuple(bytes(header.location[4:]) for header in headers if header.placement)
         stale = address in self.without_lease
         return ReturnRange(packet.scene, packet.space, packet.first, last, tuple(found[: self.range_max]), objects, stale)
-
-
-def _header(item: PutItem | None) -> RecordHeader | None:
-    return None if item is None else RecordHeader.decode(item.header)
-
-
-def _judge_over_wreck(new: PutItem, present: PutItem) -> PutResult:
-    """A bit of the genesis in the header has turned over, and one of the ciphertext."""
-    value = bytearray(pack_record(_record(present)))
-    value[HEADER_AT + 7] ^= 1
-    value[-1] ^= 1
-    return judge_over_wreck(_record(new), memoryview(bytes(value)))
-
-
-def _record(item: PutItem) -> Record:
-    return Record(item.header, item.signature, item.ciphertext)

@@ -99,7 +99,15 @@ def test_what_is_left_out_of_a_list_is_excused_for_that_place_only() -> None:
     assert [event.present for event in listings] == [False] and book.lies.reported.total() == 1
 
 
-@pytest.mark.parametrize(("manner", "reason"), [(Manner.DROPPED, 0), (Manner.MISJUDGED, 0), (Manner.MISJUDGED, RejectReason.STALE_VERSION)])
+@pytest.mark.parametrize(
+    ("manner", "reason"),
+    [
+        (Manner.DROPPED, 0),
+        (Manner.MISJUDGED, 0),
+        (Manner.MISJUDGED, RejectReason.STALE_VERSION),
+        (Manner.MISJUDGED, RejectReason.DAMAGED),
+    ],
+)
 def test_a_write_that_was_lied_about_may_have_happened_whatever_it_expects(manner: Manner, reason: int) -> None:
     book = recorder()
     begin = book.histories.moment()
