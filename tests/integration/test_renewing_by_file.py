@@ -12,6 +12,7 @@ from integration.scenectl_process import Done, running, scenectl
 from loopback import ports_option
 from scenefold.crypto import Card
 from scenefold.crypto.secrets_on_disk import write_secret
+from scenefold.world.log_file import LOG_FILE
 from scenefold.world.profile import ClusterProfile
 
 ADDRESSES = ("127.0.0.2", "127.0.0.3")
@@ -57,6 +58,19 @@ def test_whoever_comes_back_too_late_goes_on_with_the_same_keys(tmp_path: Path) 
         done(scenectl("scene", "create", "kitchen", profile=office))
         done(scenectl("scene", "grant", "kitchen", "user:ada", "--role", "writer", "--card", sent, profile=office))
         done(ada("data", "put", "files", "0a", "-", "--scene", "kitchen", stdin=b"hers, too"))
+
+        done(scenectl("cluster", "revoke", "user:ada", profile=office))
+        known, kept = Path(office) / LOG_FILE, sent.read_bytes()
+        assert "is revoked" in scenectl("cluster", "renew", sent, profile=office).refusal(1) and sent.read_bytes() == kept
+        # Who has the authority's key and never heard of it can issue one all the same, which opens nothing.
+        known.unlink()
+        done(scenectl("cluster", "renew", sent, profile=office))
+        shutil.copy(sent, own)
+        assert "is revoked" in ada("scene", "list").err
+        done(scenectl("scene", "create", "garden", profile=office))
+        granting = scenectl("scene", "grant", "garden", "user:ada", "--card", sent, profile=office)
+        assert "is revoked" in granting.refusal(1)
+        assert "user:ada" not in done(scenectl("scene", "access", "garden", profile=office)).out.decode()
 
 
 def age(profile: ClusterProfile, place: Path) -> None:

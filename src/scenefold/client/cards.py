@@ -1,6 +1,7 @@
 """Whom a person means by a name, an address or a file, and the keys that go with it.
 
 Whatever names a member ends in a card that the cluster's authority signed: nobody's keys are believed because somebody gave them.
+Nor because the authority did: who has its key may renew certificates where no log is at hand, so the log is asked for each whose keys count.
 """
 
 from __future__ import annotations
@@ -12,12 +13,15 @@ from typing import TYPE_CHECKING
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import checked_node_id
-from scenefold.crypto import CARD_BYTES_MAX, Card
+from scenefold.crypto import CARD_BYTES_MAX, Card, node_named
 from scenefold.world.profile import ClusterProfile
 
 if TYPE_CHECKING:
     from scenefold.client.cluster import Cluster
+    from scenefold.client.membership import Membership
+    from scenefold.world.log_view import LogView
 
+_SEE = "see `scenectl cluster users` and `cluster nodes`"
 _MEMBER = re.compile(r"user:[A-Za-z0-9._@-]{1,50}|node:(0|[1-9][0-9]{0,9})")
 
 
@@ -36,13 +40,34 @@ def member_name(who: str) -> str:
 async def card_for(cluster: Cluster, who: str, file: Path | None = None) -> Card:
     """The verified card of whom `who` names, as the cluster knows it. `file`: a certificate to take it from instead.
 
-    LocalFault if there is none; DamagedData (NotOfThisCluster, OutOfDate among it) if it is not to be believed.
+    LocalFault if there is none, or the member's keys are others by now, or none; DamagedData (NotOfThisCluster, OutOfDate among it) if it is not to be believed.
     """
     name = member_name(who)
     if file is None:
         return await cluster.card_of(name)
     now = datetime.datetime.fromtimestamp(cluster.calls.world.clock.wall(), datetime.UTC)
-    return await cluster.in_worker("import", read_card, cluster.profile, name, file, now)
+    card = await cluster.in_worker("import", read_card, cluster.profile, name, file, now)
+    check_present(cluster.membership, card, await cluster.log.newest(), cluster.profile, str(file))
+    return card
+
+
+def check_present(membership: Membership, card: Card, view: LogView, profile: ClusterProfile, where: str) -> None:
+    """LocalFault unless the keys in a card are those by which the cluster's log knows the member now."""
+    refusal = view.refusal_of(card.name, card.signing_id)
+    if refusal is not None:
+        raise LocalFault(refusal.what, where=where, remedy=f"who was invited again has other keys, and a certificate for these; {_SEE}")
+    node = node_named(card.name)
+    if node is None:
+        known = view.card_of(card.name, profile.owners())
+        present = None if known is None else (known.keys.signing.raw, known.keys.sealing.raw)
+    else:
+        present = membership.known_keys(node, view)
+    if present is None:
+        raise LocalFault(f"{card.name} is no member of {profile.name}", where=where, remedy=_SEE)
+    if present != (card.keys.signing.raw, card.keys.sealing.raw):
+        raise LocalFault(
+            f"these are not the keys by which {card.name} is known", where=where, remedy="give the newest certificate, or none"
+        )
 
 
 def read_card(profile: ClusterProfile, name: str, file: Path, now: datetime.datetime) -> Card:

@@ -57,7 +57,7 @@ async def access_of(access: SceneAccess) -> Access:
 
 
 async def grant(access: SceneAccess, card: Card, role: Role) -> Access:
-    """Let the holder of a card, verified by the caller, use the scene; or give a member a higher role.
+    """Let the holder of a card, which the caller has verified (as `card_for` does), use the scene; or give a member a higher role.
 
     LocalFault if he has that role or a higher one, or has access with other keys, and for a node that shall be an owner: those who open
     a scene for the first time believe the word of users.

@@ -172,7 +172,7 @@ class Membership:
         Whatever of this was done before is no error, so what failed between the two may be given again.
         """
         view = await self._cluster_log.newest()
-        keys = self._known_keys(node, view)
+        keys = self.known_keys(node, view)
         if keys is None and not _was_revoked(f"node:{node}", view):
             raise self._no_member(f"node:{node}", view)
         position = view.position if keys is None else await self._order(RevokeNode(node, keys.signing_id))
@@ -253,12 +253,13 @@ class Membership:
     async def _keys_of(self, node: NodeId) -> NodeKeys:
         """What a node signs with, and what is sealed to it, as the log says; of one that was certified and never came, as the profile does."""
         view = await self._cluster_log.newest()
-        keys = self._known_keys(node, view)
+        keys = self.known_keys(node, view)
         if keys is None:
             raise self._no_member(f"node:{node}", view)
         return keys
 
-    def _known_keys(self, node: NodeId, view: LogView) -> NodeKeys | None:
+    def known_keys(self, node: NodeId, view: LogView) -> NodeKeys | None:
+        """By the log; those of a node that was certified and never came, by the profile. None if it has none that count."""
         if (keys := view.keys_of(node)) is not None:
             return keys
         known = next((member for member in self._profile.members if member.node_id == node and node not in view.nodes), None)

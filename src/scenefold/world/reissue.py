@@ -1,6 +1,6 @@
 """New certificates for the same keys, by the authority's own key: for a cluster, or one member, that slept until they had run out.
 
-While nodes run, certificates are renewed by themselves (specs/15-cluster-log.md, Enrolling). Nothing here asks anybody.
+While nodes run, certificates are renewed by themselves (specs/15-cluster-log.md, Enrolling). Nothing here asks anybody: of revocations it knows what clients of the profile have seen.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from pathlib import Path
 from scenefold.base.errors import LocalFault
 from scenefold.crypto import Authority, Card, write_secret
 from scenefold.crypto.authority import CERTIFICATE_FILE, KEY_FILE
+from scenefold.world.log_file import LogFile
+from scenefold.world.log_view import LogView
 from scenefold.world.own_papers import card_in_file, opened_authority
 from scenefold.world.profile import ClusterProfile
 
@@ -19,11 +21,16 @@ def reissue(profile: ClusterProfile, places: Sequence[Path] = ()) -> list[Card]:
     """Replace every certificate of a node or user here by one that counts from today, for the same keys; their cards.
 
     `places`: instead, these files, copies of certificates of members whose keys are elsewhere. LocalFault without the authority's key,
-    NotOfThisCluster for a certificate of another cluster, DamagedData for a damaged one. Those before it are replaced then.
+    NotOfThisCluster for a certificate of another cluster, DamagedData for a damaged one, LocalFault for one whose key is revoked by what
+    the profile has seen of the cluster's log (it need not have seen all: a revoked key stays revoked). Those before it are replaced then.
     """
     authority, cards = read_authority(profile), []
+    view, _ = LogFile(profile.folder).load() if places else (LogView(), ())
     for place in places or _places(profile.folder):
         old = card_in_file(place, authority.certificate)
+        refusal = view.refusal_of(old.name, old.signing_id)
+        if refusal is not None:
+            raise LocalFault(refusal.what, where=str(place), remedy="no certificate lets it count again: invite the member anew")
         pem = authority.certify(old.name, list(old.addresses), old.tls_key, keys=old.keys)
         write_secret(place, pem, replace=True)
         cards.append(Card.read(pem))
