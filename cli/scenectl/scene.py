@@ -9,7 +9,7 @@ from cyclopts import App
 
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
-from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key
+from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key, seconds_to_look
 
 if TYPE_CHECKING:
     from scenefold.client import FormerKeys, ImportReport, SceneInfo, SceneListing
@@ -60,7 +60,7 @@ def list_(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 
 
 @app.command
-def info(name: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def info(name: SceneName, /, *, look: float | None = None, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Show what a scene holds.
 
     Example: scenectl scene info kitchen --profile studio
@@ -69,13 +69,17 @@ def info(name: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None
     ----------
     name
         Name of the scene in this profile.
+    look
+        Seconds to look for records under former keys, at most; by default 3.
     """
     from scenectl.running import connected, run
+
+    look_s = seconds_to_look(look)
 
     async def ask() -> tuple[SceneInfo, FormerKeys]:
         async with connected(output.profile) as cluster:
             scene = await cluster.scenes.open(name)
-            return await scene.info(), await scene.former_keys()
+            return await scene.info(), await scene.former_keys(look_s)
 
     found, former = run(ask)
     document = found.document() | {"former_keys": former.value}

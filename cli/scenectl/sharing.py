@@ -16,6 +16,7 @@ from scenefold.base.errors import ScenefoldError, UsageFault
 if TYPE_CHECKING:
     from scenefold.client import Access, FormerKeys, Reencryption
 
+LOOK_S_MAX = 86_400.0
 RATES = (0.001, 1e6)
 """MiB in a second."""
 
@@ -60,7 +61,7 @@ def grant(
     emit(output, {"scene": scene, **access.document()}, f"{shown_member(who.text)} may use {scene} as {role}.\n{_members(access)}")
 
 
-def access(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def access(scene: SceneName, /, *, look: float | None = None, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Show who may use a scene, in which role, and whether records still lie under keys that others may have.
 
     Example: scenectl scene access kitchen --profile studio
@@ -69,17 +70,30 @@ def access(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> N
     ----------
     scene
         Name of the scene.
+    look
+        Seconds to look for records under former keys, at most; by default 3.
     """
     from scenectl.running import connected, run
+
+    look_s = seconds_to_look(look)
 
     async def ask() -> tuple[Access, FormerKeys]:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
-            return await opened.members(), await opened.former_keys()
+            return await opened.members(), await opened.former_keys(look_s)
 
     found, former = run(ask)
     document = {"scene": scene, **found.document(), "former_keys": former.value}
     emit(output, document, f"{_members(found)}\nkey epoch {found.key_epoch}{former_keys_text(scene, former)}")
+
+
+def seconds_to_look(look: float | None) -> float:
+    """UsageFault for what is no time to look."""
+    from scenefold.client.former_keys import LOOK_S
+
+    if look is not None and not 0 < look <= LOOK_S_MAX:
+        raise UsageFault("that is no time to look", where="--look", remedy=f"give up to {LOOK_S_MAX:.0f} seconds")
+    return LOOK_S if look is None else look
 
 
 def former_keys_text(scene: str, former: FormerKeys) -> str:

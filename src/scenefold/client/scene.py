@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
-from scenefold.client.former_keys import FormerKeys, former_keys
+from scenefold.client.former_keys import LOOK_S, FormerKeys, former_keys
 from scenefold.client.grants import Access, access_of, grant, revoke, rotate_key
 from scenefold.client.importing import ImportReport, prepare_import, store_import
 from scenefold.client.new_space import SpaceOptions, new_space
@@ -126,9 +126,9 @@ class Scene:
         """Seal everything anew that lies under an older key; a writer's to do. May be cancelled, and begun again; see `reencrypting`."""
         return await reencrypt(self.access, callback_of(progress), bytes_per_s)
 
-    async def former_keys(self) -> FormerKeys:
-        """Whether records lie under older keys still: a revocation's work that was left, or ended. Takes some seconds at most."""
-        return await former_keys(self.access)
+    async def former_keys(self, look_s: float = LOOK_S) -> FormerKeys:
+        """Whether records lie under older keys still: a revocation's work that was left, or ended. Looks for `look_s` at most."""
+        return await former_keys(self.access, look_s)
 
     async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
