@@ -75,6 +75,18 @@ class Attacker:
 
 
 Attack = Callable[[Attacker], Awaitable[None]]
+_MISHAPS = (OSError, ConnectionLost, trio.BrokenResourceError, ScenefoldError)
+"""What a node, or a machine that is slow, may do to an attack."""
+
+
+async def by_one(me: Attacker, hand: Callable[[], Awaitable[None]]) -> None:
+    """Again and again. What goes wrong, such as an answer that is late on a slow machine, is counted and ends nothing."""
+    while True:
+        try:
+            await hand()
+        except _MISHAPS as mishap:
+            me.seen[f"failed: {type(mishap).__name__}"] += 1
+            await trio.sleep(PAUSE_S)
 
 
 async def by_many(count: int, hand: Callable[[], Awaitable[None]]) -> None:
@@ -85,6 +97,6 @@ async def by_many(count: int, hand: Callable[[], Awaitable[None]]) -> None:
 
 async def _again_and_again(hand: Callable[[], Awaitable[None]]) -> None:
     while True:
-        with suppress(OSError, ConnectionLost, trio.BrokenResourceError, ScenefoldError):
+        with suppress(*_MISHAPS):
             await hand()
         await trio.sleep(PAUSE_S)

@@ -6,7 +6,7 @@ import trio
 
 from scenectl.attacks.attacker import PAUSE_S, Attacker
 from scenectl.attacks.node import GARBAGE, OLD
-from scenefold.base.errors import ScenefoldError
+from scenefold.base.errors import DamagedData, PeerFault, ScenefoldError
 from scenefold.base.location import Location
 from scenefold.client import Space, connect
 
@@ -47,19 +47,27 @@ async def _turn(me: Attacker, space: Space, places: list[Location], payload: byt
     except ScenefoldError as error:
         me.seen[f"writes: {type(error).__name__}"] += 1
         return
-    setbacks = _setbacks(space)
+    for place in places:
+        me.seen[await made_of_an_answer(space, place, payload)] += 1
+
+
+async def made_of_an_answer(space: Space, place: Location, truth: bytes) -> str:
+    """Of each place by itself: a lie that is refused would hide one beside it that is taken, and so would a warning.
+
+    Only what the client says of the answer refuses a lie; that there was none, or that an owner had no lease, is no merit.
+    """
+    warnings = _warnings(space, place)
     try:
-        found = await space.get_many(places)
-    except ScenefoldError:
-        me.seen["lies refused"] += len(places)
-        return
-    warned = _setbacks(space) - setbacks
-    wrong = sum(one != payload for one in found)
-    me.seen["true answers"] += len(places) - wrong
-    me.seen["old, and the reader was warned"] += min(warned, wrong)
-    me.seen["wrong, and taken"] += max(0, wrong - warned)
+        found = await space.get(place)
+    except (DamagedData, PeerFault):
+        return "lies refused"
+    except ScenefoldError as error:
+        return f"reads: {type(error).__name__}"
+    if found == truth:
+        return "true answers"
+    return "old, and the reader was warned" if _warnings(space, place) > warnings else "wrong, and taken"
 
 
-def _setbacks(space: Space) -> int:
-    """How often the client has said that it was led back."""
-    return space._access.setbacks.count
+def _warnings(space: Space, place: Location) -> int:
+    """How often the client has said that it was led back there."""
+    return space._access.setbacks.of((space.id, place))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import replace
 from random import Random
 
 import trio
 
-from scenectl.attacks.attacker import CROWD, HANDS, PAUSE_S, Attacker, by_many
+from scenectl.attacks.attacker import CROWD, HANDS, PAUSE_S, Attacker, by_many, by_one
 from scenefold.base.errors import Refused
 from scenefold.base.limits import CONNECTIONS_PER_PEER_MAX, FRAME_BYTES_MAX
 from scenefold.base.location import Location
@@ -135,17 +136,16 @@ async def flood_by_a_member(me: Attacker) -> None:
 
 async def forged_records(me: Attacker) -> None:
     """An honest record, moved, changed, unsigned, or with another expectation."""
+    good: PutItem | None = None
     async with open_links(me.world) as links:
-        found = await links.request(me.address, Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),)), 10.0)
-        assert isinstance(found, GetManyReply) and found.records[0] is not None
-        record = found.records[0]
-        good = PutItem(me.scene, me.space, me.place, record.signature, record.header, record.ciphertext)
-        while True:
-            items = tuple(_forged(good, me.dice) for _ in range(64))
-            answer = await links.request(me.address, Priority.LOW, PutMany(items), 10.0)
-            assert isinstance(answer, PutManyReply)
-            for outcome in answer.outcomes:
-                me.seen[RejectReason(outcome.reason).name.lower() if outcome.reason else "taken"] += 1
+
+        async def hand() -> None:
+            nonlocal good
+            good = good or await _honest_record(me, links)
+            items = [_forged(good, me.dice) for _ in range(64)]
+            await _offer(me, links, items)
+
+        await by_one(me, hand)
 
 
 async def forged_records_from_a_member(me: Attacker) -> None:
@@ -157,19 +157,32 @@ async def old_record_again(me: Attacker) -> None:
     """What its writer signed, and has written over since, as it was."""
     met: dict[bytes, PutItem] = {}
     async with open_links(me.world) as links:
-        while True:
-            found = await links.request(me.address, Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),)), 10.0)
-            assert isinstance(found, GetManyReply) and found.records[0] is not None
-            record = found.records[0]
-            met.setdefault(record.signature, PutItem(me.scene, me.space, me.place, record.signature, record.header, record.ciphertext))
+
+        async def hand() -> None:
+            record = await _honest_record(me, links)
+            met.setdefault(record.signature, record)
             *old, _present = list(met.values())[-OLD_MAX:]
-            if not old:
+            if old:
+                await _offer(me, links, old)
+            else:
                 await trio.sleep(PAUSE_S)
-                continue
-            answer = await links.request(me.address, Priority.LOW, PutMany(tuple(old)), 10.0)
-            assert isinstance(answer, PutManyReply)
-            for outcome in answer.outcomes:
-                me.seen[RejectReason(outcome.reason).name.lower() if outcome.reason else "taken"] += 1
+
+        await by_one(me, hand)
+
+
+async def _honest_record(me: Attacker, links: Links) -> PutItem:
+    """What lies at the honest place now, as its writer sent it."""
+    found = await links.request(me.address, Priority.LOW, GetMany(me.scene, 0, (RecordKey(me.space, me.place),)), 10.0)
+    assert isinstance(found, GetManyReply) and found.records[0] is not None
+    record = found.records[0]
+    return PutItem(me.scene, me.space, me.place, record.signature, record.header, record.ciphertext)
+
+
+async def _offer(me: Attacker, links: Links, items: Sequence[PutItem]) -> None:
+    answer = await links.request(me.address, Priority.LOW, PutMany(tuple(items)), 10.0)
+    assert isinstance(answer, PutManyReply)
+    for outcome in answer.outcomes:
+        me.seen[RejectReason(outcome.reason).name.lower() if outcome.reason else "taken"] += 1
 
 
 def _forged(good: PutItem, dice: Random) -> PutItem:
