@@ -13,7 +13,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import AsyncExitStack, contextmanager
+from contextlib import AsyncExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -34,6 +34,9 @@ RECORD_BYTES = 1024
 SPACE = 10
 REST_S = 1.0
 """From the beginning of an attack, or of the burning, until it is measured: limits let a burst of anything through."""
+ANSWER_S_MAX = 30.0
+"""For the node that is or was attacked to say what it counted."""
+LOOK_S = 0.2
 FRAME_S = 2
 """So long the nodes wait for the rest of a frame, that an attack meets this limit within a turn of its own; else it is a minute."""
 NODE = "scenectl.attacks.node"
@@ -143,9 +146,16 @@ def aimed(nodes: LocalCluster, scene: Scene, name: str) -> dict[str, Any]:
 
 
 async def counted(cluster: Cluster, address: str) -> Counter[str]:
-    """What a node has counted of what it did not take, since its start; nothing if it does not answer."""
-    reports = [node.report for node in (await cluster.look()).nodes if node.address == address]
-    return Counter({"turned away": one.turned_away, "datagrams dropped": one.dropped} if (one := reports[0]) is not None else {})
+    """What a node has counted of what it did not take, since its start. Asks until it answers: no answer is no count of zero."""
+    from scenefold.base.errors import Unreachable
+
+    with trio.fail_after(ANSWER_S_MAX):
+        while True:
+            with suppress(Unreachable):
+                for node in (await cluster.look()).nodes:
+                    if node.address == address and (one := node.report) is not None:
+                        return Counter({"turned away": one.turned_away, "datagrams dropped": one.dropped})
+            await trio.sleep(LOOK_S)
 
 
 async def _measure(bench: HostileBench, nodes: LocalCluster, cluster: Cluster, scene: Scene, honest: Honest, name: str) -> dict[str, Any]:
