@@ -13,10 +13,12 @@ from typing import cast
 
 import pytest
 import trio
+from trio.testing import MockClock
 
 from integration.living_clusters import Living, living_cluster
 from loopback import addresses, free_ports, ports_option
 from scenectl.attacks import ATTACKS, BY_MEMBERS, LIARS
+from scenectl.attacks.attacker import Attacker, by_one
 from scenectl.attacks.liars import made_of_an_answer
 from scenectl.attacks.running import Report, attacking
 from scenectl.bench_hostile import BATCH, LOOK_S, NODE, OPTIONS, Honest, aimed, counted, honest_places, memory_bytes
@@ -25,7 +27,7 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.client import Scene, Space
+from scenefold.client import Cluster, Scene, Space
 from scenefold.world.profile import ClusterProfile
 
 ROUNDS = 5
@@ -218,6 +220,40 @@ class Told:
 )
 async def test_only_what_a_client_says_of_an_answer_refuses_a_lie(space: Told, judgement: str) -> None:
     assert await made_of_an_answer(cast("Space", space), FIRST, b"new") == judgement
+
+
+async def test_a_late_answer_ends_no_attack(autojump_clock: MockClock) -> None:
+    me = cast("Attacker", SimpleNamespace(seen=Counter[str]()))
+
+    async def hand() -> None:
+        if me.seen["failed: Unreachable"] < 3:
+            raise Unreachable("no answer within 10 s")
+        raise LookupError
+
+    with pytest.raises(LookupError):
+        await by_one(me, hand)
+
+
+async def test_a_count_that_is_missing_is_asked_for_again(autojump_clock: MockClock) -> None:
+    report = SimpleNamespace(turned_away=3, dropped=5)
+    answers = iter((None, Unreachable("away"), report))
+
+    async def look() -> SimpleNamespace:
+        if isinstance(answer := next(answers), Exception):
+            raise answer
+        return SimpleNamespace(nodes=[SimpleNamespace(address="127.0.0.2", report=answer)])
+
+    assert (await counted(cast("Cluster", SimpleNamespace(look=look)), "127.0.0.2"))["datagrams dropped"] == 5
+
+
+def test_a_flood_is_judged_from_when_it_has_begun() -> None:
+    flood, rounds = FloodWindow(), 0
+    for seconds, answered in ((0.0, 0), (0.5, FLOOD_BEGUN + 50), (0.5, FLOOD_BEGUN + 50), (1.0, FLOOD_BEGUN + 60)):
+        rounds += 10
+        flood.look(Report(seconds=seconds, seen={"answered": answered}), rounds)
+    assert flood.lasted == (0.5, 20, 10) and not flood.is_over
+    flood.look(Report(seconds=1.5, seen={"answered": FLOOD_BEGUN + 50 + FLOOD_ANSWERS}), rounds)
+    assert flood.is_over
 
 
 def test_every_attack_is_tried() -> None:
