@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import trio
 
-from scenefold.base.location import WHOLE_LINE, Location
+from scenefold.base.location import LAST, WHOLE_LINE, Location
 from scenefold.wire import Member, PingBroadcast, RemoveNode
 from unit.peer.test_gossip import signed
 from unit.peer.village import incarnation_of, node_at, village
@@ -112,3 +112,35 @@ async def test_an_older_word_that_was_on_its_way_does_not_end_a_newer_claim(
         them.register(3)
         await trio.testing.wait_all_tasks_blocked()
         assert hearer.roster.arcs()[author.own.me].last == Location.from_number(believed)
+
+
+LOGGED = pytest.mark.expect_log(r"claims places that are ours($|, by position \d+ of the cluster's log, and nobody has shown us that)")
+
+
+@pytest.mark.parametrize(
+    ("early", "breaks_s", "signs"), [pytest.param(0, 5.0, 1, marks=LOGGED), pytest.param(1, 5.0, 0, marks=LOGGED), (0, 20.0, 0)]
+)
+async def test_a_sign_is_what_is_claimed_by_the_same_log_again_and_again(
+    early: int, breaks_s: float, signs: int, autojump_clock: trio.testing.MockClock
+) -> None:
+    """What the log may explain that is not known here yet, or what stopped and came again, may be honest news."""
+    async with village(3, registered=2) as them:
+        await them.start(0)
+        await them.start(1)
+        await trio.sleep(5)
+        hearer, author = them.of(0), them.of(1)
+        them.ether.lost = lambda _source, _target: True
+        now = author.own.signed()
+        for number in range(1, 5):
+            claim = replace(now, lamport=now.lamport + number, left_fence=None, right_bound=LAST, log_position=now.log_position + early)
+            hearer.gossip._hearing.hear(PingBroadcast((signed(claim),)), author.own.me)
+            await trio.sleep(breaks_s)
+        assert hearer.gossip.dropped >= 4
+        assert len(hearer.gossip.signs.documents(trio.current_time())) == signs
+        if early:
+            # The log is here, and says nothing for it: it takes its time from now on.
+            them.register(2)
+            await trio.testing.wait_all_tasks_blocked()
+            claim = replace(claim, lamport=claim.lamport + 1)
+            hearer.gossip._hearing.hear(PingBroadcast((signed(claim),)), author.own.me)
+            assert not hearer.gossip.signs.documents(trio.current_time())

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
 from scenefold.crypto import STATUS_DOMAIN, PublicKey
 from scenefold.peer.membership.status import arc_of_status
@@ -47,3 +47,23 @@ def claims_what_is_ours(status: Status, own_arc: Arc | None) -> bool:
     """Whether a status contradicts what this node durably owns."""
     claimed = arc_of_status(status)
     return own_arc is not None and claimed is not None and claimed.intersection(own_arc) is not None
+
+
+class LastingClaims:
+    """Since when which nodes claim what is ours, without a longer break. Those that cannot be judged yet (early) are apart."""
+
+    def __init__(self) -> None:
+        self._times: dict[tuple[NodeId, bool], tuple[float, float]] = {}
+        """The first and the last of those that are going on."""
+
+    def note(self, node: NodeId, early: bool, now: float, break_s_max: float) -> float:
+        """A claim; for how long there have been such by now."""
+        first, last = self._times.get((node, early), (now, now))
+        first = now if now - last > break_s_max else first
+        self._times[node, early] = first, now
+        return now - first
+
+    def end(self, node: NodeId) -> None:
+        """It says itself that it claims nothing of ours."""
+        for early in (False, True):
+            self._times.pop((node, early), None)

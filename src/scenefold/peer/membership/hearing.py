@@ -16,11 +16,11 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import PublicKey, SealingPublicKey
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.enrolment.card_rules import credential_of
-from scenefold.peer.membership.claims import claims_what_is_ours, is_early, problem_of, problems_of
+from scenefold.peer.membership.claims import LastingClaims, claims_what_is_ours, is_early, problem_of, problems_of
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.signs import Sign, Signs
 from scenefold.peer.membership.status import OwnStatus
-from scenefold.peer.membership.throws import Throws
+from scenefold.peer.membership.throws import ROUND_S, Throws
 from scenefold.wire import Packet, PingBroadcast, Status, decode_packet
 from scenefold.world import QuietLog, World
 from scenefold.world.buckets import Buckets
@@ -64,7 +64,7 @@ class Hearing:
         self._facts = facts
         self._quiet = QuietLog(_log)
         self._quiet_claims = QuietLog(_log, logging.INFO)
-        self._claimed_since: dict[NodeId, float] = {}
+        self._lasting = LastingClaims()
         self._verifications = Buckets(STATUSES_BURST, STATUSES_PER_S)
         self._throws = Throws()
         self._early: dict[NodeId, Early] = {}
@@ -140,15 +140,16 @@ class Hearing:
         is_contest, early = claims_what_is_ours(status, self._own.arc), is_early(status, self._roster.position)
         if is_contest:
             self.is_contested = True
-            since = self._claimed_since.setdefault(node, now)
-            quiet = self._quiet_claims if now - since < CLAIM_PATIENCE_S else self._quiet
-            if now - since >= CLAIM_PATIENCE_S:
+            lasts = self._lasting.note(node, early, now, CLAIM_PATIENCE_S + self._roster.count * ROUND_S) >= CLAIM_PATIENCE_S
+            quiet = self._quiet if lasts else self._quiet_claims
+            # By what the log says behind our end of it, the places may be that node's.
+            if lasts and not early:
                 self.signs.note(Sign.CONTESTED, address_of(sender), now)
             why = f", by position {status.log_position} of the cluster's log, and nobody has shown us that" if early else ""
             text = f"a status of {address_of(node)} is dropped: it claims places that are ours{why}"
             self.drop(address_of(sender), "claim", text, quiet)
         elif node == sender:
-            self._claimed_since.pop(node, None)
+            self._lasting.end(node)
         if early:
             waiting = self._early.get(node)
             if waiting is None or status.lamport > waiting.status.lamport or status.incarnation != waiting.status.incarnation:
