@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenefold.base.errors import PeerFault
+from scenefold.base.ids import address_of, checked_node_id
 from scenefold.base.location import Arc, Location
 from scenefold.base.plain_values import number, whole
 from scenefold.wire import unpack_value
@@ -144,7 +145,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             incarnation=str(found["incarnation"]),
             boot=_count(found["boot"]),
             seconds_up=_amount(found["seconds_up"]),
-            role=str(found["role"]),
+            role=_word(found["role"]),
             trusted=bool(found.get("trusted", False)),
             lease_s=_amount(found["lease_s"]),
             log_position=_count(found["log_position"]),
@@ -163,7 +164,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             stall_last_s=_amount(stalls["last_s"]),
             stall_ago_s=_seconds(stalls["ago_s"]),
             peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
-            blacklist=tuple(map(str, found.get("blacklist", ()))),
+            blacklist=tuple(map(_address, found.get("blacklist", ()))),
             turned_away=_count(events.get("connections turned away", 0)),
             dropped=_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
@@ -193,9 +194,9 @@ def read_drain_report(packed: bytes, address: str) -> DrainReport:
 def _handover(found: Mapping[str, Any]) -> HandoverReport:
     return HandoverReport(
         id=str(found["id"]),
-        step=str(found["step"]),
+        step=_word(found["step"]),
         gives=bool(found["gives"]),
-        peer=str(found["peer"]),
+        peer=_address(found["peer"]),
         piece=Arc(_location(found["first"]), _location(found["last"])),
         open=bool(found["open"]),
         seconds=_amount(found["seconds"]),
@@ -206,11 +207,26 @@ def _handover(found: Mapping[str, Any]) -> HandoverReport:
 
 
 def _sign(found: Mapping[str, Any]) -> SignReport:
-    return SignReport(kind=str(found["kind"]), count=_count(found["count"]), ago_s=_amount(found["ago_s"]), source=str(found["source"]))
+    return SignReport(
+        kind=str(found["kind"]), count=_count(found["count"]), ago_s=_amount(found["ago_s"]), source=_address(found["source"])
+    )
 
 
 def _arc(found: Mapping[str, Any] | None) -> Arc | None:
     return None if found is None else Arc(_location(found["first"]), _location(found["last"]))
+
+
+def _address(value: object) -> str:
+    """A node's: it is printed, and whoever could write anything there could write lines of others."""
+    return address_of(checked_node_id(str(value)))
+
+
+def _word(value: object) -> str:
+    """What is printed as it is: no line ends, nor what moves a terminal's cursor."""
+    text = str(value)
+    if not text.isprintable():
+        raise ValueError("a word is expected")
+    return text
 
 
 def _location(text: str) -> Location:

@@ -291,3 +291,21 @@ def test_a_sign_of_harm_names_who_told_it_and_is_not_told_of_for_ever() -> None:
     (text,) = texts(599.0)
     assert "signs with the key of 127.0.0.2" in text and "3 times, last 599 s ago by 127.0.0.9" in text
     assert texts(601.0) == texts(1.0, kind="of a later version") == []
+
+
+@pytest.mark.parametrize("text", ["127.0.0.9\nwarning: all is well", "\x1b[2J", "somebody", "127.0.0.2 ", "0.0.0.0", ""])
+def test_addresses_in_a_report_are_addresses_and_forge_no_lines(text: str) -> None:
+    assert report(ADDRESSES[0], arc(0, 1), signs=[{**SIGN, "kind": "forged"}], blacklist=["127.0.0.9"]).signs
+    for forged in (
+        {"signs": [{**SIGN, "kind": "forged", "source": text}]},
+        {"handovers": [handover(arc(0, 1), text)]},
+        {"blacklist": [text]},
+    ):
+        with pytest.raises(PeerFault, match="cannot be read"):
+            report(ADDRESSES[0], arc(0, 1), **forged)
+
+
+def test_words_in_a_report_are_on_one_line() -> None:
+    for forged in ({"role": "member\nwarning: x"}, {"handovers": [handover(arc(0, 1), ADDRESSES[1], step="noted\x1b[2J")]}):
+        with pytest.raises(PeerFault, match="cannot be read"):
+            report(ADDRESSES[0], arc(0, 1), **forged)
