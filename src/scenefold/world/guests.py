@@ -19,7 +19,7 @@ from scenefold.base.limits import (
     PEER_REQUESTS_HANDLED_MAX,
 )
 from scenefold.world.metering import Bill, Stopwatch
-from scenefold.world.turns import Guest, Turns
+from scenefold.world.turns import BESIDE_S, Guest, Turns
 
 REQUEST_S = 0.0004
 BYTE_S = 5e-6 / 1024
@@ -67,7 +67,8 @@ class Share:
             # Only the first in line looks again and again: a hundred that did would take the time that is to be left to others.
             async with self._line:
                 while wait_s := self._turns.wait_s(self._guest, trio.current_time()):
-                    with trio.move_on_after(wait_s):
+                    # Whoever is beside it may be gone by then, and then it need not wait for what it has used up.
+                    with trio.move_on_after(min(wait_s, BESIDE_S)):
                         await self._turn_ended.park()
         return self._turns.begin(self._guest, trio.current_time())
 

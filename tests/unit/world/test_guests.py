@@ -16,7 +16,7 @@ from scenefold.base.limits import (
 from scenefold.wire import Fault, Packet, RequestPublicKey, SendRays, decode_packet, encode_frame
 from scenefold.world import Guests, serve_connection
 from scenefold.world.ports import ConnectionLost
-from scenefold.world.turns import TURN_S, TURNS_MAX
+from scenefold.world.turns import BESIDE_S, TURN_S, TURNS_MAX, Turns
 
 
 class Line:
@@ -269,3 +269,14 @@ async def test_a_lost_connection_ends_only_itself(autojump_clock: trio.testing.M
 
     await serve_connection(Broken("user:ada"), handle, guests=guests)
     assert not guests._shares
+
+
+async def test_who_waits_beside_others_goes_on_once_they_are_gone(autojump_clock: trio.testing.MockClock) -> None:
+    turns = Turns(lambda peer: peer.startswith("node:"))
+    guests = Guests(turns)
+    with guests.admitted("node:5") as (share, _):
+        turns.end(("user:ada", 0), turns.begin(("user:ada", 0), trio.current_time()))
+        turns.pay(("node:5", 0), 3.0, trio.current_time())
+        assert turns.wait_s(("node:5", 0), trio.current_time()) > 3 * BESIDE_S
+        await share.take_turn()
+        assert trio.current_time() < 2.1 * BESIDE_S
