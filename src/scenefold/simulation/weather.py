@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, TAKEN, VOTER, Fault, Kind, Schedule, Shape, Whom
 
-STORM_S = 60.0
+STORM_S = 42.0
 """Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
 QUIET_START_S = 4.0
 """The cluster forms and the first records are written before anything goes wrong."""
 AGAIN_MAX = 2
 LONG_S = 50.0
 """Removal after 20 s of silence, its probes, and the wait for leases take some 40 s together."""
+LONG_BEGIN_S = 1.0
+"""What lasts so long begins within so many seconds of the quiet start."""
 FAULTS_MIN = 8
 PRESENT_MAX = 0.7
 """Of all seeds so many at most have a kind. One that takes effect too seldom for that comes more often where it comes."""
@@ -97,7 +99,7 @@ def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spar
     is_long = dice.random() < shape.long_odds
     if is_long:
         # Long enough, and early enough, that the others give a node up and another one takes its place meanwhile.
-        begin_s, seconds = QUIET_START_S + dice.random() * QUIET_START_S, dice.uniform(LONG_S, high)
+        begin_s, seconds = QUIET_START_S + dice.random() * LONG_BEGIN_S, dice.uniform(LONG_S, high)
     if kind in (Kind.JOIN, Kind.KILL_IN_JOIN, Kind.DRAIN):
         # What moves the line comes early enough to be in the way of everything else.
         begin_s = QUIET_START_S + (begin_s - QUIET_START_S) * 0.6

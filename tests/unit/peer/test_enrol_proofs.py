@@ -259,7 +259,11 @@ def test_a_card_for_a_key_that_tls_here_does_not_know_is_refused_and_ends_no_nod
     assert refusal(registry, enrolled(1, card_for(ADA, 0), form=asked)) is RejectReason.ILL_FORMED
 
 
-@pytest.mark.parametrize("tls_key", [LARGER, b"", b"no key", TLS_KEYS[0].replace(P256, P192), TLS_KEYS[0] + b"0"])
+@pytest.mark.parametrize(
+    "tls_key",
+    [LARGER, b"", b"no key", TLS_KEYS[0].replace(P256, P192), TLS_KEYS[0] + b"0"],
+    ids=["larger curve", "empty", "no key", "other curve", "one byte more"],
+)
 def test_a_newcomer_with_a_key_that_tls_here_does_not_know_hears_so(tls_key: bytes) -> None:
     with pytest.raises(Refused, match="TLS key") as caught:
         judged(log(invite(ADA)), replace(form(), tls_key=tls_key))
