@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.location import Arc, Location
@@ -28,15 +27,8 @@ _FRAMING_BYTES = 512
 """Header, signature, key and the tree's own bytes of one record."""
 
 
-class Judge(NamedTuple):
-    """By what is there, and over a header that has rotted."""
-
-    whole: Callable[[RecordHeader, RecordHeader | None], PutResult]
-    wreck: Callable[[Record, memoryview], PutResult]
-
-
-_OF_CLIENTS = Judge(judge, judge_over_wreck)
-_OF_COPIES = Judge(judge_copy, judge_copy_over_wreck)
+Judge = Callable[[Record, RecordHeader | None, memoryview | None], PutResult]
+"""Of a record over what is there: its header, None if there is nothing or that has rotted; and its bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +75,9 @@ class MergeRecords(MayUseReserve):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [_write(transaction, tally, _OF_COPIES, put.record, _place(transaction, arc, header, put.at)) for header, put in self.puts]
+        return [
+            _write(transaction, tally, _judge_for_node, put.record, _place(transaction, arc, header, put.at)) for header, put in self.puts
+        ]
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -174,9 +168,9 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
     if arc is None or spot.home not in arc:
         return PutResult(Outcome.NOT_OWNED)
     if not spot.object:
-        return _write(transaction, tally, _OF_CLIENTS, put.record, spot)
+        return _write(transaction, tally, _judge_for_client, put.record, spot)
     spot = _place(transaction, arc, new, None)
-    result = _write(transaction, tally, _OF_CLIENTS, put.record, spot)
+    result = _write(transaction, tally, _judge_for_client, put.record, spot)
     return replace(result, location=spot.place.location)
 
 
@@ -205,7 +199,7 @@ def _look(transaction: ReadTransaction, arc: Arc | None, new: RecordHeader, put:
     spot = _lying(transaction, new)
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
-    result = _judged(_OF_CLIENTS, put.record, present, value)
+    result = _judge_for_client(put.record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         return PutResult(Outcome.FULL)
     return replace(result, location=spot.place.location if spot.object and value is not None else None)
@@ -234,7 +228,7 @@ def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, record: R
     key = record_key(*spot)
     value = transaction.get(RECORDS, key)
     present = _present(value) if value is not None else None
-    result = _judged(judges, record, present, value)
+    result = judges(record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         replaced_bytes = len(value) if value is not None else 0
         packed = pack_record(record)
@@ -246,10 +240,16 @@ def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, record: R
     return result
 
 
-def _judged(judges: Judge, record: Record, present: RecordHeader | None, value: memoryview | None) -> PutResult:
+def _judge_for_client(record: Record, present: RecordHeader | None, value: memoryview | None) -> PutResult:
     if present is None and value is not None:
-        return replace(judges.wreck(record, value), over_wreck=True)
-    return judges.whole(record.header, present)
+        return replace(judge_over_wreck(record, value), over_wreck=True)
+    return judge(record.header, present)
+
+
+def _judge_for_node(record: Record, present: RecordHeader | None, value: memoryview | None) -> PutResult:
+    if present is None and value is not None:
+        return replace(judge_copy_over_wreck(record, value), over_wreck=True)
+    return judge_copy(record.header, present)
 
 
 def _is_to_be_written(new: RecordHeader, present: RecordHeader | None, value: memoryview | None) -> bool:
