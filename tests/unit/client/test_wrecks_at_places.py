@@ -66,7 +66,7 @@ def _puts_at(nodes: FakeNodes, place: Location, since: int) -> list[PutItem]:
 
 async def test_who_expects_something_is_told_how_to_heal_it(autojump_clock: MockClock) -> None:
     nodes = FakeNodes()
-    await _wrecked(nodes, ahead_s=0)
+    await _wrecked(nodes, ahead_s=-1.0)
     space = _scene(nodes).space(FILES)
     with pytest.raises(Refused, match=r"damaged.*by what it expects") as refused:
         await space.put(FIRST, b"mine", expect=ABSENT)
