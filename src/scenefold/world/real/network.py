@@ -63,13 +63,13 @@ class RealNetwork:
         task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED,
     ) -> None:
         port = self._ports.number(priority)
+        # Made here and not at the start: a client's identity cannot serve.
+        context = server_context(self._identity, self._authority_cert, newcomers=newcomers is not None)
+        context.set_alpn_protocols([*self._versions.names, *([NEWCOMER] if newcomers is not None else [])])
         try:
             listeners = await trio.open_tcp_listeners(port, host=address)
         except OSError as error:
             raise bind_fault(error, "TCP", address, port) from error
-        # Made here and not at the start: a client's identity cannot serve.
-        context = server_context(self._identity, self._authority_cert, newcomers=newcomers is not None)
-        context.set_alpn_protocols([*self._versions.names, *([NEWCOMER] if newcomers is not None else [])])
         door = Door(context, serve, newcomers, self._versions, self._handshake_s_max)
         self._doors.append(door)
         guarded = [GuardedListener(listener, door.may_knock) for listener in listeners]
