@@ -76,6 +76,13 @@ SCENES_PER_USER_MAX = 128
 """Scenes that one user may make, so that nobody alone fills the list: it takes four."""
 BLACKLIST_MAX = 32
 """Nodes on a blacklist: they must fit a status datagram beside everything else."""
+SHADOWS_MAX = 7
+"""Shadows of one space, so that it has eight copies at most."""
+COPIES_MAX = 1 + SHADOWS_MAX
+COPIES_DEFAULT = 1
+"""Copies of a new space, those of a new scene among them."""
+COPIES_MIN_DEFAULT = 2
+"""How many of the copies must be there before a write counts as done; all, if a space has fewer."""
 TEXT_BYTES_MAX = 1_024
 """A message for people, in UTF-8: a line or two."""
 DOCUMENT_BYTES_MAX = 256 * 1024

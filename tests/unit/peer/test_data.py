@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import trio
 
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import EXPECTS_NOTHING, Record, wanted_place
@@ -36,7 +36,7 @@ from scenefold.wire import (
 )
 from unit.peer import data_nodes
 from unit.peer.data_nodes import LEFT, MIDDLE, RIGHT, SCENE, Neighbours, Node, arc, item, managed_item, with_nodes
-from unit.peer.scenes_made import SPACE
+from unit.peer.scenes_made import SPACE, offered, sealed
 
 OTHERS = "node:1"
 OBJECT = b"\x80" + bytes(14) + b"\x01"
@@ -282,6 +282,28 @@ def test_nobody_places_a_record_where_nodes_choose_the_places(monkeypatch: pytes
         assert listed.objects == (NEAR,)
 
     with_nodes(test, arc(0, NEAR_END))
+
+
+def test_nobody_writes_to_a_shadow_reads_or_lists_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    shadow = replace(SCENE.spaces[0], space=SpaceId(11), parent=SPACE, offset=Location.from_number(1 << 159))
+    monkeypatch.setattr(data_nodes, "SCENE", replace(SCENE, spaces=(replace(SCENE.spaces[0], copies=2), shadow)))
+    place = Location.from_number(5)
+
+    async def test(_: Neighbours, one: Node) -> None:
+        assert await put(one, item(5)) == [0]
+        assert await put(one, offered(sealed(SCENE, space=SpaceId(11), location=place))) == [RejectReason.UNKNOWN_SCENE_OR_SPACE]
+        questions = {
+            "read": GetMany(SCENE.scene, 1, (RecordKey(SPACE, place), RecordKey(SpaceId(11), place))),
+            "read ": GetData(SCENE.scene, SpaceId(11), place, 1),
+            "list": QueryRange(SCENE.scene, SpaceId(11), place, place),
+        }
+        for verb, question in questions.items():
+            answer = await one.ask(question)
+            assert isinstance(answer, Fault) and answer.reason == RejectReason.UNKNOWN_SCENE_OR_SPACE
+            assert answer.text == f"space 11 holds the copies of space 10: {verb.strip()} space 10"
+        assert found(await get(one, 5)) == [True]
+
+    with_nodes(test, arc(0, 99))
 
 
 def test_a_node_that_owns_nothing_sends_new_objects_on() -> None:

@@ -12,7 +12,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import ED25519, RECORD_DOMAIN, RSA3072
 from scenefold.peer.records.verification import KnownScene, epochs_of, verified_copy, verified_put, verify_all
-from scenefold.wire import HandItem, KeyEntry, PutItem, WriterEntry
+from scenefold.wire import HandItem, KeyEntry, PutItem, SpaceEntry, WriterEntry
 from unit.crypto.suites_made import SIGNING
 from unit.peer.scenes_made import FOR_EVER, HEADER_KEY, PLACE, SPACE, STRANGER, WRITER, first_header, later_header, offered, sealed
 
@@ -134,6 +134,23 @@ def test_nobody_takes_a_place_for_ever_by_an_epoch_that_has_not_come() -> None:
             verified_copy(copy, scene)
         assert caught.value.reason is reason
     verified_put(offered(sealed(SCENE, epoch=4, key_epoch=1)), scene)
+
+
+def test_a_scene_says_where_copies_belong_and_nobody_writes_to_a_shadow() -> None:
+    fourth, middle = (Location.from_number(1 << bits) for bits in (158, 159))
+    shadows = [SpaceEntry(SpaceId(number), SPACE, offset, 1, 1, False, False) for number, offset in ((12, fourth), (11, middle))]
+    scene = first_header(spaces=(replace(SCENE.spaces[0], copies=3, copies_min=2), *shadows))
+    known = KnownScene.of(scene)
+    assert known.layouts == {SPACE: (middle, fourth)}
+    assert known.needed == {SPACE: 2}
+    verified_put(offered(sealed(scene)), known)
+    record = sealed(scene, space=SpaceId(12))
+    with pytest.raises(Refused, match=r"space 12 holds the copies of space 10") as caught:
+        verified_put(offered(record), known)
+    assert caught.value.reason is RejectReason.UNKNOWN_SCENE_OR_SPACE
+    assert caught.value.remedy == "write to space 10"
+    early = HandItem(scene.scene, SpaceId(12), PLACE, b"", record.signature, record.header_bytes, record.ciphertext)
+    verified_copy(early, known)
 
 
 def test_no_copy_is_kept_under_a_key_that_the_scene_does_not_have() -> None:

@@ -32,8 +32,9 @@ class Ranges:
     async def answer(
         self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX, *, ask: bool = True, asker: str = ""
     ) -> ReturnRange | RejectRange:
-        """At most `limit` locations; Refused (19) if nobody knows the scene, or without `ask` this node does not."""
-        await self._scenes.known(packet.scene, ask=ask, asker=asker)
+        """At most `limit` locations; Refused (19) for a shadow, and if nobody knows the scene, or without `ask` this node does not."""
+        known = await self._scenes.known(packet.scene, ask=ask, asker=asker)
+        known.check_no_shadow(packet.space, "list")
         for _ in range(LOOKS_MAX):
             mine = self._mine(packet)
             if mine is None:

@@ -148,12 +148,16 @@ class Reads:
         return reply
 
     async def _on_get_many(self, packet: GetMany, peer: str) -> Packet:
-        await self._scenes.known(packet.scene, position=packet.position, asker=peer)
+        known = await self._scenes.known(packet.scene, position=packet.position, asker=peer)
+        for space in sorted({key.space for key in packet.keys}):
+            known.check_no_shadow(space, "read")
         found = await self.get(packet.scene, packet.keys, packet.position, forward=node_of(peer) is None)
         return GetManyReply(records=tuple(found.records), stale=found.stale)
 
     async def _on_get(self, packet: GetData, peer: str) -> Packet:
-        public = (await self._scenes.known(packet.scene, position=packet.position, asker=peer)).public
+        known = await self._scenes.known(packet.scene, position=packet.position, asker=peer)
+        known.check_no_shadow(packet.space, "read")
+        public = known.public
         key = RecordKey(packet.space, packet.location, packet.object)
         found = await self.get(packet.scene, [key], packet.position, forward=node_of(peer) is None)
         record = found.records[0]

@@ -35,6 +35,7 @@ from scenefold.crypto import (
     signed_place,
     wanted_place,
 )
+from scenefold.scene.log import Layouts
 from scenefold.store import Put
 from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
 
@@ -51,6 +52,12 @@ class KnownScene:
     spaces: frozenset[SpaceId]
     managed: frozenset[SpaceId]
     """Those of them in which nodes choose the places."""
+    layouts: Mapping[SpaceId, tuple[Location, ...]]
+    """Of each space that is no shadow: how far from a record its copies belong, in the order of the shadows' numbers."""
+    needed: Mapping[SpaceId, int]
+    """Of the same: how many nodes must hold a record before a write counts as done, the owner among them; no more than the layout makes."""
+    shadows: Mapping[SpaceId, SpaceId]
+    """Of each shadow: the space whose records it holds. Nobody writes to it, reads or lists it."""
 
     @classmethod
     def of(cls, public: SceneLogPublic) -> KnownScene:
@@ -63,7 +70,16 @@ class KnownScene:
         for entry in public.writers:
             writers.setdefault(entry.key, []).append(entry)
         managed = frozenset(entry.space for entry in public.spaces if entry.node_managed)
-        return cls(public, keys, writers, frozenset(entry.space for entry in public.spaces), managed)
+        spaces = frozenset(entry.space for entry in public.spaces)
+        copies = Layouts.of(public.spaces)
+        return cls(public, keys, writers, spaces, managed, copies.offsets, copies.needed, copies.parents)
+
+    def check_no_shadow(self, space: SpaceId, to_do: str) -> None:
+        """Refused (19) for a shadow, in which there is nothing `to_do`: its records are those of its parent, under the parent's keys."""
+        parent = self.shadows.get(space)
+        if parent is not None:
+            what = f"space {space} holds the copies of space {parent}"
+            raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, what, remedy=f"{to_do} space {parent}")
 
     def writer_key(self, header: RecordHeader) -> PublicKey:
         """The key of the header's writer, if it may write at the header's epoch; Refused otherwise."""
@@ -97,8 +113,9 @@ def verified_copy(item: HandItem, scene: KnownScene) -> Put:
 def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
     record = Record(item.header, item.signature, item.ciphertext)
     header, key = _claimed(record, item, scene)
+    # These two are not asked of copies: an early version let such records in, and they must be movable.
+    scene.check_no_shadow(header.space, "write to")
     if header.placement != PLACED_BY_NODE and header.space in scene.managed:
-        # Not asked of copies: an early version let such records in, and they must be movable.
         raise Refused(RejectReason.ILL_FORMED, "nodes choose the places in this space, and the record names one")
     if header.epoch < scene.public.write_floor:
         raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")

@@ -12,6 +12,7 @@ from scenefold.scene.log.following import Draft, Followed, follow, header_keys, 
 from scenefold.scene.log.grants import FOR_EVER, Granted, Grants
 from scenefold.scene.log.keys import EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, check_granter, keys_in, locked, own_lockbox, unlocked
+from scenefold.scene.log.shadows import Layouts, free_offsets
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
 from scenefold.scene.log.succession import header_key_now, proven_header_key, succeeded
 
@@ -26,6 +27,7 @@ __all__ = [
     "Followed",
     "Granted",
     "Grants",
+    "Layouts",
     "LoggedSpace",
     "OpenedLog",
     "SceneKeys",
@@ -40,6 +42,7 @@ __all__ = [
     "first_log",
     "first_record",
     "follow",
+    "free_offsets",
     "hash_of_log",
     "header_key_now",
     "header_keys",
