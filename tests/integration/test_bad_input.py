@@ -74,7 +74,7 @@ def test_an_address_of_another_machine(tmp_path: Path) -> None:
 def test_a_blacklist_that_is_too_long(folder: Path) -> None:
     listed = ",".join(f"10.0.1.{number}" for number in range(1, 34))
     done = scenectl("node", "run", "--address", HOST, "--blacklist", listed, profile=folder / "profile")
-    assert (done.code, done.error) == (2, "error: a blacklist of 33 nodes: give 32 at most")
+    assert (done.code, done.error) == (2, "error: a blacklist of 33 entries: give 32 at most")
 
 
 def test_seeds_that_do_not_answer(tmp_path: Path) -> None:

@@ -100,24 +100,27 @@ def test_founders_join_and_own_their_arcs() -> None:
 
 
 def test_each_blacklist_stands_in_everybodys_table_and_follows_the_settings() -> None:
-    def tables(machines: Machines) -> list[dict[int, tuple[int, ...]]]:
+    def tables(machines: Machines) -> list[dict[int, tuple[str, ...]]]:
         """Of each node: the blacklists of the others, as its table has them."""
-        return [{status.node: status.blacklist for status in context.roster.statuses()} for context in machines.contexts.values()]
+        return [
+            {status.node: tuple(map(str, status.blacklist)) for status in context.roster.statuses()}
+            for context in machines.contexts.values()
+        ]
 
     async def scenario(machines: Machines) -> None:
         machines.blacklists = {1: [2, 0], 2: [1]}
         await machines.start(0, 1, 2)
         await machines.joined(0, 1, 2)
         await trio.sleep(10)
-        nobody: tuple[int, ...] = ()
-        said = {node(0): nobody, node(1): (node(0), node(2)), node(2): (node(1),)}
+        nobody: tuple[str, ...] = ()
+        said = {node(0): nobody, node(1): (address_of(node(0)), address_of(node(2))), node(2): (address_of(node(1)),)}
         assert tables(machines) == [{other: said[other] for other in said if other != me} for me in said]
         await machines.crash(1)
         machines.blacklists[1] = [2]
         await machines.start(1)
         await machines.joined(1)
         await trio.sleep(10)
-        assert {table[node(1)] for table in tables(machines) if node(1) in table} == {(node(2),)}
+        assert {table[node(1)] for table in tables(machines) if node(1) in table} == {(address_of(node(2)),)}
 
     simulate(scenario)
 

@@ -75,7 +75,7 @@ SCENES_LISTED_MAX = 512
 SCENES_PER_USER_MAX = 128
 """Scenes that one user may make, so that nobody alone fills the list: it takes four."""
 BLACKLIST_MAX = 32
-"""Nodes on a blacklist: they must fit a status datagram beside everything else."""
+"""Addresses and prefixes of a blacklist: they must fit a status datagram beside everything else."""
 SHADOWS_MAX = 7
 """Shadows of one space, so that it has eight copies at most."""
 COPIES_MAX = 1 + SHADOWS_MAX
@@ -83,6 +83,16 @@ COPIES_DEFAULT = 1
 """Copies of a new space, those of a new scene among them."""
 COPIES_MIN_DEFAULT = 2
 """How many of the copies must be there before a write counts as done; all, if a space has fewer."""
+CUSTODY_ENTRIES_MAX = 1_024
+"""Custody entries of one packet: 280 bytes each. Who has more to say cuts its arc."""
+CONFIGURATIONS_MAX = 4_096
+"""Configurations of one piece of the line, which are told at once: 1 MiB. A piece with more is given in parts."""
+COMPARED_ARCS_MAX = 64
+"""Arcs that two nodes compare in one packet: the sixteenths of four arcs."""
+COMPARED_RECORDS_MAX = 256
+"""Records of an arc that are listed instead of summed: the lists of a packet make 1.8 MiB, read in a fifth of a second."""
+HELD_CURSOR_BYTES_MAX = 64
+"""Where a list of what a node holds goes on: the key of a record, 42 bytes, with room."""
 TEXT_BYTES_MAX = 1_024
 """A message for people, in UTF-8: a line or two."""
 DOCUMENT_BYTES_MAX = 256 * 1024
@@ -126,6 +136,8 @@ assert CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < FRAME_BYTES_MAX
 assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
 assert RANGE_LOCATIONS_MAX * (22 + 18) < BULK_BYTES_MAX
 assert LOG_RECORD_BYTES_MAX < LOG_BYTES_MAX < LOG_RECORDS_MAX * 66
+assert CONFIGURATIONS_MAX * 280 < BULK_BYTES_MAX
+assert COMPARED_ARCS_MAX * COMPARED_RECORDS_MAX * 128 < BULK_BYTES_MAX
 assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 
 # Connections (world/).

@@ -29,3 +29,4 @@ class RejectReason(IntEnum):
     UNKNOWN_SCENE_OR_SPACE = 19
     POOL_BUSY = 20
     DAMAGED = 21
+    TOO_FEW_COPIES = 22

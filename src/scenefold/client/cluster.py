@@ -158,7 +158,7 @@ class Cluster:
         for node, address in self.line_of(table):
             status, report = statuses.get(node), reports[address]
             heard_s = 0.0 if address == asked else peers[address].heard_s if address in peers else None
-            told = () if status is None else tuple(map(address_of, status.blacklist))
+            told = () if status is None else tuple(map(str, status.blacklist))
             nodes.append(
                 NodeState(
                     address=address,

@@ -32,6 +32,7 @@ _BEHIND = frozenset({RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED})
 
 _REMEDIES = {
     RejectReason.STORAGE_FULL: "free space on the nodes or add a node",
+    RejectReason.TOO_FEW_COPIES: "`scenectl cluster status` shows the nodes and their blacklists: add nodes, or take some off a blacklist",
     RejectReason.UNKNOWN_SCENE_OR_SPACE: "`scenectl space list` shows the spaces of the scene",
 }
 _WITHOUT = "write or delete it without an expectation"

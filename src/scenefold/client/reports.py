@@ -14,6 +14,7 @@ from scenefold.base.errors import PeerFault
 from scenefold.base.ids import address_of, checked_node_id
 from scenefold.base.location import Arc, Location
 from scenefold.base.plain_values import number, whole
+from scenefold.base.prefixes import address_prefix
 from scenefold.wire import unpack_value
 
 COUNT_MAX = 2**63 - 1
@@ -164,7 +165,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             stall_last_s=_amount(stalls["last_s"]),
             stall_ago_s=_seconds(stalls["ago_s"]),
             peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
-            blacklist=tuple(map(_address, found.get("blacklist", ()))),
+            blacklist=tuple(map(_listed, found.get("blacklist", ()))),
             turned_away=_count(events.get("connections turned away", 0)),
             dropped=_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
@@ -219,6 +220,11 @@ def _arc(found: Mapping[str, Any] | None) -> Arc | None:
 def _address(value: object) -> str:
     """A node's: it is printed, and whoever could write anything there could write lines of others."""
     return address_of(checked_node_id(str(value)))
+
+
+def _listed(value: object) -> str:
+    """What stands on a blacklist: an address or a prefix, for the same reason."""
+    return str(address_prefix(str(value)))
 
 
 def _word(value: object) -> str:

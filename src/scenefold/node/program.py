@@ -150,7 +150,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--capacity", type=int, default=0, help="bytes that the node may store; 0: what the disk holds")
     parser.add_argument("--remove-after", type=float, default=REMOVE_AFTER_S, help="seconds of silence before a node may be removed")
     parser.add_argument("--transfer", type=int, default=TRANSFER_BYTES_PER_S, help="bytes a second for moving data")
-    parser.add_argument("--blacklist", action="append", default=[], help="address of a node that gets no copies; may be repeated")
+    parser.add_argument(
+        "--blacklist",
+        action="append",
+        default=[],
+        help="address of a node that gets no copies, or a prefix such as 10.1.2.0/24; may be repeated",
+    )
     parser.add_argument("--join-at", default="loaded", help="place of a newcomer: loaded, random, or a location in hexadecimal")
     parser.add_argument("--balance", action=argparse.BooleanOptionalAction, default=True, help="move bounds to even out the load")
     parser.add_argument("--threads", type=int, default=processors(), help="threads that may render")

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Literal
 
 from scenefold.base.errors import UsageFault
-from scenefold.base.ids import NodeId, checked_node_id, node_id_of
+from scenefold.base.ids import checked_node_id
 from scenefold.base.limits import BLACKLIST_MAX
 from scenefold.base.location import Location
+from scenefold.base.prefixes import AddressPrefix, address_prefix
 from scenefold.peer.timing import REMOVE_AFTER_S, T_WAIT_S
 
 SEED_WAIT_S = 30.0
@@ -38,8 +39,8 @@ class NodeSettings:
     """Settings of one node. `seeds` empty: those of the profile. `memory_bytes` 0: half of the machine's.
 
     `capacity_bytes`: what the node may store, 0: what the disk holds. `remove_after_s`: nobody is removed who was heard
-    within this time. `transfer_bytes_per_s`: bound on moving data. `blacklist`: addresses of nodes that must not hold
-    copies of this node's data. `balance`: whether this node moves its bounds by itself.
+    within this time. `transfer_bytes_per_s`: bound on moving data. `blacklist`: addresses, and prefixes of some, of nodes
+    that must not hold copies of this node's data. `balance`: whether this node moves its bounds by itself.
     """
 
     profile_folder: Path
@@ -68,13 +69,18 @@ class NodeSettings:
         if self.transfer_bytes_per_s < 1:
             raise UsageFault(f"transfers of {self.transfer_bytes_per_s} bytes a second", remedy="give at least 1")
         if len(self.blacklist) > BLACKLIST_MAX:
-            raise UsageFault(f"a blacklist of {len(self.blacklist)} nodes", remedy=f"give {BLACKLIST_MAX} at most")
+            raise UsageFault(f"a blacklist of {len(self.blacklist)} entries", remedy=f"give {BLACKLIST_MAX} at most")
 
-        for address in (self.address, *self.seeds, *self.blacklist):
+        for address in (self.address, *self.seeds):
             try:
                 checked_node_id(address)
             except ValueError as problem:
                 raise UsageFault(f"{problem}", remedy="give one such as 192.168.1.20") from None
+        for listed in self.blacklist:
+            try:
+                address_prefix(listed)
+            except ValueError as problem:
+                raise UsageFault(f"{problem}", remedy="give an address such as 192.168.1.20, or a prefix such as 192.168.1.0/24") from None
 
     @property
     def memory_budget_bytes(self) -> int:
@@ -82,9 +88,9 @@ class NodeSettings:
         return self.memory_bytes or machine_memory_bytes() // 2
 
     @property
-    def blacklisted(self) -> tuple[NodeId, ...]:
-        """The nodes of the blacklist."""
-        return tuple(map(node_id_of, self.blacklist))
+    def blacklisted(self) -> tuple[AddressPrefix, ...]:
+        """The blacklist's prefixes, in order, each once."""
+        return tuple(sorted(set(map(address_prefix, self.blacklist))))
 
     @classmethod
     def for_member(cls, profile_folder: Path, address: str, *, data: Path | None = None, threads: int | None = None) -> NodeSettings:

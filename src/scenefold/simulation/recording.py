@@ -36,7 +36,7 @@ from scenefold.wire import (
 )
 from scenefold.world import Links, Priority
 
-_WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL, RejectReason.DAMAGED})
+_WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL, RejectReason.DAMAGED, RejectReason.TOO_FEW_COPIES})
 _ANSWERS = frozenset({0, RejectReason.STALE_VERSION, RejectReason.DAMAGED})
 """Those that a liar gives to writes, in place of true ones."""
 REFUSED_MAX = 64

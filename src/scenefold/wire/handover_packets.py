@@ -33,8 +33,9 @@ from scenefold.wire.common import (
     row,
 )
 from scenefold.wire.containers import Many, Struct
+from scenefold.wire.custody import CONFIGURATIONS, Configuration
 from scenefold.wire.kinds import Maybe, Uint
-from scenefold.wire.laws import Order
+from scenefold.wire.laws import All, Inside, Order
 from scenefold.wire.scene_log_packets import MEMBER, Member
 
 
@@ -91,6 +92,8 @@ class ClaimRange(Packet):
     handover: bytes
     first: Location
     last: Location
+    configurations: tuple[Configuration, ...] = ()
+    """All that some holder may still have as whole: the receiver goes on with them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +204,14 @@ ROWS = (
         ("log_position", U64),
         law=_ASCENDING,
     ),
-    row(ClaimRange, Carrier.TCP_LOW, _HANDOVER, *_PIECE, law=_ASCENDING),
+    row(
+        ClaimRange,
+        Carrier.TCP_LOW,
+        _HANDOVER,
+        *_PIECE,
+        ("configurations", CONFIGURATIONS),
+        law=All((_ASCENDING, Inside("configurations"))),
+    ),
     row(CopyRecords, Carrier.TCP_LOW, _HANDOVER, ("items", HAND_ITEMS)),
     row(HandoverReply, Carrier.TCP_LOW, _HANDOVER, ("reason", REASON_OR_0), ("text", MESSAGE)),
     row(OfferRecords, Carrier.TCP_LOW, _HANDOVER, ("entries", Many(RECORD_ENTRY, HANDOVER_BATCH_RECORDS_MAX))),

@@ -6,6 +6,7 @@ A kind judges one field; what two fields must be to each other stands here. Thei
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, Protocol
 
 
@@ -76,6 +77,64 @@ class OneOf:
 
     def __str__(self) -> str:
         return f"at most one of {self.first}, {self.second}"
+
+
+@dataclass(frozen=True, slots=True)
+class Distinct:
+    """A list names nothing twice."""
+
+    items: str
+
+    def holds(self, value: Any) -> bool:
+        found = getattr(value, self.items)
+        return len(set(found)) == len(found)
+
+    def __str__(self) -> str:
+        return f"{self.items} distinct"
+
+
+@dataclass(frozen=True, slots=True)
+class Masked:
+    """Of an address all is 0 behind its first bits, so that one prefix has one form."""
+
+    address: str
+    bits: str
+
+    def holds(self, value: Any) -> bool:
+        address, bits = getattr(value, self.address), getattr(value, self.bits)
+        return bool(address & ((1 << (32 - bits)) - 1) == 0)
+
+    def __str__(self) -> str:
+        return f"{self.address} 0 behind its first {self.bits}"
+
+
+@dataclass(frozen=True, slots=True)
+class Only:
+    """A field is there (not nil, not empty) with one value of another field, and with no other."""
+
+    field: str
+    other: str
+    wanted: IntEnum
+
+    def holds(self, value: Any) -> bool:
+        found = getattr(value, self.field)
+        return (found is not None and found != b"") == (getattr(value, self.other) is self.wanted)
+
+    def __str__(self) -> str:
+        return f"{self.field} with {self.other} {self.wanted.name} alone"
+
+
+@dataclass(frozen=True, slots=True)
+class Inside:
+    """The arcs of a list lie in that of their packet."""
+
+    arcs: str
+
+    def holds(self, value: Any) -> bool:
+        return all(value.first <= arc.first and arc.last <= value.last for arc in getattr(value, self.arcs))
+
+    def __str__(self) -> str:
+        return f"{self.arcs} in first to last"
 
 
 @dataclass(frozen=True, slots=True)

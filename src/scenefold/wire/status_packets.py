@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from scenefold.base.limits import BLACKLIST_MAX, NODES_MAX
+from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix
 from scenefold.wire.common import (
     INCARNATION,
     LOCATION,
@@ -21,8 +22,8 @@ from scenefold.wire.common import (
     row,
 )
 from scenefold.wire.containers import Many, Struct
-from scenefold.wire.kinds import Bin, Maybe, Text
-from scenefold.wire.laws import All, Needs, Order
+from scenefold.wire.kinds import Bin, Maybe, Text, Uint
+from scenefold.wire.laws import All, Masked, Needs, Order
 from scenefold.wire.pieces import pack_piece
 
 ADDRESS_BYTES_MAX = 64
@@ -59,7 +60,10 @@ class Status:
     ray_queue_length: int = 0
     log_position: int = 0
     """How far the node knows the cluster's log."""
-    blacklist: tuple[NodeId, ...] = ()
+    blacklist: tuple[AddressPrefix, ...] = ()
+    """Addresses of nodes that must not hold copies of what this one owns."""
+    blacklist_version: int = 0
+    """Rises with each change of the blacklist."""
     signature: bytes = UNSIGNED
 
     def signable(self) -> bytes:
@@ -67,6 +71,7 @@ class Status:
         return pack_piece(STATUS, replace(self, signature=UNSIGNED))
 
 
+ADDRESS_PREFIX = Struct(AddressPrefix, ("address", U32), ("bits", Uint(8, most=ADDRESS_BITS)), law=Masked("address", "bits"))
 STATUS = Struct(
     Status,
     ("lamport", U64),
@@ -85,7 +90,8 @@ STATUS = Struct(
     ("rays_per_second", U32),
     ("ray_queue_length", U32),
     ("log_position", U64),
-    ("blacklist", Many(U32, BLACKLIST_MAX)),
+    ("blacklist", Many(ADDRESS_PREFIX, BLACKLIST_MAX)),
+    ("blacklist_version", U64),
     ("signature", SIGNATURE),
     law=All((Needs("left_fence", "right_bound"), Order("left_fence", "right_bound", strictly=True))),
 )
@@ -139,4 +145,4 @@ ROWS = (
     row(RequestPublicKey, Carrier.BOTH_HIGH, ("key", U32)),
     row(RespondPublicKey, Carrier.BOTH_HIGH, ("answer", Maybe(PUBLIC_KEY_INFO))),
 )
-STRUCTS = (STATUS, PUBLIC_KEY_INFO)
+STRUCTS = (ADDRESS_PREFIX, STATUS, PUBLIC_KEY_INFO)

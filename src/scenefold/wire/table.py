@@ -7,6 +7,9 @@ A test holds it equal to the table in the spec.
 from __future__ import annotations
 
 from scenefold.wire import (
+    copy_packets,
+    custody,
+    custody_packets,
     data_packets,
     enrol_packets,
     handover_packets,
@@ -34,6 +37,8 @@ ROWS: dict[int, Row] = {
         handover_packets,
         member_packets,
         enrol_packets,
+        custody_packets,
+        copy_packets,
     )
     for row in family.ROWS
 }
@@ -47,7 +52,6 @@ RESERVED: dict[int, str] = {
     29: "of the thesis's range",
     30: "of the thesis's range",
     31: "of the thesis's range",
-    44: "RangeDigest",
     45: "PurgeRecord",
     46: "ReturnCredits",
     47: "WatchEvents",
@@ -64,10 +68,13 @@ STRUCTS = (
     *scene_log_packets.STRUCTS,
     *data_packets.STRUCTS,
     *handover_packets.STRUCTS,
+    *custody.STRUCTS,
+    *custody_packets.STRUCTS,
+    *copy_packets.STRUCTS,
     *log_records.STRUCTS,
     *orders.STRUCTS,
 )
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 87))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 98))

@@ -293,9 +293,11 @@ def test_a_sign_of_harm_names_who_told_it_and_is_not_told_of_for_ever() -> None:
     assert texts(601.0) == texts(1.0, kind="of a later version") == []
 
 
-@pytest.mark.parametrize("text", ["127.0.0.9\nwarning: all is well", "\x1b[2J", "somebody", "127.0.0.2 ", "0.0.0.0", ""])
+@pytest.mark.parametrize(
+    "text", ["127.0.0.9\nwarning: all is well", "10.1.2.3/24", "10.0.0.0/8\n", "\x1b[2J", "somebody", "127.0.0.2 ", "0.0.0.0", ""]
+)
 def test_addresses_in_a_report_are_addresses_and_forge_no_lines(text: str) -> None:
-    assert report(ADDRESSES[0], arc(0, 1), signs=[{**SIGN, "kind": "forged"}], blacklist=["127.0.0.9"]).signs
+    assert report(ADDRESSES[0], arc(0, 1), signs=[{**SIGN, "kind": "forged"}], blacklist=["127.0.0.9", "10.1.2.0/24"]).signs
     for forged in (
         {"signs": [{**SIGN, "kind": "forged", "source": text}]},
         {"handovers": [handover(arc(0, 1), text)]},

@@ -14,6 +14,7 @@ from trio.testing import MockClock
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import LAST
+from scenefold.base.prefixes import address_prefix
 from scenefold.client.cluster import Cluster
 from scenefold.client.moving import rates
 from scenefold.client.watching import Watch
@@ -64,7 +65,7 @@ class Street:
             known = zip(ADDRESSES, bounds, strict=True)
             return RespondTable(
                 tuple(
-                    Status(1, node_id_of(other), b"i" * 16, 1, other, None, bound, blacklist=(node_id_of(ADDRESSES[1]),))
+                    Status(1, node_id_of(other), b"i" * 16, 1, other, None, bound, blacklist=(address_prefix(ADDRESSES[1]),))
                     for other, bound in known
                 )
             )

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-from scenefold.wire.laws import All, Law, Needs, OneOf, Order, Pairs
+from scenefold.base.ids import NodeId
+from scenefold.base.location import FIRST
+from scenefold.wire.copy_packets import Copy, CopyState, Counted, Listed
+from scenefold.wire.custody import CustodyEntry, LaidOut, Led, Peopled
+from scenefold.wire.custody_packets import Assigned
+from scenefold.wire.laws import All, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
 
 
@@ -33,8 +39,57 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
             sides = [sorted(pair) for pair in zip(fields["low"], fields["high"], strict=False)]
             low, high = tuple(pair[0] for pair in sides), tuple(pair[1] for pair in sides)
             fields = {**fields, "dimensions": len(sides), "low": low, "high": high}
+        case Distinct():
+            fields = {**fields, law.items: tuple(dict.fromkeys(fields[law.items]))}
+        case Masked():
+            kept = fields[law.address] >> (32 - fields[law.bits]) << (32 - fields[law.bits])
+            fields = {**fields, law.address: kept}
+        case Only() if fields[law.other] is not law.wanted:
+            fields = {**fields, law.field: b"" if isinstance(fields[law.field], bytes) else None}
+        case Only():
+            # Nothing to put there: another value of the other field then.
+            is_there = fields[law.field] is not None and fields[law.field] != b""
+            fields = fields if is_there else {**fields, law.other: type(law.wanted)(0)}
+        case Inside():
+            first, last = fields["first"], fields["last"]
+            clipped = [(arc, max(arc.first, first), min(arc.last, last)) for arc in fields[law.arcs]]
+            inside = [(arc, *((low, high) if low <= high else (first, last))) for arc, low, high in clipped]
+            fields = {**fields, law.arcs: tuple(replace(arc, first=low, last=high) for arc, low, high in inside)}
+        case Peopled():
+            fields = {**fields, "members": fields["members"] or (NodeId(1),)}
+        case Led():
+            members = fields["members"] or (NodeId(1),)
+            fields = {**fields, "members": members, "owner": replace(fields["owner"], node=members[0])}
+        case LaidOut():
+            fields = {**fields, "layout": tuple(offset for offset in dict.fromkeys(fields["layout"]) if offset != FIRST)}
+        case Assigned():
+            fields = {**fields, "entries": _assigned(fields)}
+        case Listed():
+            records = fields["records"]
+            fields = fields if records is None else {**fields, "count": len(records)}
+        case Counted():
+            count = len(fields["holders"])
+            fields = {**fields, "copies": tuple(_under(copy, count) for copy in fields["copies"])}
         case None:
             pass
         case _:
             raise AssertionError(law)
     return fields
+
+
+def _assigned(fields: dict[str, Any]) -> tuple[CustodyEntry, ...]:
+    """The entries as the packet's owner may set them, those that overlap left out."""
+    owner, found = fields["owner"], list[CustodyEntry]()
+    for entry in fields["entries"]:
+        if any(entry.layout == other.layout and entry.first <= other.last and other.first <= entry.last for other in found):
+            continue
+        others = tuple(member for member in entry.members[1:] if member != owner.node)
+        found.append(replace(entry, owner=owner, members=(owner.node, *others), number=min(entry.number, fields["number"])))
+    return tuple(found)
+
+
+def _under(copy: Copy, count: int) -> Copy:
+    """A copy that counts under one of so many holders; with none of them it counts for nothing."""
+    if copy.state == CopyState.NO_CUSTODY or not count:
+        return Copy(CopyState.NO_CUSTODY, 0, b"", None)
+    return replace(copy, holders=copy.holders % count)

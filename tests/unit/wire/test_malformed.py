@@ -26,7 +26,7 @@ from scenefold.wire.table import RESERVED, ROWS
 from unit.wire.strategies import PACKETS
 
 HEARD = [1, 2, bytes(16), 1, "127.0.0.2"]
-SAID = [0, 0, 0, 0, 0, 0, 0, 0, 0, [], bytes(64)]
+SAID = [0, 0, 0, 0, 0, 0, 0, 0, 0, [], 0, bytes(64)]
 GET = [13, 7, None, 1, 1, bytes(20), 0, b""]
 
 
@@ -126,7 +126,7 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
         ([13, 7, None, 1, 1, "a" * 20, 0, b""], "GetData.location", "raw bytes"),
         ([1, 0, [1, 2, bytes(20), 0, 0, 0, 0, 0, 0], []], "PingBroadcast.mini_status", "nil"),
         ([12, 0, None, 0, 0, None], "RejectData.reason", "0 is no RejectReason"),
-        ([12, 0, None, 22, 0, None], "RejectData.reason", "22 is no RejectReason"),
+        ([12, 0, None, 23, 0, None], "RejectData.reason", "23 is no RejectReason"),
         ([11, 0, None, bytes(65), bytes(20)], "AcceptData.signature", "64 or 384"),
         (
             [32, 0, None, [[1, 1, bytes(20), bytes(64), b"", b""], [1, 0, bytes(20), bytes(64), b"", b""]]],

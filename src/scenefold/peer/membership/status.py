@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import BLACKLIST_MAX
 from scenefold.base.location import FIRST, Arc, Location
+from scenefold.base.prefixes import AddressPrefix
 from scenefold.crypto import STATUS_DOMAIN, MemberSecrets, SigningKey
 from scenefold.wire import Member, MiniStatus, Status
 
@@ -46,7 +47,7 @@ class OwnStatus:
     """The author of this node's statuses. Used from the Trio thread only."""
 
     def __init__(
-        self, me: NodeId, address: str, incarnation: bytes, boot: int, secrets: MemberSecrets, *, blacklist: Iterable[NodeId] = ()
+        self, me: NodeId, address: str, incarnation: bytes, boot: int, secrets: MemberSecrets, *, blacklist: Iterable[AddressPrefix] = ()
     ) -> None:
         assert 0 <= boot <= _U32_MAX
         listed = tuple(sorted(set(blacklist)))
