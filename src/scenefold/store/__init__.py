@@ -1,5 +1,6 @@
 """Records on the line in an LMDB folder: the only door to lmdb (specs/10-store.md)."""
 
+from scenefold.store.digest_sums import Held, Listing
 from scenefold.store.holding import StoredHolding
 from scenefold.store.identity import StoreIdentity
 from scenefold.store.judging import Outcome, Put, PutResult
@@ -10,17 +11,21 @@ from scenefold.store.reading import RangeAnswer
 from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.store import Store, open_store
+from scenefold.store.versions import RangeSum, version_of
 from scenefold.store.walking import Entry, Manifest, Weighed
 
 __all__ = [
     "Counts",
     "Entry",
+    "Held",
+    "Listing",
     "LmdbDisk",
     "Manifest",
     "Outcome",
     "Put",
     "PutResult",
     "RangeAnswer",
+    "RangeSum",
     "Rate",
     "Spot",
     "Store",
@@ -32,4 +37,5 @@ __all__ = [
     "Weighed",
     "measure_store",
     "open_store",
+    "version_of",
 ]

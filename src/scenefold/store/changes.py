@@ -7,7 +7,8 @@ from typing import Protocol, Self, TypeVar
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.store.statistics import Tally
+from scenefold.store.layout import SpaceAddress
+from scenefold.store.tally import Tally
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 R_co = TypeVar("R_co", covariant=True)
@@ -76,6 +77,41 @@ class PutValues(MayUseReserve):
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> None:
         for value in self.values:
             value.apply(transaction, tally)
+
+    def when_full(self, _transaction: ReadTransaction, /) -> None:
+        raise storage_full()
+
+
+@dataclass(frozen=True, slots=True)
+class BuildDigests(MayUseReserve):
+    """Put so many more records into trees of digests that do not have all of them yet."""
+
+    records: int
+
+    @property
+    def size_bytes(self) -> int:
+        return self.records * 8
+
+    def apply(self, _transaction: WriteTransaction, tally: Tally, /) -> None:
+        tally.digests.to_build = self.records
+
+    def when_full(self, _transaction: ReadTransaction, /) -> None:
+        raise storage_full()
+
+
+@dataclass(frozen=True, slots=True)
+class RestartDigests(MayUseReserve):
+    """Have the tree of a space made anew, for this reason."""
+
+    space: SpaceAddress
+    reason: str
+
+    @property
+    def size_bytes(self) -> int:
+        return 512
+
+    def apply(self, _transaction: WriteTransaction, tally: Tally, /) -> None:
+        tally.digests.restarts[self.space] = self.reason
 
     def when_full(self, _transaction: ReadTransaction, /) -> None:
         raise storage_full()

@@ -20,7 +20,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import MayUseReserve, storage_full
 from scenefold.store.layout import HOLDING, IDENTITY
 from scenefold.store.sealing import damaged
-from scenefold.store.statistics import Tally
+from scenefold.store.tally import Tally
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 ARC_KEY = b"arc"

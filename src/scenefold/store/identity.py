@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
-from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS
+from scenefold.store.digest_changes import unbuild
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, STATISTICS, space_of
 from scenefold.store.sealing import WIPE, StoreDamaged
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, WriteTransaction
 
-FORMAT_VERSION = 3
-"""3: records of version 2. 2: a checksum on everything, node-managed records, the holding. An older folder that holds no record becomes 3."""
+FORMAT_VERSION = 4
+"""4: digests and debts. 3: records of version 2. 2: a checksum on everything, node-managed records, the holding. A folder of 3, or an older one that holds no record, becomes 4."""
 INCARNATION_BYTES = 16
 
 _NUMBER = struct.Struct(">I")
@@ -40,6 +41,10 @@ def claim(environment: Environment, folder: str, node: NodeId, new_incarnation: 
         if transaction.get(IDENTITY, b"format") is None:
             _begin_folder(transaction, folder, node, new_incarnation)
         _check(transaction, folder, node)
+        if _number(transaction, b"format", folder) < FORMAT_VERSION:
+            # Its records are put into trees bit by bit, while the node runs.
+            for key in list(transaction.keys(STATISTICS, b"", b"\xff" * 6)):
+                unbuild(transaction, space_of(key))
         transaction.put(IDENTITY, b"format", _NUMBER.pack(FORMAT_VERSION))
         incarnation = bytes(_value(transaction, b"incarnation", folder))
         boot = _number(transaction, b"boot", folder) + 1

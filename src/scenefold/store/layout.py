@@ -7,6 +7,7 @@
     holding     "arc" | "note"                                     ->  first(20) | last(20), or nothing; the line's own note
     notes       a name                                             ->  a small value that a service wants to survive a restart
     identity    "format" | "node" | "incarnation" | "boot"
+    digests     scene(4) | space(2) | level(1) | bound(20)         ->  what lies up to the bound (digest_tree.py)
 
 A packed record:
 
@@ -38,7 +39,8 @@ STATISTICS = "statistics"
 HOLDING = "holding"
 NOTES = "notes"
 IDENTITY = "identity"
-TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY)
+DIGESTS = "digests"
+TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS)
 
 OBJECTS_END = b"\xff" * OBJECT_BYTES
 """Behind a location's key: the last object that may lie there."""
@@ -53,7 +55,12 @@ _CHECKED = 0x8000
 """Since format 2: the checksum follows."""
 HEADER_AT = _SIZES.size + _CHECK.size
 """Where the header of a packed record begins."""
+SPACE_BYTES = _SPACE.size
+"""Of the key of a space, with which most keys begin."""
 _LOCATION_END = _SPACE.size + LOCATION_BYTES
+
+
+SpaceAddress = tuple[SceneId, SpaceId]
 
 
 class Spot(NamedTuple):
@@ -130,6 +137,17 @@ def unpack_record(value: memoryview) -> Record:
     if hashlib.sha256(record.ciphertext).digest() != RecordHeader.decode(record.header_bytes).digest:
         raise DamagedData("the bytes of a stored record have changed on the disk")
     return record
+
+
+def sound_header(value: memoryview) -> bytes | None:
+    """The bytes of a stored value's header; None if they are not what was written."""
+    try:
+        header_end, signature_end = _ends(value)
+        header = bytes(value[HEADER_AT:header_end])
+        _check(value, header, bytes(value[header_end:signature_end]))
+    except DamagedData:
+        return None
+    return header
 
 
 def stored_header(value: memoryview) -> RecordHeader:

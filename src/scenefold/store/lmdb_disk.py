@@ -218,6 +218,14 @@ class _Transaction:
                         return
                     yield found, cast(memoryview, value)
 
+    def first(self, table: str, first: bytes, last: bytes) -> tuple[bytes, memoryview] | None:
+        with self._transaction.cursor(self._tables[table]) as cursor:
+            if not cursor.set_range(first):
+                return None
+            key, value = cursor.item()
+            found = bytes(key)
+            return (found, cast(memoryview, value)) if found <= last else None
+
     def put(self, table: str, key: bytes, value: bytes) -> None:
         self.dirty_bytes_max += len(value) + self._page_bytes * (TREE_PAGES_MAX + 2)
         self._transaction.put(key, value, db=self._tables[table])

@@ -15,7 +15,7 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import RecordPlace, wanted_place
 from scenefold.store.layout import OBJECTS, OBJECTS_END, RECORDS, Spot, object_key, object_of_key, record_key, space_of
-from scenefold.world.ports import ReadTransaction, WriteTransaction
+from scenefold.world.ports import ReadTransaction
 
 STEPS_MAX = 64
 """Places tried. If all are taken, two records share one: their keys differ all the same."""
@@ -62,26 +62,6 @@ def displaced(transaction: ReadTransaction) -> Iterator[Displaced]:
         home = wanted_place(object_id)
         if place.location != home and _is_at(transaction, *place, object_id):
             yield Displaced(Spot(place, object_id), home)
-
-
-def move_object(transaction: WriteTransaction, spot: Spot, to: Location) -> None:
-    """Put an object's record elsewhere, as it is."""
-    (scene, space, _), object_id = spot
-    value = transaction.get(RECORDS, record_key(*spot))
-    assert value is not None
-    packed = bytes(value)
-    transaction.delete(RECORDS, record_key(*spot))
-    transaction.put(RECORDS, record_key(RecordPlace(scene, space, to), object_id), packed)
-    note_place(transaction, Spot(RecordPlace(scene, space, to), object_id))
-
-
-def note_place(transaction: WriteTransaction, spot: Spot) -> None:
-    """Remember where an object lies, if that does not follow from its id."""
-    key = object_key(spot.place.scene, spot.place.space, spot.object)
-    if spot.place.location != spot.home:
-        transaction.put(OBJECTS, key, spot.place.location)
-    elif transaction.get(OBJECTS, key) is not None:
-        transaction.delete(OBJECTS, key)
 
 
 def _is_at(transaction: ReadTransaction, scene: SceneId, space: SpaceId, location: Location, object_id: bytes) -> bool:

@@ -17,9 +17,10 @@ from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, 
 from scenefold.store.changes import MayUseReserve, storage_full
 from scenefold.store.holding import read_arc
 from scenefold.store.judging import Outcome, Put, PutResult, judge, judge_copy
-from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, stored_header, unpack_record
-from scenefold.store.placing import displaced, free_place, move_object, note_place, place_of
-from scenefold.store.statistics import Tally
+from scenefold.store.keeping import drop_record, keep_record, move_object
+from scenefold.store.layout import RECORDS, Spot, pack_record, record_key, stored_header, unpack_record
+from scenefold.store.placing import displaced, free_place, place_of
+from scenefold.store.tally import Tally
 from scenefold.store.wrecks import judge_copy_over_wreck, judge_over_wreck
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
@@ -102,7 +103,7 @@ class RemoveRecords(MayUseReserve):
         present = None if value is None else _present(value)
         if value is None or present is None or present.digest != digest:
             return False
-        _delete(transaction, tally, spot, len(value))
+        drop_record(transaction, tally, spot)
         return True
 
     def when_full(self, _transaction: ReadTransaction, /) -> int:
@@ -126,7 +127,7 @@ class DiscardDamaged(MayUseReserve):
         value = transaction.get(RECORDS, record_key(*spot))
         if value is None or _is_sound(value):
             return False
-        _delete(transaction, tally, spot, len(value))
+        drop_record(transaction, tally, spot)
         return True
 
     def when_full(self, _transaction: ReadTransaction, /) -> int:
@@ -225,17 +226,11 @@ def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at
 
 def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, record: Record, spot: Spot) -> PutResult:
     new = record.header
-    key = record_key(*spot)
-    value = transaction.get(RECORDS, key)
+    value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
     result = judges(record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
-        replaced_bytes = len(value) if value is not None else 0
-        packed = pack_record(record)
-        transaction.put(RECORDS, key, packed)
-        tally.add((new.scene, new.space), 0 if value is not None else 1, len(packed) - replaced_bytes)
-        if spot.object:
-            note_place(transaction, spot)
+        keep_record(transaction, tally, spot, record)
         return replace(result, has_changed=True)
     return result
 
@@ -257,26 +252,12 @@ def _is_to_be_written(new: RecordHeader, present: RecordHeader | None, value: me
     return value is None or present != new or not _is_sound(value)
 
 
-def _delete(transaction: WriteTransaction, tally: Tally, spot: Spot, stored_bytes: int) -> None:
-    tally.add((spot.place.scene, spot.place.space), -1, -stored_bytes)
-    transaction.delete(RECORDS, record_key(*spot))
-    if spot.object:
-        _forget_object(transaction, spot)
-
-
 def _is_sound(value: memoryview) -> bool:
     try:
         unpack_record(value)
     except DamagedData:
         return False
     return True
-
-
-def _forget_object(transaction: WriteTransaction, spot: Spot) -> None:
-    key = object_key(spot.place.scene, spot.place.space, spot.object)
-    known = transaction.get(OBJECTS, key)
-    if known is not None and bytes(known) == spot.place.location:
-        transaction.delete(OBJECTS, key)
 
 
 def _present(value: memoryview) -> RecordHeader | None:

@@ -28,6 +28,7 @@ SEALED = tuple(table for table in TABLES if table not in PLAIN)
 WIPE = "see to the disk, then wipe the folder: the node comes back as a newcomer (the voter, whose log is nowhere else: put a backup back)"
 _CHECK = struct.Struct(">I")
 _EVERY_KEY = b"", b"\xff" * 256
+_OF_TABLES = {table: zlib.crc32(table.encode()) for table in TABLES}
 _OLDER_FORMATS = b"\0\0\0\1", b"\0\0\0\2"
 """Their records are of version 1. The first, and the second at its beginning, had no checksums."""
 
@@ -55,7 +56,7 @@ def damaged(what: str) -> StoreDamaged:
 
 
 def _checksum(table: str, key: bytes, value: bytes | memoryview) -> int:
-    return zlib.crc32(value, zlib.crc32(key, zlib.crc32(table.encode())))
+    return zlib.crc32(value, zlib.crc32(key, _OF_TABLES[table]))
 
 
 def _name(key: bytes) -> str:
@@ -137,6 +138,10 @@ class _Reading:
     def scan(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[tuple[bytes, memoryview]]:
         rows = self._transaction.scan(table, first, last, reverse=reverse)
         return rows if table in PLAIN else self._opened(table, rows)
+
+    def first(self, table: str, first: bytes, last: bytes) -> tuple[bytes, memoryview] | None:
+        found = self._transaction.first(table, first, last)
+        return found if found is None or table in PLAIN else (found[0], opened(table, *found))
 
     def _opened(self, table: str, rows: Iterator[tuple[bytes, memoryview]]) -> Iterator[tuple[bytes, memoryview]]:
         for key, value in rows:

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import logging
 import struct
-from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import FIRST, LAST
 from scenefold.crypto import RecordPlace
-from scenefold.store.layout import OBJECTS_END, RECORDS, STATISTICS, record_key, space_key, space_of
+from scenefold.store.layout import OBJECTS_END, RECORDS, STATISTICS, SpaceAddress, record_key, space_key, space_of
 from scenefold.store.sealing import StoreDamaged
 from scenefold.world.ports import DiskSpace, ReadTransaction, WriteTransaction
 
 _COUNTS = struct.Struct(">QQ")
-
-SpaceAddress = tuple[SceneId, SpaceId]
 
 _log = logging.getLogger("scenefold.store")
 
@@ -56,34 +52,6 @@ def capacity_of(statistics: StoreStatistics, share_bytes: int) -> int:
     return min(share_bytes, statistics.disk_total_bytes) if share_bytes else statistics.disk_total_bytes
 
 
-@dataclass(slots=True)
-class Tally:
-    """Differences that one transaction makes, written once at its end."""
-
-    changes: defaultdict[SpaceAddress, list[int]] = field(default_factory=lambda: defaultdict(lambda: [0, 0]))
-
-    def add(self, space: SpaceAddress, records: int, stored_bytes: int) -> None:
-        change = self.changes[space]
-        change[0] += records
-        change[1] += stored_bytes
-
-    def write(self, transaction: WriteTransaction) -> dict[SpaceAddress, Counts]:
-        """Bring the table up to date; returns the new counts of the spaces that changed."""
-        changed = {}
-        for space, (records, stored_bytes) in self.changes.items():
-            key = space_key(*space)
-            changed[space] = self._after(transaction, space, Counts(records, stored_bytes))
-            transaction.put(STATISTICS, key, _COUNTS.pack(changed[space].records, changed[space].bytes))
-        return changed
-
-    def _after(self, transaction: WriteTransaction, space: SpaceAddress, change: Counts) -> Counts:
-        try:
-            value = transaction.get(STATISTICS, space_key(*space))
-        except StoreDamaged:
-            return _counted(transaction, space)
-        return change if value is None else Counts(*_COUNTS.unpack(value)) + change
-
-
 def read_counts(transaction: ReadTransaction) -> dict[SpaceAddress, Counts]:
     """All counts, once at the start. What is damaged follows from the records: it is counted, and written at the next change."""
     counts = {}
@@ -96,6 +64,18 @@ def read_counts(transaction: ReadTransaction) -> dict[SpaceAddress, Counts]:
         else:
             assert value is not None
             counts[space_of(key)] = Counts(*_COUNTS.unpack(value))
+    return counts
+
+
+def change_counts(transaction: WriteTransaction, space: SpaceAddress, change: Counts) -> Counts:
+    """Bring the table up to date; returns the new counts."""
+    key = space_key(*space)
+    try:
+        value = transaction.get(STATISTICS, key)
+        counts = change if value is None else Counts(*_COUNTS.unpack(value)) + change
+    except StoreDamaged:
+        counts = _counted(transaction, space)
+    transaction.put(STATISTICS, key, _COUNTS.pack(counts.records, counts.bytes))
     return counts
 
 

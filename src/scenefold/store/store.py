@@ -6,12 +6,10 @@ write. Records must have been verified before they come here.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
 
 import trio
 
@@ -21,36 +19,35 @@ from scenefold.base.limits import STORE_READ_BATCH_MAX, STORE_RESERVE_BYTES
 from scenefold.base.location import Arc
 from scenefold.crypto import Record, RecordHeader, RecordPlace, object_of
 from scenefold.store import reading, walking
+from scenefold.store.building import keep_building
 from scenefold.store.changes import PutValue, PutValues
+from scenefold.store.comparing import ComparingStore
+from scenefold.store.digest_changes import has_unbuilt
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.noticing import Noticed
+from scenefold.store.opened import in_view
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
-from scenefold.store.sealing import SealedEnvironment, StoreDamaged
+from scenefold.store.sealing import SealedEnvironment
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts, room_beside
 from scenefold.store.walking import Entry, Manifest, Weighed
 from scenefold.store.writer import GroupWriter
-from scenefold.world.ports import Environment, ReadTransaction, World
+from scenefold.world.ports import Environment, World
 from scenefold.world.tasks import background_tasks
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store:
+class Store(ComparingStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:
-        self._workers = world.workers
+        super().__init__(world.workers, environment, writer)
         self._entropy = world.entropy
-        self._environment = environment
-        self._writer = writer
         self.identity = identity
         self._opened_as = identity.incarnation
         self._noticed = Noticed(world.clock)
@@ -225,19 +222,6 @@ class Store:
         disk_bytes = space.used + max(0, room_beside(space, self._writer.reserve_bytes))
         return StoreStatistics(total.records, total.bytes, spaces, space.used, disk_bytes)
 
-    async def _view(self, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:
-        """Call a function with an unchanging view of the tables, in a reading thread. StoreDamaged ends the store."""
-        try:
-            return await self._workers.run("store-read", partial(_in_view, self._environment, function, *args, **options))
-        except StoreDamaged as damage:
-            self._writer.halt(damage)
-            raise
-
-
-def _in_view(environment: Environment, function: Callable[Concatenate[ReadTransaction, P], T], *args: P.args, **options: P.kwargs) -> T:
-    with environment.read() as transaction:
-        return function(transaction, *args, **options)
-
 
 def _with_headers(puts: Sequence[Put]) -> list[tuple[RecordHeader, Put]]:
     """A header that does not parse is its caller's trouble, and must not reach a batch that others share."""
@@ -254,10 +238,13 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
         incarnation = world.entropy.token(INCARNATION_BYTES)
         identity = await workers.run("store", claim, environment, str(folder), node_id, incarnation)
         writer = GroupWriter(workers, environment, reserve_bytes)
-        writer.counts = await workers.run("store", _in_view, environment, read_counts)
+        writer.counts = await workers.run("store", in_view, environment, read_counts)
+        if await workers.run("store", in_view, environment, has_unbuilt):
+            writer.unbuilt.set()
         try:
             async with background_tasks() as nursery:
                 nursery.start_soon(writer.run)
+                nursery.start_soon(keep_building, writer)
                 yield Store(world, environment, identity, writer)
         except BaseExceptionGroup:
             # Who read the damage and who hears that the store is closing end with it: that is one error, not many.

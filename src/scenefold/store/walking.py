@@ -22,6 +22,7 @@ from scenefold.store.layout import (
     OBJECTS_END,
     RECORDS,
     STATISTICS,
+    SpaceAddress,
     Spot,
     location_of,
     record_key,
@@ -30,7 +31,7 @@ from scenefold.store.layout import (
     stored_header,
 )
 from scenefold.store.placing import displaced
-from scenefold.store.statistics import Counts, SpaceAddress
+from scenefold.store.statistics import Counts
 from scenefold.world.ports import ReadTransaction
 
 _log = logging.getLogger("scenefold.store")

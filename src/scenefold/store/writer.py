@@ -18,9 +18,11 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import Change, MayUseReserve
+from scenefold.store.layout import SpaceAddress
 from scenefold.store.preallocation import ahead_of
 from scenefold.store.sealing import StoreDamaged
-from scenefold.store.statistics import Counts, SpaceAddress, Tally, room_beside
+from scenefold.store.statistics import Counts, room_beside
+from scenefold.store.tally import Tally
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, ReadTransaction, Workers, WriteTransaction
 
 R = TypeVar("R")
@@ -47,11 +49,15 @@ class _Waiting:
 
 @dataclass(frozen=True, slots=True)
 class Committed:
-    """Answers in the order of the changes, the new counts of the spaces that changed, and how many met no room beside the reserve."""
+    """Answers in the order of the changes, the new counts of the spaces that changed, and how many met no room beside the reserve.
+
+    `is_unbuilt`: this has left a tree of digests to be built.
+    """
 
     answers: list[Any]
     counts: dict[SpaceAddress, Counts]
     refused: int
+    is_unbuilt: bool = False
 
 
 class GroupWriter:
@@ -67,6 +73,8 @@ class GroupWriter:
         self._is_full = False
         self.damage: StoreDamaged | None = None
         """Why nothing more is taken."""
+        self.unbuilt = trio.Event()
+        """Set when there is a tree of digests to be built."""
 
     async def submit(self, change: Change[R]) -> R:
         """Apply a change; returns when it is durable. Cancelled, the change may or may not happen."""
@@ -101,6 +109,8 @@ class GroupWriter:
                 )
                 self.commits += 1
                 self.counts.update(committed.counts)
+                if committed.is_unbuilt:
+                    self.unbuilt.set()
                 if not all(isinstance(waiting.change, MayUseReserve) for waiting in batch):
                     self._tell_of_fill(committed.refused)
                 for waiting, answer in zip(batch, committed.answers, strict=True):
@@ -170,7 +180,7 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
     def apply(transaction: WriteTransaction) -> Committed:
         tally = Tally()
         answers = [change.apply(transaction, tally) for change in admitted]
-        return Committed(answers, tally.write(transaction), refused)
+        return Committed(answers, tally.write(transaction), refused, tally.digests.is_unbuilt)
 
     try:
         return environment.update(apply)

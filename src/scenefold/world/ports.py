@@ -241,6 +241,10 @@ class ReadTransaction(Protocol):
         """The same with values."""
         ...
 
+    def first(self, table: str, first: bytes, last: bytes) -> tuple[bytes, memoryview] | None:
+        """The first one of `scan`, at some fifth of the cost; None if there is none."""
+        ...
+
 
 class WriteTransaction(ReadTransaction, Protocol):
     """A view that sees its own changes. Its memoryviews are valid until the next `put` or `delete` only."""

@@ -21,6 +21,7 @@ def rows(environment: Environment, table: str, first: bytes = b"", last: bytes =
     with environment.read() as transaction:
         found = [(key, bytes(value)) for key, value in transaction.scan(table, first, last)]
         assert [key for key, _ in found] == list(transaction.keys(table, first, last))
+        assert transaction.first(table, first, last) == (found[0] if found else None)
         return found
 
 

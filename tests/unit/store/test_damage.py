@@ -19,7 +19,7 @@ from scenefold.peer.cluster_log.lives import Lives, note_of, pack_granted
 from scenefold.peer.line.holding import Handover, Heard, Holding, Step
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.store import LmdbDisk, Put, Spot, StoreDamaged, open_store
-from scenefold.store.layout import HEADERS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, TABLES, location_of
+from scenefold.store.layout import DIGESTS, HEADERS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, TABLES, location_of
 from scenefold.store.sealing import SEALED, opened, sealed
 from scenefold.wire import Member
 from scenefold.world import Environment, WriteTransaction
@@ -44,7 +44,7 @@ KEPT = {
     "arc": (HOLDING, b"arc", bytes(20) + b"\x7f" * 20),
     "no arc": (HOLDING, b"arc", b""),
     "holding note": (HOLDING, b"note", encode_holding(holding())),
-    "format": (IDENTITY, b"format", b"\0\0\0\3"),
+    "format": (IDENTITY, b"format", b"\0\0\0\4"),
     "node": (IDENTITY, b"node", b"\x7f\0\0\2"),
     "incarnation": (IDENTITY, b"incarnation", b"i" * 16),
     "boot": (IDENTITY, b"boot", b"\0\0\0\5"),
@@ -53,6 +53,7 @@ KEPT = {
     "page of the log": (NOTES, b"cluster-log/00000000", bytes(range(256))),
     "place of an object": (OBJECTS, b"\0\0\0\7\0\2" + b"o" * 16, b"\x11" * 20),
     "counts": (STATISTICS, b"\0\0\0\7\0\2", bytes(16)),
+    "digests": (DIGESTS, b"\0\0\0\7\0\2\1" + b"\x11" * 20, bytes(28)),
 }
 
 
@@ -235,7 +236,7 @@ def date_back(folder: Path, version: int, *, is_plain: bool) -> None:
 
 def forget_records(folder: Path) -> None:
     def change(transaction: WriteTransaction) -> None:
-        for table in (RECORDS, OBJECTS, STATISTICS):
+        for table in (RECORDS, OBJECTS, STATISTICS, DIGESTS):
             for key in list(transaction.keys(table, *EVERY_KEY)):
                 transaction.delete(table, key)
 

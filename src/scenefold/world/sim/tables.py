@@ -80,6 +80,9 @@ class ReadView:
             assert value is not None
             yield key, value
 
+    def first(self, table: str, first: bytes, last: bytes) -> tuple[bytes, memoryview] | None:
+        return next(self.scan(table, first, last), None)
+
     def _check(self) -> None:
         assert self._is_open, "a transaction is used after its end"
 

@@ -1,0 +1,38 @@
+"""What nodes that hold copies ask their stores for, so as to compare them (specs/10-store.md, Digests; 20-copies.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Arc
+from scenefold.store.changes import RestartDigests
+from scenefold.store.digest_sums import Listing, read_listing, read_sums
+from scenefold.store.digest_tree import TreeDamaged
+from scenefold.store.layout import SpaceAddress
+from scenefold.store.opened import OpenedStore
+from scenefold.store.versions import RangeSum
+
+
+class ComparingStore(OpenedStore):
+    """The part of the store that knows sums. All of it goes by the homes of records, wherever objects lie."""
+
+    async def spaces(self) -> list[SpaceAddress]:
+        """Where there are records as of the last commit, in order."""
+        return sorted(space for space, counts in self._writer.counts.items() if counts.records)
+
+    async def sums(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> list[RangeSum]:
+        """How many records have their homes in each arc, and the sum of their versions. Some ms an arc, without a walk over it.
+
+        A damaged tree is made anew; until then what it does not have yet is counted, some 5 us a record.
+        """
+        try:
+            return await self._view(read_sums, (scene, space), arcs)
+        except TreeDamaged as damage:
+            await self._writer.submit(RestartDigests(damage.space, str(damage)))
+            return await self._view(read_sums, (scene, space), arcs)
+
+    async def listing(self, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> Listing:
+        """The first `limit` >= 2 records with their homes in the arc, in the order of these, and which versions they are."""
+        assert limit >= 2
+        return await self._view(read_listing, (scene, space), arc, limit)

@@ -1,0 +1,93 @@
+"""Sums of arcs, from the trees of digests, and what lies in an arc by homes, for who compares (specs/10-store.md, Digests). Plain functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from scenefold.base.location import LAST, Arc, Location
+from scenefold.store.digest_changes import built_to
+from scenefold.store.digest_tree import LEVELS, Rows
+from scenefold.store.homes import by_home
+from scenefold.store.layout import SpaceAddress, Spot, sound_header, spot_of
+from scenefold.store.versions import RangeSum, stored_sum, version_of
+from scenefold.world.ports import ReadTransaction
+
+
+class Held(NamedTuple):
+    """A stored record: where it lies, where its home is, and which version it is; b"" for one whose header has rotted."""
+
+    spot: Spot
+    home: Location
+    version: bytes
+
+
+class Listing(NamedTuple):
+    """Records in the order of their homes. `covered` is the part of the arc that they are all of; all of it if `complete`."""
+
+    records: list[Held]
+    covered: Arc
+    complete: bool
+
+
+def read_sums(transaction: ReadTransaction, space: SpaceAddress, arcs: Sequence[Arc]) -> list[RangeSum]:
+    """What lies in each arc, by homes: some ms an arc, however much there is. TreeDamaged if the tree is to be made anew."""
+    prefixes = _Prefixes(transaction, space)
+    return [prefixes.up_to(arc.last).without(prefixes.up_to(_before(arc.first))) for arc in arcs]
+
+
+class _Prefixes:
+    """Sums from the beginning of the line, each read once: arcs that meet have bounds in common."""
+
+    def __init__(self, transaction: ReadTransaction, space: SpaceAddress) -> None:
+        self._transaction = transaction
+        self._space = space
+        self._rows = Rows(transaction, space)
+        self._built = built_to(transaction, space)
+        self._known: dict[bytes, RangeSum] = {}
+
+    def up_to(self, location: bytes) -> RangeSum:
+        known = self._known.get(location)
+        if known is None:
+            known = self._built_up_to(min(location, self._built)).and_also(*self._walked(self._built, location))
+            self._known[location] = known
+        return known
+
+    def _built_up_to(self, location: bytes) -> RangeSum:
+        total, begin = RangeSum(), b""
+        if not location:
+            return total
+        for level in range(LEVELS, 0, -1):
+            for bound, row in self._rows.behind(level, begin, bytes(LAST)):
+                if bound > location:
+                    break
+                total, begin = total.and_also(row.records, row.sum), bound
+            if begin == location:
+                return total
+        return total.and_also(*self._walked(begin, location))
+
+    def _walked(self, begin: bytes, last: bytes) -> RangeSum:
+        """Of the records themselves: less than a bucket, or what the tree does not have yet."""
+        if begin >= last:
+            return RangeSum()
+        sums = [stored_sum(found.value) for found in by_home(self._transaction, self._space, begin, last)]
+        known = [one for one in sums if one is not None]
+        return RangeSum().and_also(len(known), sum(known))
+
+
+def _before(location: Location) -> bytes:
+    return Location.from_number(location.number - 1) if location.number else b""
+
+
+def read_listing(transaction: ReadTransaction, space: SpaceAddress, arc: Arc, limit: int) -> Listing:
+    """The first `limit` >= 2 records with their homes in the arc, and which versions they are; of one home all or none."""
+    records: list[Held] = []
+    for home, key, value in by_home(transaction, space, _before(arc.first), arc.last):
+        if len(records) == limit:
+            # A fixed record and an object may have one home; never more.
+            if records[-1].home == home:
+                records.pop()
+            return Listing(records, Arc(arc.first, records[-1].home), complete=False)
+        header = sound_header(value)
+        records.append(Held(spot_of(key), Location(home), b"" if header is None else version_of(header)))
+    return Listing(records, arc, complete=True)
