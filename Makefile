@@ -5,8 +5,8 @@
 .PHONY: help install demo test lint format bench docs clean distclean
 
 BIN := .venv/bin
-# As many tests at once as there are cores, up to four; those of one file follow each other in one process.
-TOGETHER := -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# One test more at once than there are cores, up to four, since those with real nodes wait a lot; those of one file follow each other in one process.
+TOGETHER = -n $(shell $(BIN)/python -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))') --dist loadfile --no-loadscope-reorder
 LOOK_FOR := $(if $(PYTHON),$(PYTHON),python3 python3.11 python3.12 python3.13 python3.14)
 
 # $(call ready,EXTRAS): empty when .venv holds them; otherwise make stops with the one line that says why.
