@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 
 from scenectl.errors import DEGRADED, DONE
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, emit_event
-from scenectl.values import AddressesOption, AddressOption, PortsOption, cluster_ports, whole
+from scenectl.values import AddressesOption, AddressOption, PortsOption, PrefixesOption, cluster_ports, whole
 
 if TYPE_CHECKING:
     import trio
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scenefold.node import Extension, NodeSettings
 
 app = App(name="node", help="Run nodes, and let them leave.", help_format="plaintext")
+app.command("scenectl.blacklist:app", name="blacklist", help="Say which nodes must hold no copies of what a node owns.")
 
 Count = Annotated[int, whole(1, 127)]
 
@@ -38,7 +39,7 @@ def run_(
     capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
     transfer: Annotated[int, whole(1, 2**63 - 1, env_var="SCENEFOLD_TRANSFER")] = 64 * 1024 * 1024,
     remove_after: Annotated[float, Parameter(env_var="SCENEFOLD_REMOVE_AFTER", validator=Number(gte=13, lte=86_400 * 365))] = 120.0,
-    blacklist: Annotated[AddressesOption | None, Parameter(env_var="SCENEFOLD_BLACKLIST")] = None,
+    blacklist: Annotated[PrefixesOption | None, Parameter(env_var="SCENEFOLD_BLACKLIST")] = None,
     join_at: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
     balance: Annotated[bool, Parameter(env_var="SCENEFOLD_BALANCE")] = True,
     log_level: Literal["debug", "info", "warning", "error"] = "info",
@@ -69,7 +70,7 @@ def run_(
     remove_after
         Seconds that a node must be silent before this one has it removed from the cluster.
     blacklist
-        Addresses of nodes that must not hold copies of this node's data: in the same rack, say.
+        Addresses of nodes that must not hold copies of this node's data, or prefixes such as 10.1.2.0/24: those in the same rack, say. They are added to what stands on its blacklist already.
     join_at
         Where a newcomer stands on the line: "loaded", beside the fullest node, of which it gets half, 64 MiB at first; "random"; or a location in hexadecimal, 8 for the middle of the line.
     balance

@@ -17,6 +17,7 @@ from scenectl.names import checked_space
 from scenefold.base.ids import SPACE_ID_MAX, checked_node_id
 from scenefold.base.limits import NODES_MAX, POOL_NODES_MAX
 from scenefold.base.location import Location
+from scenefold.base.prefixes import address_prefix
 
 if TYPE_CHECKING:
     from scenefold.world import Ports
@@ -112,6 +113,25 @@ class Addresses:
         if len(set(addresses)) != len(addresses):
             raise ValueError("an address stands there twice")
         return cls(addresses)
+
+    def __str__(self) -> str:
+        return ",".join(self.all)
+
+
+@dataclass(frozen=True)
+class Prefixes:
+    """Different addresses, and prefixes of some: 127.0.0.2,10.1.2.0/24."""
+
+    all: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        prefixes = [address_prefix(part.strip()) for part in text.split(",") if part.strip()]
+        if not prefixes:
+            raise ValueError("at least one address or prefix is needed, such as 10.1.2.0/24")
+        if len(set(prefixes)) != len(prefixes):
+            raise ValueError("an address or prefix stands there twice")
+        return cls(tuple(map(str, prefixes)))
 
     def __str__(self) -> str:
         return ",".join(self.all)
@@ -244,6 +264,7 @@ SizeOption = Annotated[Size, ONE_WORD]
 ColourOption = Annotated[Colour, ONE_WORD]
 AddressOption = Annotated[Address, ONE_WORD]
 AddressesOption = Annotated[Addresses, ONE_WORD]
+PrefixesOption = Annotated[Prefixes, ONE_WORD]
 PortsOption = Annotated[PortPair, ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")]
 NodeCountsOption = Annotated[NodeCounts, ONE_WORD]
 SuiteOption = Literal["ed25519-aes192gcm", "rsa3072-aes192gcm"]

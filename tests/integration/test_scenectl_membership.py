@@ -145,6 +145,34 @@ def test_a_node_that_is_a_member_already_is_ready_first(profile: str, tmp_path: 
             process.communicate(timeout=LIMIT_S)
 
 
+def test_a_blacklist_is_changed_while_its_node_runs_and_everybody_hears_of_it(profile: str) -> None:
+    def blacklist(verb: str, *arguments: str, code: int = 0) -> Any:
+        done = scenectl("node", "blacklist", verb, *arguments, "--json", profile=profile)
+        assert done.code == code, done.err
+        return done.json
+
+    owner, other = FOUNDERS
+    before = blacklist("list", owner)
+    assert before == {"address": owner, "version": before["version"], "blacklist": []}
+    added = blacklist("add", "10.1.2.0/24", other, "--node", owner)
+    assert added == {"address": owner, "version": before["version"] + 1, "blacklist": ["10.1.2.0/24", other]}
+    assert blacklist("add", other, "--node", owner) == added == blacklist("list", owner)
+    (shown,) = [node for node in scenectl("cluster", "status", "--json", profile=profile).json["nodes"] if node["address"] == owner]
+    assert (shown["blacklist"], shown["blacklist_version"]) == (added["blacklist"], added["version"])
+    text = scenectl("cluster", "status", profile=profile).out.decode()
+    assert f"{owner} wants no copies of its data on 10.1.2.0/24, {other}" in text
+    for arguments, words in (
+        (("rm", "10.1.2.0/25", "--node", owner), f"10.1.2.0/25: not on the blacklist of {owner}"),
+        (("add", owner, "--node", owner), f"{owner} is the node's own address, which is on its blacklist always"),
+        (("add", *(f"10.0.0.{number}" for number in range(1, 32)), "--node", owner), "a blacklist of 33 entries, where 32 are allowed"),
+        (("list", "127.0.0.99"), "no node of this address is a member"),
+    ):
+        assert words in blacklist(*arguments, code=1)["error"]["what"]
+    done = scenectl("node", "blacklist", "rm", "10.1.2.0/24", other, "--node", owner, profile=profile)
+    assert done.out.decode().strip() == f"Node {owner}: every other node may hold copies of its data."
+    assert blacklist("list", owner) == {"address": owner, "version": added["version"] + 1, "blacklist": []}
+
+
 def test_the_node_that_decides_cannot_be_drained(profile: str) -> None:
     refused = scenectl("node", "drain", FOUNDERS[0], profile=profile)
     assert refused.code == 4 and "cannot do without it" in refused.error and FOUNDERS[0] in refused.error

@@ -99,7 +99,7 @@ def test_founders_join_and_own_their_arcs() -> None:
     simulate(scenario)
 
 
-def test_each_blacklist_stands_in_everybodys_table_and_follows_the_settings() -> None:
+def test_each_blacklist_stands_in_everybodys_table_and_settings_add_to_it() -> None:
     def tables(machines: Machines) -> list[dict[int, tuple[str, ...]]]:
         """Of each node: the blacklists of the others, as its table has them."""
         return [
@@ -116,11 +116,12 @@ def test_each_blacklist_stands_in_everybodys_table_and_follows_the_settings() ->
         said = {node(0): nobody, node(1): (address_of(node(0)), address_of(node(2))), node(2): (address_of(node(1)),)}
         assert tables(machines) == [{other: said[other] for other in said if other != me} for me in said]
         await machines.crash(1)
-        machines.blacklists[1] = [2]
+        machines.blacklists = {1: [3], 2: [1]}
         await machines.start(1)
         await machines.joined(1)
         await trio.sleep(10)
-        assert {table[node(1)] for table in tables(machines) if node(1) in table} == {(address_of(node(2)),)}
+        three = tuple(address_of(node(number)) for number in (0, 2, 3))
+        assert {table[node(1)] for table in tables(machines) if node(1) in table} == {three}
 
     simulate(scenario)
 

@@ -30,6 +30,13 @@ class AddressPrefix(NamedTuple):
         return (node ^ self.address) >> (ADDRESS_BITS - self.bits) == 0
 
 
+class Blacklist(NamedTuple):
+    """Which nodes an owner wants no copies on, itself aside. The version rises with each change."""
+
+    version: int = 0
+    prefixes: tuple[AddressPrefix, ...] = ()
+
+
 def address_prefix(text: str) -> AddressPrefix:
     """The prefix that a person has written, such as 10.1.2.0/24, or one address; ValueError, in words, if it is neither."""
     address, slash, bits = text.partition("/")

@@ -13,6 +13,7 @@ from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachabl
 from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
+from scenefold.base.prefixes import AddressPrefix, Blacklist
 from scenefold.client.calls import Calls, no_answer
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
@@ -26,7 +27,7 @@ from scenefold.client.table import Owner
 from scenefold.client.together import together
 from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.scene.log import Decider
-from scenefold.wire import DrainNode, RequestReport, RespondTable, Status
+from scenefold.wire import BlacklistChanged, ChangeBlacklist, DrainNode, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
 from scenefold.world.log_file import LogFile
@@ -132,6 +133,21 @@ class Cluster:
         reply = await self.calls.ask(address, packet, Reported, priority=Priority.HIGH)
         return read_drain_report(reply.document, address)
 
+    async def blacklist(
+        self, address: str, *, add: Sequence[AddressPrefix] = (), remove: Sequence[AddressPrefix] = (), expected: int | None = None
+    ) -> Blacklist:
+        """Which nodes must hold no copies of what this node owns, after the change that is asked for, if any; for administrators, if any.
+
+        What stands there already may be added again. `expected`: the version that is to be changed; Refused (8) if it is
+        another by now. Refused (7) of what is to go and is not there, of the node's own address, and of more than fit.
+        """
+        both = [str(prefix) for prefix in add if prefix in remove]
+        if both:
+            raise UsageFault(f"{', '.join(both)} cannot be put on a blacklist and taken off it at once", remedy="choose")
+        packet = ChangeBlacklist(tuple(add), tuple(remove), expected)
+        reply = await self.calls.ask(address, packet, BlacklistChanged, priority=Priority.HIGH)
+        return Blacklist(reply.version, reply.prefixes)
+
     async def look(self, first: NodeId | None = None) -> ClusterStatus:
         """One look at the cluster by the table of `first` (any node); what seems off may be so only because bounds move."""
         table = await self.calls.refresh(first)
@@ -158,7 +174,8 @@ class Cluster:
         for node, address in self.line_of(table):
             status, report = statuses.get(node), reports[address]
             heard_s = 0.0 if address == asked else peers[address].heard_s if address in peers else None
-            told = () if status is None else tuple(map(str, status.blacklist))
+            told = ((), 0) if status is None else (tuple(map(str, status.blacklist)), status.blacklist_version)
+            listed, version = (report.blacklist, report.blacklist_version) if isinstance(report, NodeReport) else told
             nodes.append(
                 NodeState(
                     address=address,
@@ -168,7 +185,8 @@ class Cluster:
                     heard_s=heard_s,
                     report=report if isinstance(report, NodeReport) else None,
                     problem=report.what.removeprefix("no connection to the node: ") if isinstance(report, ScenefoldError) else "",
-                    blacklist=report.blacklist if isinstance(report, NodeReport) else told,
+                    blacklist=listed,
+                    blacklist_version=version,
                 )
             )
         return asked, nodes

@@ -35,7 +35,8 @@ class NodeState:
     report: NodeReport | None
     problem: str = ""
     blacklist: tuple[str, ...] = ()
-    """Addresses of nodes that must not hold copies of its data: by its own word, else as the asked node knows it."""
+    """Addresses, and prefixes of some, of nodes that must not hold copies of its data: by its own word, else as the asked node knows it."""
+    blacklist_version: int = 0
     last: NodeReport | None = None
     """Of a node that does not answer now: what it said last, to somebody who looks again and again."""
     last_s: float = 0.0
@@ -86,6 +87,7 @@ class NodeState:
             "incarnation": self.incarnation.hex() if report is None else report.incarnation,
             "boot": None if report is None else report.boot,
             "blacklist": list(self.blacklist),
+            "blacklist_version": self.blacklist_version,
         }
 
 

@@ -95,7 +95,8 @@ class NodeReport:
     stall_ago_s: float | None
     peers: Mapping[str, PeerReport]
     blacklist: tuple[str, ...]
-    """Addresses of nodes that must not hold copies of its data."""
+    """Addresses, and prefixes of some, of nodes that must not hold copies of its data."""
+    blacklist_version: int
     turned_away: int
     """Connections that it refused since its start: strangers', and what was too many."""
     dropped: int
@@ -166,6 +167,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             stall_ago_s=_seconds(stalls["ago_s"]),
             peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
             blacklist=tuple(map(_listed, found.get("blacklist", ()))),
+            blacklist_version=_count(found.get("blacklist_version", 0)),
             turned_away=_count(events.get("connections turned away", 0)),
             dropped=_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),

@@ -16,6 +16,7 @@ from typing import Any
 
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
+from scenefold.base.prefixes import Blacklist
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.context import NodeContext
 from scenefold.peer.handlers import Handlers
@@ -80,7 +81,7 @@ class Moment:
     rays_per_second: int
     events: Mapping[str, int]
     balance: Mapping[str, Any]
-    blacklist: Sequence[str] = ()
+    blacklist: Blacklist = field(default_factory=Blacklist)
     signs: Sequence[Mapping[str, Any]] = ()
 
 
@@ -117,7 +118,8 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "peers": [_peer_document(node, roster, moment.now) for node in registry.order if node != moment.member.node],
         "events": dict(sorted(moment.events.items())),
         "balance": dict(moment.balance),
-        "blacklist": list(moment.blacklist),
+        "blacklist": list(map(str, moment.blacklist.prefixes)),
+        "blacklist_version": moment.blacklist.version,
         "signs": list(moment.signs),
     }
 
@@ -216,7 +218,7 @@ class Reporting:
                 TURNED_AWAY: context.world.network.turned_away,
             },
             balance=context.balancer.report(),
-            blacklist=context.settings.blacklist,
+            blacklist=context.own.blacklist,
             signs=context.gossip.signs.documents(now),
         )
         return report_of(moment, context.cluster_log.registry, context.roster, self._memory)

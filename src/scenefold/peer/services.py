@@ -32,6 +32,7 @@ from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
 from scenefold.peer.enrolment.renewal import Renewal
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Claims, Line
+from scenefold.peer.membership.blacklist import OwnBlacklist
 from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.members import Members
 from scenefold.peer.membership.probing import Probing
@@ -83,12 +84,15 @@ class PeerServices:
     ) -> None:
         me = node_id_of(settings.address)
         identity = store.identity
-        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, secrets, blacklist=settings.blacklisted)
+        own = OwnStatus(me, settings.address, identity.incarnation, identity.boot, secrets)
         own.update(memory_total_bytes=settings.memory_budget_bytes)
         roster = Roster(me)
 
         def registry() -> Registry:
             return cluster_log.registry
+
+        def may_order(user: str) -> bool:
+            return is_administrator(user, registry(), facts)
 
         routing = Routing(registry, roster, own)
         peers = Peers(world, links, own, roster, routing)
@@ -114,8 +118,9 @@ class PeerServices:
             own,
             lambda: scenes.decided_by(me),
             has_lease=lease.holds,
-            may_order=lambda user: is_administrator(user, registry(), facts),
+            may_order=may_order,
         )
+        self._blacklist = OwnBlacklist(store, own, settings.blacklisted, may_order=may_order)
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
         public_keys = PublicKeys(facts, registry, scenes)
@@ -128,7 +133,8 @@ class PeerServices:
         handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
         cluster_log.register(handlers, scenes)
         enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
-        for service in (scenes, line, data, probing, sharing, draining, enrolling, Members(own, roster, registry), public_keys):
+        members = Members(own, roster, registry)
+        for service in (scenes, line, data, probing, sharing, draining, self._blacklist, enrolling, members, public_keys):
             service.register(handlers)
         renewal = Renewal(world, facts, cluster_log, peers, enrolling, papers)
         discovery = Discovery(world, facts, me, settings.address, cluster_log)
@@ -185,6 +191,7 @@ class PeerServices:
         await context.scenes.load()
         await context.line.load()
         await context.draining.load()
+        await self._blacklist.load()
         async with trio.open_nursery() as nursery:
             await nursery.start(context.gossip.run)
             await nursery.start(context.range_datagrams.run)

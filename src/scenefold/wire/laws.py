@@ -94,6 +94,20 @@ class Distinct:
 
 
 @dataclass(frozen=True, slots=True)
+class Apart:
+    """Two lists have nothing in common."""
+
+    first: str
+    second: str
+
+    def holds(self, value: Any) -> bool:
+        return set(getattr(value, self.first)).isdisjoint(getattr(value, self.second))
+
+    def __str__(self) -> str:
+        return f"nothing in both {self.first} and {self.second}"
+
+
+@dataclass(frozen=True, slots=True)
 class Masked:
     """Of an address all is 0 behind its first bits, so that one prefix has one form."""
 

@@ -1,14 +1,19 @@
-"""Packets 71, 72, 74 to 76, 85 and 86: does that node live, is it to leave, how does it do (specs/11-peers.md, specs/13-balance.md)."""
+"""Packets 71, 72, 74 to 76, 85, 86, 98 and 99: does that node live, is it to leave, how does it do, whom does it shun.
+
+specs/11-peers.md, specs/13-balance.md, and of blacklists specs/20-copies.md.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scenefold.wire.common import BOOL, DOCUMENT, SIGNATURE, Carrier, Packet, row
-from scenefold.wire.kinds import Bin
-from scenefold.wire.laws import OneOf
+from scenefold.base.prefixes import AddressPrefix
+from scenefold.wire.common import BOOL, DOCUMENT, SIGNATURE, U64, Carrier, Packet, row
+from scenefold.wire.kinds import Bin, Maybe
+from scenefold.wire.laws import Apart, OneOf
 from scenefold.wire.scene_log_packets import MEMBER, Member
+from scenefold.wire.status_packets import BLACKLIST
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +77,25 @@ class ReturnProof(Packet):
     proof: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class ChangeBlacklist(Packet):
+    """Put these on your blacklist, and take those off it. Both empty: only say what stands there. `expected`: the version that is to be changed."""
+
+    TYPE: ClassVar[int] = 98
+    add: tuple[AddressPrefix, ...] = ()
+    remove: tuple[AddressPrefix, ...] = ()
+    expected: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BlacklistChanged(Packet):
+    """The blacklist, as it is durable now."""
+
+    TYPE: ClassVar[int] = 99
+    version: int
+    prefixes: tuple[AddressPrefix, ...]
+
+
 NONCE = Bin(lengths=(16,))
 PROOF_OR_NONE = Bin(lengths=(0, 64, 384))
 
@@ -83,4 +107,13 @@ ROWS = (
     row(RequestReport, Carrier.TCP_HIGH),
     row(RequestProof, Carrier.UDP_HIGH, ("member", MEMBER), ("nonce", NONCE)),
     row(ReturnProof, Carrier.UDP_HIGH, ("nonce", NONCE), ("proof", SIGNATURE)),
+    row(
+        ChangeBlacklist,
+        Carrier.TCP_HIGH,
+        ("add", BLACKLIST),
+        ("remove", BLACKLIST),
+        ("expected", Maybe(U64)),
+        law=Apart("add", "remove"),
+    ),
+    row(BlacklistChanged, Carrier.TCP_HIGH, ("version", U64), ("prefixes", BLACKLIST)),
 )

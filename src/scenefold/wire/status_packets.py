@@ -72,6 +72,7 @@ class Status:
 
 
 ADDRESS_PREFIX = Struct(AddressPrefix, ("address", U32), ("bits", Uint(8, most=ADDRESS_BITS)), law=Masked("address", "bits"))
+BLACKLIST = Many(ADDRESS_PREFIX, BLACKLIST_MAX)
 STATUS = Struct(
     Status,
     ("lamport", U64),
@@ -90,7 +91,7 @@ STATUS = Struct(
     ("rays_per_second", U32),
     ("ray_queue_length", U32),
     ("log_position", U64),
-    ("blacklist", Many(ADDRESS_PREFIX, BLACKLIST_MAX)),
+    ("blacklist", BLACKLIST),
     ("blacklist_version", U64),
     ("signature", SIGNATURE),
     law=All((Needs("left_fence", "right_bound"), Order("left_fence", "right_bound", strictly=True))),

@@ -65,12 +65,22 @@ class Street:
             known = zip(ADDRESSES, bounds, strict=True)
             return RespondTable(
                 tuple(
-                    Status(1, node_id_of(other), b"i" * 16, 1, other, None, bound, blacklist=(address_prefix(ADDRESSES[1]),))
+                    Status(
+                        1,
+                        node_id_of(other),
+                        b"i" * 16,
+                        1,
+                        other,
+                        None,
+                        bound,
+                        blacklist=(address_prefix(ADDRESSES[1]),),
+                        blacklist_version=3,
+                    )
                     for other, bound in known
                 )
             )
         assert isinstance(packet, RequestReport)
-        said = report(address, None, records=self.records, bytes=100 * self.records, blacklist=["127.0.0.9"])
+        said = report(address, None, records=self.records, bytes=100 * self.records, blacklist=["127.0.0.9"], blacklist_version=4)
         return NodeReport(pack_value(dict(said.document)))
 
 
@@ -130,3 +140,4 @@ async def test_a_blacklist_is_shown_by_a_nodes_own_word_or_as_it_was_told(autoju
     found = await Street(hung={ADDRESSES[2]}).watch().look()
     shown = [node.document()["blacklist"] for node in found.nodes]
     assert shown == [["127.0.0.9"], ["127.0.0.9"], [ADDRESSES[1]]]
+    assert [node.document()["blacklist_version"] for node in found.nodes] == [4, 4, 3]

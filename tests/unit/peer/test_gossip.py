@@ -10,6 +10,7 @@ import trio
 from scenefold.base.ids import address_of, node_id_of
 from scenefold.base.limits import DATAGRAM_BYTES_MAX
 from scenefold.base.location import LAST, WHOLE_LINE, Location
+from scenefold.base.prefixes import Blacklist, address_prefix
 from scenefold.crypto import STATUS_DOMAIN, SealingKey, SigningKey
 from scenefold.peer.membership.hearing import CLAIM_PATIENCE_S
 from scenefold.peer.membership.knocking import KNOCK_FEW, KNOCK_OTHERS_S, KNOCK_S_MAX
@@ -104,6 +105,16 @@ async def test_a_changed_arc_is_told_at_once_but_not_as_a_throw_of_the_dice(auto
             await trio.sleep(0.1)
         many = [data for source, target, data in them.ether.sent[before:] if (source, target) == ("127.0.0.3", "127.0.0.2")]
         assert len(many) <= 16, "once a second at most"
+
+
+async def test_a_changed_blacklist_is_told_at_once(autojump_clock: trio.testing.MockClock) -> None:
+    async with village(30) as them:
+        await them.start(0)
+        await them.start(1)
+        await trio.sleep(3.0)
+        them.of(1).own.blacklist = Blacklist(1, (address_prefix("10.1.2.0/24"),))
+        with trio.fail_after(3.0):
+            await until(lambda: [status.blacklist_version for status in them.of(0).roster.statuses() if status.node == node_at(1)] == [1])
 
 
 async def test_a_changed_fill_is_told_at_once_and_one_that_is_about_the_same_is_not(autojump_clock: trio.testing.MockClock) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 from scenefold.base.ids import address_of
 from scenefold.base.limits import DOCUMENT_BYTES_MAX, NODES_MAX
 from scenefold.base.location import FIRST, LAST, Arc, Location
+from scenefold.base.prefixes import Blacklist, address_prefix
 from scenefold.client.reports import read_report
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.line import Handover, Side, Step
@@ -42,6 +43,7 @@ def moment(**changes: Any) -> Moment:
         "rays_per_second": 5,
         "events": {"given": 1, DROPPED: 4, TURNED_AWAY: 5},
         "balance": {"paused": False, "to_give": {"left": 9}},
+        "blacklist": Blacklist(7, (address_prefix("10.1.2.0/24"), address_prefix("10.9.9.9"))),
     }
     return Moment(**{**known, **changes})
 
@@ -58,6 +60,7 @@ def test_a_client_reads_what_a_node_writes() -> None:
     memory.note_handovers([(Side.RIGHT, GIVEN)], NOW - 4)
     document = report_of(moment(), registry, roster_of(registry), memory)
     read = read_report(pack_value(document), address_of(node(0)))
+    assert (read.blacklist, read.blacklist_version) == (("10.1.2.0/24", "10.9.9.9"), 7)
     assert (read.role, read.boot, read.arc, read.lease_s, read.log_position) == ("voter", 3, HALF, 8.0, 3)
     assert (read.records, read.fill, read.strays, read.seconds_up) == (20, 0.5, 2, 90.0)
     (handover,) = read.handovers

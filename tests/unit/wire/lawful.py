@@ -10,7 +10,7 @@ from scenefold.base.location import FIRST
 from scenefold.wire.copy_packets import Copy, CopyState, Counted, Listed
 from scenefold.wire.custody import CustodyEntry, LaidOut, Led, Peopled
 from scenefold.wire.custody_packets import Assigned
-from scenefold.wire.laws import All, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
+from scenefold.wire.laws import All, Apart, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
 
 
@@ -41,6 +41,8 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
             fields = {**fields, "dimensions": len(sides), "low": low, "high": high}
         case Distinct():
             fields = {**fields, law.items: tuple(dict.fromkeys(fields[law.items]))}
+        case Apart():
+            fields = {**fields, law.second: tuple(item for item in fields[law.second] if item not in fields[law.first])}
         case Masked():
             kept = fields[law.address] >> (32 - fields[law.bits]) << (32 - fields[law.bits])
             fields = {**fields, law.address: kept}

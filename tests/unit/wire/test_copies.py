@@ -24,6 +24,8 @@ from scenefold.peer.datagrams.contents import PACKET_BYTES_MAX
 from scenefold.wire import (
     ROWS,
     ArcSum,
+    BlacklistChanged,
+    ChangeBlacklist,
     ClaimRange,
     CompareRange,
     Configuration,
@@ -88,6 +90,9 @@ GOOD: list[Packet] = [
     CopiesStored((0, 22, 10), "why"),
     HeldListed(0, (), (ENTRY,), None),
     HeldFetched((), (3, 1)),
+    ChangeBlacklist(),
+    ChangeBlacklist((AddressPrefix(0, 0),), (AddressPrefix(0, 1), AddressPrefix(7, 32)), 0),
+    BlacklistChanged(1, ()),
 ]
 
 
@@ -131,6 +136,9 @@ def test_what_makes_sense_is_taken(packet: Packet) -> None:
         (ListHeld(OWNER, 1, LOW, HIGH, b"", 0), "ListHeld.limit", "outside"),
         (ListHeld(OWNER, 1, LOW, HIGH, bytes(65), 1), "ListHeld.after", "at most 64"),
         (HeldFetched((), (1, 1)), "HeldFetched", "missing distinct"),
+        (ChangeBlacklist((AddressPrefix(7, 32),), (AddressPrefix(7, 32),)), "ChangeBlacklist", "nothing in both add and remove"),
+        (ChangeBlacklist(add=(AddressPrefix(7, 31),)), "ChangeBlacklist.add[0]", "behind its first bits"),
+        (BlacklistChanged(1, (AddressPrefix(0, 32),) * 33), "BlacklistChanged.prefixes", "at most 32"),
         (PingBroadcast((Status(1, ADA, bytes(16), 1, "", blacklist=(AddressPrefix(1, 24),)),)), None, "behind its first bits"),
         (PingBroadcast((Status(1, ADA, bytes(16), 1, "", blacklist=(AddressPrefix(0, 33),)),)), None, "outside"),
     ],
@@ -152,7 +160,7 @@ def _plain(value: Any) -> Any:
     """Like the wire's own, without its laws."""
     if is_dataclass(value):
         return [_plain(getattr(value, field.name)) for field in fields(value)]
-    if isinstance(value, tuple):
+    if isinstance(value, tuple):  # A prefix as well.
         return [_plain(item) for item in value]
     return bytes(value) if isinstance(value, bytes) else value
 

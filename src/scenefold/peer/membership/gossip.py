@@ -197,8 +197,8 @@ class Gossip:
         self._knocks.spare(come, now + roster.count * TELL_S + 2 * ROUND_S, roster.unheard())
 
     async def _speak(self) -> None:
-        """Throw the dice, once a second; and say at once, within bounds, that the own arc or fill has changed."""
-        said: Arc | None = None
+        """Throw the dice, once a second; and say at once, within bounds, that the own arc, blacklist or fill has changed."""
+        said: tuple[Arc | None, int] = None, 0
         said_used = 0
         tell_from: float | None = None
         while True:
@@ -213,14 +213,17 @@ class Gossip:
                 self._roster.count_broadcast(())
                 data = self._pages.page(0)
             elif now >= tell_from and (
-                self._own.arc != said or self._hearing.is_contested or is_news(said_used, self._own.load.disk_used_bytes)
+                (self._own.arc, self._own.blacklist.version) != said
+                or self._hearing.is_contested
+                or is_news(said_used, self._own.load.disk_used_bytes)
             ):
                 # Under another request id than 0, since it is no throw of the dice.
                 data = encode_packet(PingBroadcast((self._own.signed(),), request_id=1))
                 tell_from = now + self._roster.count * TELL_S
             else:
                 continue
-            said, said_used, self._hearing.is_contested = self._own.arc, self._own.load.disk_used_bytes, False
+            said = self._own.arc, self._own.blacklist.version
+            said_used, self._hearing.is_contested = self._own.load.disk_used_bytes, False
             members = list(self._roster.peers)
             await self._datagrams.prepare(members)
             for member in members:

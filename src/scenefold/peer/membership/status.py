@@ -7,13 +7,11 @@ knows the cluster's log are set by those whose business that is, at the moment t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import BLACKLIST_MAX
 from scenefold.base.location import FIRST, Arc, Location
-from scenefold.base.prefixes import AddressPrefix
+from scenefold.base.prefixes import Blacklist
 from scenefold.crypto import STATUS_DOMAIN, MemberSecrets, SigningKey
 from scenefold.wire import Member, MiniStatus, Status
 
@@ -46,19 +44,17 @@ class Load:
 class OwnStatus:
     """The author of this node's statuses. Used from the Trio thread only."""
 
-    def __init__(
-        self, me: NodeId, address: str, incarnation: bytes, boot: int, secrets: MemberSecrets, *, blacklist: Iterable[AddressPrefix] = ()
-    ) -> None:
+    def __init__(self, me: NodeId, address: str, incarnation: bytes, boot: int, secrets: MemberSecrets) -> None:
         assert 0 <= boot <= _U32_MAX
-        listed = tuple(sorted(set(blacklist)))
-        assert len(listed) <= BLACKLIST_MAX, "settings are judged before"
         self._lamport = boot << 32
         self.secrets = secrets
         """What it signs with, and what is sealed to it."""
-        self._basis = Status(lamport=0, node=me, incarnation=incarnation, boot=boot, address=address, blacklist=listed)
+        self._basis = Status(lamport=0, node=me, incarnation=incarnation, boot=boot, address=address)
         self.load = Load()
         self.arc: Arc | None = None
         """What this node owns, as it is durable; None: nothing."""
+        self.blacklist = Blacklist()
+        """Which nodes must hold no copies of that, as it is durable."""
         self.log_position = 0
         """How far this node knows the cluster's log."""
 
@@ -96,6 +92,8 @@ class OwnStatus:
             left_fence=_fence_before(self.arc),
             right_bound=None if self.arc is None else self.arc.last,
             log_position=self.log_position,
+            blacklist=self.blacklist.prefixes,
+            blacklist_version=self.blacklist.version,
             render_pool=load.render_pool,
             scene_frame=load.scene_frame,
             offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
