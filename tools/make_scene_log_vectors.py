@@ -76,7 +76,7 @@ def entries() -> list[LogEntry]:
 
 def records() -> list[LogRecord]:
     """The whole log."""
-    made = [first_record(GENESIS, ORIGIN, member(1, Role.OWNER))]
+    made = [first_record(GENESIS, ORIGIN, member(1, Role.OWNER), copies=1)]
     for index, entry in enumerate(entries()):
         made.append(SceneLog.of(made).next_record(entry, bytes([index + 1]) * 16, ORIGIN))
     return made

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import App
 
+from scenectl.copies import lacking_text
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
 from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key, seconds_to_look
@@ -84,7 +85,7 @@ def info(name: SceneName, /, *, look: float | None = None, output: ProfileOutput
     found, former = run(ask)
     document = found.document() | {"former_keys": former.value}
     lines = [f"{key.replace('_', ' ')}: {_plain(value)}" for key, value in document.items()]
-    emit(output, document, "\n".join(lines) + former_keys_text(name, former))
+    emit(output, document, "\n".join(lines) + former_keys_text(name, former) + lacking_text(name, found.lacking))
 
 
 @app.command(name="import")

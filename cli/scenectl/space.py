@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
+from scenectl.copies import CopiesOption, MinCopiesOption, copies, copies_cell, lacking_text
 from scenectl.names import NewSpaceName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
@@ -14,9 +15,10 @@ from scenectl.values import PlaceOption, SpaceOption, name_or_number, whole
 
 if TYPE_CHECKING:
     from scenefold.client import Scene, Space
-    from scenefold.scene.log import LoggedSpace
+    from scenefold.scene.log import Layouts, LoggedSpace
 
 app = App(name="space", help="Make, move and query the spaces of a scene.", help_format="plaintext")
+app.command(copies)
 
 
 @app.command
@@ -31,15 +33,15 @@ def create(
     managed: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     parent: SpaceOption | None = None,
     offset: PlaceOption | None = None,
-    copies: Annotated[int, whole(1, 255)] = 1,
-    copies_min: Annotated[int | None, whole(1, 255)] = None,
+    copies: CopiesOption | None = None,
+    min_copies: MinCopiesOption | None = None,
     render_output: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     number: Annotated[int | None, whole(1, 8191)] = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Make a space; it is there for ever, and nodes know of it from the next record on.
 
-    Copies and shadows are noted and listed only: for now nodes keep one copy of each record, whatever is said here.
+    The shadows that its copies take are made with it, with the numbers that follow. For now nodes keep one copy of each record, whatever is said here.
 
     Example: scenectl space create particles --box 0,0,0:4,3,5 --scene kitchen --profile studio
 
@@ -60,10 +62,10 @@ def create(
     parent
         Name or number of a space that this one shall be a shadow of, with the same box, dimensions, curve and management.
     offset
-        How far along the line from a record the shadow's copy lies, in hexadecimal: 80 is half of the line.
+        How far along the line from a record the shadow's copy belongs, in hexadecimal: 80 is half of the line; by default where there is most room.
     copies
-        How many nodes shall hold each record.
-    copies_min
+        How many nodes shall hold each record, 1 to 8; by default 1.
+    min_copies
         How many must hold a record before it counts as stored; by default 2, or as many as there are copies.
     render_output
         The space may be written while the scene is being rendered.
@@ -79,7 +81,7 @@ def create(
         "parent": None if parent is None else name_or_number(parent.text),
         "offset": None if offset is None else offset.first,
         "copies": copies,
-        "copies_min": copies_min,
+        "copies_min": min_copies,
         "render_output": render_output,
         "space_id": number,
     }
@@ -93,8 +95,13 @@ def create(
 
 
 @app.command(name="list")
-def list_(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> None:
-    """List the spaces of a scene, with what its log has done to them.
+def list_(
+    *,
+    scene: SceneOption,
+    all_: Annotated[bool, Parameter(name="--all", negative="", show_default=False)] = False,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """List the spaces of a scene, with what its log has done to them. Shadows, which hold their copies, are left out.
 
     Example: scenectl space list --scene kitchen --profile studio
 
@@ -102,8 +109,11 @@ def list_(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> Non
     ----------
     scene
         Name of the scene.
+    all_
+        List shadows, too. With --json they are always there.
     """
     from scenectl.running import run
+    from scenefold.scene.log import Layouts
 
     async def ask(opened: Scene) -> tuple[int, list[LoggedSpace]]:
         spaces = await opened.spaces()
@@ -111,9 +121,11 @@ def list_(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> Non
 
     position, spaces = run(_in_scene, output.profile, scene, ask)
     titles = ("number", "name", "D", "curve", "places", "copies", "box in the world", "scaled by", "moved by")
-    document = {"scene": scene, "position": position, "spaces": [space.document() for space in spaces]}
+    layouts = Layouts.of(space.public() for space in spaces)
+    listed = [{**space.document(), "shadows": list(layouts.shadows.get(space.id, ()))} for space in spaces]
     names = {space.id: space.name for space in spaces}
-    emit(output, document, table(titles, (_row(space, names) for space in spaces)))
+    rows = [_row(space, names, layouts) for space in spaces if all_ or not space.parent]
+    emit(output, {"scene": scene, "position": position, "spaces": listed}, table(titles, rows) + lacking_text(scene, layouts.lacking()))
 
 
 @app.command
@@ -259,13 +271,12 @@ def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace) -> None:
     emit(output, {"scene": scene, **space.document()}, text)
 
 
-def _row(space: LoggedSpace, names: Mapping[int, str]) -> tuple[object, ...]:
+def _row(space: LoggedSpace, names: Mapping[int, str], layouts: Layouts) -> tuple[object, ...]:
     low, high = space.world_box
     places = "nodes choose" if space.node_managed else "fixed"
     if space.parent:
         places = f"shadow of {names[space.parent]}"
-    copies = "1" if space.copies == 1 else f"{space.copies}, at least {space.copies_min}"
-    known = space.id, space.name, space.dimensions, space.curve, places, copies
+    known = space.id, space.name, space.dimensions, space.curve, places, copies_cell(space, layouts)
     if space.node_managed:
         return *known, "-", "-", "-"
     moved = _corner(space.transform.offset) if any(space.transform.offset) else "-"

@@ -127,6 +127,7 @@ def test_what_cannot_be_is_one_line(profile: str, hall: str, arguments: list[str
         (["create", "deep", "--box", "0:1", "--dimensions", "2"], "has 2 coordinates, not 1"),
         (["create", "shade", "--parent", "hall", "--box", "0,0,0:1,1,1"], "of its parent"),
         (["create", "shade", "--offset", "80"], "only a shadow has an offset"),
+        (["create", "few", "--copies", "2", "--min-copies", "3"], "not 3 of 2"),
         (["create", "few", "--copies", "2", "--copies-min", "3"], "not 3 of 2"),
         (["create", "12"], "not all of them digits"),
     ],
@@ -149,19 +150,55 @@ def test_records_are_named_by_the_space_that_holds_them(profile: str) -> None:
     assert "no space 'attic'" in scenectl("data", "ls", "attic", *kitchen, profile=profile).refusal(1)
 
 
-def test_shadows_and_copies_are_noted_and_listed(profile: str) -> None:
+def test_copies_are_said_and_listed(profile: str) -> None:
     parent = made(profile, "safe", "--box", "0,0:4,4", "--curve", "z-order", "--copies", "3")
-    made(profile, "shade", "--parent", "safe", "--offset", "80")
+    assert made(profile, "vault") == parent + 3, "its shadows have the numbers between"
     assert space(profile, "translate", "safe", "--by", "1,2").code == 0
-    safe, shade = space(profile, "list").json["spaces"][-2:]
-    assert (safe["copies"], safe["copies_min"], safe["parent"]) == (3, 2, 0)
-    assert (shade["copies"], shade["parent"], shade["copy_offset"]) == (1, parent, "80" + "00" * 19)
-    assert (shade["dimensions"], shade["curve"], shade["world_low"]) == (2, "z-order", [1, 2])
-    for name in ("shade", str(shade["space"])):
-        copied = scenectl("data", "put", name, "0a", "-", "--scene", "kitchen", profile=profile, stdin=b"by hand").refusal(2)
-        assert f"write to space {parent}, whose shadow it is" in copied, "copies are the nodes' to make"
+    spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
+    safe = spaces["safe"]
+    assert (safe["copies"], safe["copies_min"], safe["parent"], safe["shadows"]) == (3, 2, 0, [parent + 1, parent + 2])
+    for number, digit in ((1, "5"), (2, "a")):
+        shade = spaces[f"safe copy {number}"]
+        assert (shade["space"], shade["parent"], shade["copy_offset"], shade["shadows"]) == (parent + number, parent, digit * 40, [])
+        assert (shade["dimensions"], shade["curve"], shade["world_low"]) == (2, "z-order", [1, 2])
+        for name in (shade["name"], str(shade["space"])):
+            copied = scenectl("data", "put", name, "0a", "-", "--scene", "kitchen", profile=profile, stdin=b"by hand").refusal(2)
+            assert f"write to space {parent}, whose shadow it is" in copied, "copies are the nodes' to keep"
+            assert f"list space {parent}" in scenectl("data", "ls", name, "--scene", "kitchen", profile=profile).refusal(2)
     text = scenectl("space", "list", "--scene", "kitchen", profile=profile).out.decode()
-    assert "shadow of safe" in text and "3, at least 2" in text
+    assert "3, at least 2" in text and "safe copy" not in text
+    text = scenectl("space", "list", "--all", "--scene", "kitchen", profile=profile).out.decode()
+    assert "safe copy 1" in text and "shadow of safe" in text
+    said = space(profile, "copies", "safe", "2", "--min-copies", "1").json
+    assert (said["name"], said["copies"], said["copies_min"]) == ("safe", 2, 1)
+    spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
+    assert spaces["safe"]["shadows"] == [parent + 1] and "safe copy 2" in spaces
+    text = scenectl("space", "copies", "safe", "4", "--scene", "kitchen", profile=profile).out.decode()
+    assert text == "Space safe shall have 4 copies, at least 1 before a record counts as stored.\n"
+    spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
+    assert spaces["safe"]["shadows"] == [parent + 1, parent + 2, parent + 4]
+    assert space(profile, "copies", "geometry", "2").json["copies_min"] == 2
+    info = scenectl("scene", "info", "kitchen", "--json", profile=profile).json
+    assert info["spaces_lacking_shadows"] == []
+
+
+def test_copies_that_cannot_be(profile: str, hall: str) -> None:
+    made(profile, "crypt", "--copies", "2")
+    assert "holds the copies of the space 'crypt'" in space(profile, "copies", "crypt copy 1", "3").refusal(1)
+    assert "no space 'attic'" in space(profile, "copies", "attic", "3").refusal(1)
+    assert "no such space" in space(profile, "copies", "999", "3").refusal(1)
+    assert "not 3 of 2" in space(profile, "copies", "hall", "2", "--min-copies", "3").refusal(2)
+    assert "is a shadow" in space(profile, "translate", "crypt copy 1", "--by", "1,1,1").refusal(1)
+    shadow = "create", "shade", "--parent"
+    assert "takes no shadow" in space(profile, *shadow, "hall").refusal(1)
+    assert "takes no shadow" not in space(profile, *shadow, "crypt").refusal(1)
+    assert "is not 0" in space(profile, *shadow, "crypt", "--offset", "0").refusal(1)
+    assert "with this offset already" in space(profile, *shadow, "crypt", "--offset", "80").refusal(1)
+    assert "cannot be a shadow" in space(profile, *shadow, "crypt copy 1").refusal(1)
+    assert "one copy itself" in space(profile, *shadow, "crypt", "--copies", "2").refusal(2)
+    long = "é" * 32
+    assert made(profile, long, "--copies", "2")
+    assert "é" * 28 + " copy 1" in [entry["name"] for entry in space(profile, "list").json["spaces"]]
 
 
 @pytest.fixture(scope="module")

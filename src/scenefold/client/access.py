@@ -18,6 +18,7 @@ from scenefold.base.limits import CLIENT_BATCH_BYTES
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
+from scenefold.client.copies import check_no_shadow
 from scenefold.client.delivery import fetch
 from scenefold.client.known_log import LOOK_S
 from scenefold.client.putting import put
@@ -225,6 +226,8 @@ class SceneAccess:
 
     async def fetch(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[RecordBytes | None]:
         """The records as they lie there, unverified; see `delivery.fetch`."""
+        for space in {key[0] for key in keys}:
+            check_no_shadow(self.identity.layouts, space, "read")
         return await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
 
     async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
@@ -242,6 +245,7 @@ class SceneAccess:
         self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False
     ) -> AsyncIterator[tuple[Location, bytes]]:
         """Likewise with the object id of each record; b"" in a fixed space."""
+        check_no_shadow(self.identity.layouts, space, "list")
         async for entry in entries(self.calls, self.identity.scene, space, first, last, stale_ok=stale_ok):
             yield entry
 

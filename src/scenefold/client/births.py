@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId, SceneId
+from scenefold.base.limits import COPIES_DEFAULT
 from scenefold.crypto import (
     HEADER_DOMAIN,
     MemberSecrets,
@@ -44,6 +45,8 @@ FIRST_POSITION = 1
 FIRST_EPOCH = 0
 _FIRST_NONCE = b"scenefold/first-nonce"
 _SEED_BYTES = 32
+_COPIES_ONCE = 1
+"""Of the first spaces, by the first versions of this program."""
 
 
 def grant_of(name: str, role: Role, signing: PublicKey, sealing: SealingPublicKey) -> Grant:
@@ -80,9 +83,10 @@ def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider
     """The signed first header of a scene, as it is proposed; None if these are not the maker and origin that it was born with."""
     if keys.header_seed is None:
         return None
-    header = _first_header(keys.header_key, maker, origin)
-    if header.genesis != keys.genesis:
+    copies = _born_with(keys, maker, origin)
+    if copies is None:
         return None
+    header = _first_header(keys.header_key, maker, origin, copies)
     header = replace(header, lockboxes=(kept.lockbox,))
     return signed_header(header, first_private(keys, maker, origin), SigningKey.from_seed(keys.header_seed))
 
@@ -90,7 +94,8 @@ def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider
 def first_records(keys: SceneKeys, maker: Grant, origin: Decider) -> tuple[SignedRecord, ...]:
     """The scene's log at its first position: the spaces that every scene has, and its maker."""
     assert keys.header_seed is not None
-    return (sign_record(first_record(keys.genesis, origin.node, maker), SigningKey.from_seed(keys.header_seed)),)
+    copies = _born_with(keys, maker, origin) or COPIES_DEFAULT
+    return (sign_record(first_record(keys.genesis, origin.node, maker, copies), SigningKey.from_seed(keys.header_seed)),)
 
 
 def first_private(keys: SceneKeys, maker: Grant, origin: Decider) -> bytes:
@@ -113,9 +118,16 @@ def verified_header_key(header: SceneLogPublic) -> PublicKey:
     return key
 
 
-def _first_header(header_key: PublicKey, maker: Grant, origin: Decider) -> SceneLogPublic:
+def _born_with(keys: SceneKeys, maker: Grant, origin: Decider) -> int | None:
+    """How many copies the scene's first spaces have, which its genesis covers; None if these are not the maker and origin that it was born with."""
+    # The creation may be resumed by a later version, with another default.
+    candidates = dict.fromkeys((COPIES_DEFAULT, _COPIES_ONCE))
+    return next((copies for copies in candidates if _first_header(keys.header_key, maker, origin, copies).genesis == keys.genesis), None)
+
+
+def _first_header(header_key: PublicKey, maker: Grant, origin: Decider, copies: int = COPIES_DEFAULT) -> SceneLogPublic:
     # The genesis, which is not known yet, changes nothing about what the first record says.
-    state = first_log(NO_GENESIS, origin.node, maker)
+    state = first_log(NO_GENESIS, origin.node, maker, copies)
     return SceneLogPublic(
         scene=SceneId(1),
         genesis=NO_GENESIS,

@@ -7,21 +7,20 @@ from collections.abc import Callable, Sequence
 from types import NoneType
 from typing import NamedTuple, Self, TypeAlias, TypedDict
 
-from scenefold.base.arguments import as_floats, as_whole
+from scenefold.base.arguments import as_floats
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
+from scenefold.base.limits import COPIES_DEFAULT, SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
 from scenefold.base.location import FIRST, LOCATION_BYTES, Location
 from scenefold.base.names import SPACE_NAME_RULE, is_space_name
+from scenefold.client.copies import Copies, whole_option
 from scenefold.curve import CurveKind
-from scenefold.scene.log import LoggedSpace, SceneLog
+from scenefold.scene.log import LoggedSpace, SceneLog, free_offset, with_shadows
 from scenefold.scene.log.space import NO_SPACE
-from scenefold.wire import CreateSpace
+from scenefold.wire import Batch, CreateSpace
 from scenefold.wire import CurveKind as CurveNumber
 
 Box: TypeAlias = tuple[Sequence[float], Sequence[float]]
-COPIES_MAX = 255
-"""One byte on the wire."""
 _NUMBERS = {"hilbert": CurveNumber.HILBERT, "z-order": CurveNumber.Z_ORDER}
 
 
@@ -41,9 +40,9 @@ class SpaceOptions(TypedDict, total=False):
     parent: str | int
     """Makes a shadow of the space of this name or number, with its dimensions, curve, management and box: those are not given then."""
     offset: Location
-    """Where a shadow holds the copy of a record: at its location plus this, round the end of the line."""
+    """Of a shadow: how far from a record its copy belongs, round the end of the line; by default where there is most room."""
     copies: int
-    """How many nodes shall hold each record, the owner among them; by default 1. For now it is only noted: nodes keep one."""
+    """How many nodes shall hold each record, the owner among them: 1 to 8, by default 1. The shadows that this takes are made with the space."""
     copies_min: int
     """How many must hold it before a write counts as done; by default 2, or `copies` if that is less."""
 
@@ -59,10 +58,10 @@ def new_space(
     space_id: int | None = None,
     parent: str | int | None = None,
     offset: Location | None = None,
-    copies: int = 1,
+    copies: int | None = None,
     copies_min: int | None = None,
-) -> Callable[[SceneLog], CreateSpace]:
-    """The entry that creates the space, once it is known what the log says. UsageFault for what cannot be."""
+) -> Callable[[SceneLog], CreateSpace | Batch]:
+    """The entry that creates the space and its shadows, once it is known what the log says. UsageFault for what cannot be."""
     if not isinstance(name, str):
         raise UsageFault(f"a {type(name).__name__} cannot be the name of a space", where="space name", remedy="give a text")
     where = f"space {name[:SPACE_NAME_BYTES_MAX]}"
@@ -78,34 +77,35 @@ def new_space(
         if not isinstance(flag, (bool, NoneType)):
             raise UsageFault(f"{option} is true or false, not a {type(flag).__name__}", where=where)
     if parent is not None and not isinstance(parent, str):
-        parent = _whole(where, "parent", parent)
+        parent = whole_option(where, "parent", parent)
     if space_id is not None:
-        space_id = _whole(where, "space_id", space_id)
-    at = FIRST if offset is None else _location(where, offset)
-    copies = _whole(where, "copies", copies)
-    least = min(2, copies) if copies_min is None else _whole(where, "copies_min", copies_min)
-    if not 1 <= least <= copies <= COPIES_MAX:
-        what = f"a space has 1 to {COPIES_MAX} copies, and from 1 to all of them must be there, not {least} of {copies}"
-        raise UsageFault(what, where=where, remedy="choose copies_min no larger than copies")
+        space_id = whole_option(where, "space_id", space_id)
+    if parent is not None and (copies, copies_min) != (None, None):
+        what = "a shadow is one copy itself, and has none"
+        raise UsageFault(what, where=where, remedy="`scenectl space copies` says how many its parent shall have")
+    at = None if offset is None else _location(where, offset)
+    wanted = Copies.checked(where, (COPIES_DEFAULT if parent is None else 1) if copies is None else copies, copies_min)
     shape = _Shape.of(where, box, dimensions, curve, node_managed=bool(node_managed))
 
-    def entry(log: SceneLog) -> CreateSpace:
+    def entry(log: SceneLog) -> CreateSpace | Batch:
         _check_free(where, name, space_id, log)
-        of = shape if parent is None else _Shape.like(log.space(SpaceId(parent)) if isinstance(parent, int) else log.named(parent))
-        return CreateSpace(
-            space=log.free_id() if space_id is None else SpaceId(space_id),
-            dimensions=of.dimensions,
-            curve=_NUMBERS[of.curve],
-            node_managed=of.node_managed,
-            parent=of.id,
-            offset=at,
-            copies=copies,
-            copies_min=least,
+        of = None if parent is None else log.space(SpaceId(parent)) if isinstance(parent, int) else log.named(parent)
+        like = shape if of is None else _Shape.like(of)
+        created = CreateSpace(
+            space=next(log.free_ids()) if space_id is None else SpaceId(space_id),
+            dimensions=like.dimensions,
+            curve=_NUMBERS[like.curve],
+            node_managed=like.node_managed,
+            parent=NO_SPACE if of is None else of.id,
+            offset=FIRST if of is None else free_offset(of, log) if at is None else at,
+            copies=wanted.copies,
+            copies_min=wanted.least,
             render_output=render_output,
             name=name,
-            low=of.low,
-            high=of.high,
+            low=like.low,
+            high=like.high,
         )
+        return created if created.copies == 1 else Batch(with_shadows(created, log))
 
     return entry
 
@@ -120,18 +120,17 @@ def _check_free(where: str, name: str, space_id: int | None, log: SceneLog) -> N
 
 
 class _Shape(NamedTuple):
-    """What a space and its shadows have in common. `id`: of the space that it is taken from, 0 if it is its own."""
+    """What a space and its shadows have in common."""
 
     dimensions: int
     curve: CurveKind
     node_managed: bool
     low: tuple[float, ...]
     high: tuple[float, ...]
-    id: SpaceId = NO_SPACE
 
     @classmethod
     def like(cls, space: LoggedSpace) -> Self:
-        return cls(space.dimensions, space.curve, space.node_managed, space.low, space.high, space.id)
+        return cls(space.dimensions, space.curve, space.node_managed, space.low, space.high)
 
     @classmethod
     def of(cls, where: str, box: Box | None, dimensions: int | None, curve: CurveKind | None, *, node_managed: bool) -> Self:
@@ -144,7 +143,7 @@ class _Shape(NamedTuple):
         corners = None if box is None else _corners(where, box)
         count = 3 if corners is None else len(corners[0])
         if dimensions is not None:
-            count = _whole(where, "dimensions", dimensions)
+            count = whole_option(where, "dimensions", dimensions)
         if not 1 <= count <= SPACE_DIMENSIONS_MAX:
             what = f"a space has 1 to {SPACE_DIMENSIONS_MAX} dimensions, not {count}"
             raise UsageFault(what, where=where, remedy="choose as many as positions have coordinates")
@@ -159,13 +158,6 @@ class _Shape(NamedTuple):
                 what = f"the box ends at {last:g} where it begins at {first:g} on axis {axis}"
                 raise UsageFault(what, where=where, remedy="give its low corner first, and some extent along every axis")
         return cls(count, curve, node_managed, low, high)
-
-
-def _whole(where: str, option: str, value: object) -> int:
-    try:
-        return as_whole(value)
-    except ValueError as problem:
-        raise UsageFault(f"{option} is a whole number: {problem}", where=where) from problem
 
 
 def _location(where: str, value: object) -> Location:

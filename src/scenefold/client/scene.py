@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -35,10 +35,13 @@ class SceneInfo:
     id: SceneId
     genesis: bytes
     content: SceneDocument | None
+    lacking: Mapping[SpaceId, int] = field(default_factory=dict)
+    """Spaces that shall have more copies than they have shadows for, and how many they can have. Early programs made such."""
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
         known: dict[str, Any] = {"name": self.name, "scene": f"{self.id:08x}", "genesis": self.genesis.hex()}
+        known["spaces_lacking_shadows"] = sorted(self.lacking)
         content = self.content
         if content is None:
             return known | {"has_content": False}
@@ -104,7 +107,7 @@ class Scene:
 
     async def info(self) -> SceneInfo:
         """What the scene is and holds."""
-        return SceneInfo(self.name, self.id, self.genesis, await self.content())
+        return SceneInfo(self.name, self.id, self.genesis, await self.content(), self.access.identity.layouts.lacking())
 
     async def members(self) -> Access:
         """Who may use this scene, and in which role."""

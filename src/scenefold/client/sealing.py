@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Self
 
-from scenefold.base.errors import DamagedData, LocalFault, Refused, UsageFault
+from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
+from scenefold.client.copies import check_no_shadow
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, is_tombstone
 from scenefold.crypto import (
     EXPECTS_ANYTHING,
@@ -34,7 +36,7 @@ from scenefold.crypto import (
     signed_place,
 )
 from scenefold.crypto.record_header import TAG_BYTES, Version, version_key
-from scenefold.scene.log import FOR_EVER, EpochKeys
+from scenefold.scene.log import FOR_EVER, EpochKeys, Layouts
 from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode, WriterEntry
 
 Key = tuple[SpaceId, Location] | tuple[SpaceId, Location, bytes]
@@ -97,8 +99,8 @@ class SceneIdentity:
     """In render mode the spaces that may still be written; None: edit mode."""
     node_managed: Mapping[SpaceId, bool] = field(default_factory=dict)
     """Of the known spaces: whether nodes choose where records lie."""
-    shadows: Mapping[SpaceId, SpaceId] = field(default_factory=dict)
-    """Of the known spaces those that hold copies, which are the nodes' to make, each with the space whose copies they are."""
+    layouts: Layouts = field(default_factory=partial(Layouts.of, ()))
+    """Of the known spaces: which are shadows, whose records are the nodes' to keep, and where the copies of the others belong."""
 
     def with_header(self, header: SceneLogPublic, keys: EpochKeys | None = None) -> SceneIdentity:
         """The same scene as a newer header tells of it, with the keys that go with it. What payloads are written for stays as it was."""
@@ -112,7 +114,7 @@ class SceneIdentity:
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
-            shadows={entry.space: entry.parent for entry in header.spaces if entry.parent},
+            layouts=Layouts.of(header.spaces),
         )
 
     def may_write(self, key: KeyId) -> bool:
@@ -131,9 +133,7 @@ class SceneIdentity:
 
     def check_kind(self, space: SpaceId, object_id: bytes) -> None:
         """LocalFault for a record in a shadow, or with a place where nodes choose it, or the other way about."""
-        if space in self.shadows:
-            remedy = f"write to space {self.shadows[space]}, whose shadow it is"
-            raise UsageFault("a shadow holds copies, which only nodes make", where=f"space {space}", remedy=remedy)
+        check_no_shadow(self.layouts, space, "write to")
         is_managed = self.node_managed.get(space, bool(object_id))
         if is_managed and not object_id:
             remedy = "store it with put_managed, without a location"

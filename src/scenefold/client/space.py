@@ -12,6 +12,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAMES_IN_FLIGHT
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client.access import SceneAccess
+from scenefold.client.copies import is_so_already, new_copies
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
@@ -141,6 +142,18 @@ class Space:
         """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved."""
         by = checked_factor(factor, self.id)
         log = await self._access.change_log(lambda log: ScaleSpace(movable(log, self.id), by))
+        return log.state.space(self.id)
+
+    async def set_copies(self, copies: int, copies_min: int | None = None) -> LoggedSpace:
+        """Say how many nodes shall hold each record from now on, 1 to 8, and how many must before a write counts as done. An owner's to do.
+
+        The shadows that this takes are made; those that it leaves over stay in the log and hold nothing. `copies_min` None: as it was, or
+        2 where there was one copy. Gives the space as it is then. LocalFault for a shadow, and for numbers that cannot be.
+        """
+        change = new_copies(self.id, copies, copies_min)
+        log = await self._access.read_log()
+        if not is_so_already(change(log.state), log.state):
+            log = await self._access.change_log(change)
         return log.state.space(self.id)
 
     async def put_at(self, position: Sequence[float], payload: bytes) -> Location:

@@ -11,6 +11,7 @@ from enum import IntEnum
 from typing import Any, TypeAlias
 
 from scenefold.base.limits import (
+    COPIES_MAX,
     MEMBER_NAME_BYTES_MAX,
     NODES_MAX,
     PARTICIPANTS_MAX,
@@ -22,6 +23,7 @@ from scenefold.wire.common import BOOL, F64, LOCATION, MESSAGE, SPACE, SPACE_OR_
 from scenefold.wire.containers import Many, Struct, Tagged
 from scenefold.wire.enrol_entries import ENROL_ENTRIES, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.kinds import Bin, Choice, Float, Text, Uint
+from scenefold.wire.laws import Order
 from scenefold.wire.scene_headers import KEY_ENTRY, KeyEntry, SceneMode
 from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import ADDRESS_BYTES_MAX
@@ -68,6 +70,15 @@ class TranslateSpace:
 class ScaleSpace:
     space: SpaceId
     factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class SetCopies:
+    """How many nodes shall hold each record of the space, and how many must before a write counts as done."""
+
+    space: SpaceId
+    copies: int
+    copies_min: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +193,7 @@ SingleEntry: TypeAlias = (
     | Grant
     | Revoke
     | KeyEpoch
+    | SetCopies
     | AddNode
     | RemoveNode
     | Trust
@@ -211,6 +223,7 @@ class Boxed:
 _COORDINATES = Many(F64, counts=tuple(range(1, SPACE_DIMENSIONS_MAX + 1)))
 _KEY = Bin(lengths=(32,))
 _ADDRESS = Text(ADDRESS_BYTES_MAX)
+_COPIES = Uint(8, least=1, most=COPIES_MAX)
 FOUNDER = Struct(Founder, ("node", U32), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS))
 _SINGLE: dict[int, Struct[Any]] = {
     1: Struct(
@@ -244,6 +257,8 @@ _SINGLE: dict[int, Struct[Any]] = {
     35: Struct(RevokeNode, ("node", U32), ("key", U32)),
     36: Struct(Found, ("founders", Many(FOUNDER, NODES_MAX)), ("voters", Many(U32, PARTICIPANTS_MAX))),
     **ENROL_ENTRIES,
+    # Behind all that were there before, so that the examples of the golden vectors stay those that they are.
+    14: Struct(SetCopies, ("space", SPACE), ("copies", _COPIES), ("copies_min", _COPIES), law=Order("copies_min", "copies")),
 }
 SINGLE_ENTRY: Tagged[SingleEntry] = Tagged("SingleEntry", _SINGLE)
 LOG_ENTRY: Tagged[LogEntry] = Tagged(

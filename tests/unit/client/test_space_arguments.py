@@ -9,10 +9,11 @@ import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
+from scenefold.base.location import Location
 from scenefold.client.new_space import new_space
 from scenefold.client.steps import checked_factor, checked_offset
 from scenefold.scene.log import Affine, LoggedSpace, SceneLog
-from scenefold.wire import CreateSpace
+from scenefold.wire import Batch, CreateSpace
 
 HUGE = 10**400
 """A whole number that is no float."""
@@ -48,10 +49,14 @@ def test_a_name_is_a_text(name: Any) -> None:
 
 
 def test_numbers_of_other_libraries_are_numbers() -> None:
-    made = new_space("hall", (np.zeros(2), np.array([1, 2])), dimensions=np.int64(2), copies=np.uint8(2), space_id=np.int32(30))(SceneLog())  # type: ignore[arg-type]
+    box = (np.zeros(2), np.array([1, 2]))
+    batch = new_space("hall", box, dimensions=np.int64(2), copies=np.uint8(2), space_id=np.int32(30))(SceneLog())  # type: ignore[arg-type]
+    assert isinstance(batch, Batch)
+    made, shadow = batch.entries
+    assert isinstance(made, CreateSpace) and isinstance(shadow, CreateSpace)
     assert (made.low, made.high, made.dimensions, made.copies, made.copies_min, made.space) == ((0.0, 0.0), (1.0, 2.0), 2, 2, 2, 30)
-    assert {type(value) for value in (made.dimensions, made.copies, made.copies_min, made.space)} == {int}
-    assert isinstance(made, CreateSpace)
+    assert {type(value) for value in (made.dimensions, made.copies, made.copies_min, made.space, shadow.space)} == {int}
+    assert (shadow.parent, shadow.offset) == (30, Location(b"\x80" + bytes(19)))
     assert checked_offset(np.array([1, 2]), HALL) == (1.0, 2.0) and checked_factor(np.float32(0.5), HALL) == 0.5
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +12,19 @@ import pytest
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable, UsageFault
-from scenefold.base.location import Location
+from scenefold.base.ids import NodeId
+from scenefold.base.limits import COPIES_DEFAULT
+from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.client.copies import is_so_already, new_copies
+from scenefold.client.new_space import new_space
 from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import HEADER_DOMAIN, RecordHeader, SigningKey
 from scenefold.scene.layout import GEOMETRY, SPACES
-from scenefold.scene.log import decided
+from scenefold.scene.log import Layouts, decided
 from scenefold.simulation.clients import secrets_of
-from scenefold.wire import ProposeSceneLog, RequestSceneLog, ScaleSpace, SceneMode, SetMode, Want
+from scenefold.wire import Batch, CreateSpace, ProposeSceneLog, RequestSceneLog, ScaleSpace, SceneMode, SetCopies, SetMode, Want
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import KEEPER_KEY, ORIGIN, FakeNodes
 
@@ -265,21 +270,104 @@ async def test_a_header_that_was_not_signed_by_the_scene_is_not_believed(autojum
         await scene.access.change_log(lambda _: ScaleSpace(GEOMETRY, 2.0))
 
 
-async def test_a_space_is_told_of_its_copies_and_shadows(autojump_clock: MockClock, tmp_path: Path) -> None:
+async def test_a_space_is_made_with_the_shadows_for_its_copies(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     scene = await scene_of(nodes, tmp_path)
     hall = await scene.create_space("hall", BOX, curve="z-order", copies=3, render_output=True)
-    half = Location(b"\x80" + bytes(19))
-    for name, parent in (("shade", "hall"), ("umbra", hall.id)):
-        await scene.create_space(name, parent=parent, offset=half)
+    assert (await scene.access.read_log()).state.position == 2, "space and shadows come with one record"
+    attic = await scene.create_space("attic", BOX)
     known = {space.name: space for space in await (await scene_of(nodes, tmp_path)).spaces()}
     assert (known["hall"].copies, known["hall"].copies_min) == (3, 2)
-    for name in ("shade", "umbra"):
-        shade = known[name]
-        assert (shade.parent, shade.offset, shade.copies, shade.copies_min) == (hall.id, half, 1, 1)
+    for number in (1, 2):
+        shade = known[f"hall copy {number}"]
+        assert (shade.id, shade.parent, shade.offset.number) == (hall.id + number, hall.id, number * LINE_LENGTH // 3)
+        assert (shade.copies, shade.copies_min) == (1, 1)
         assert (shade.dimensions, shade.curve, shade.low, shade.high) == (3, "z-order", *BOX)
-    (header,) = {header.signature: header for header in nodes.headers.values()}.values()
-    assert [(entry.copies, entry.parent) for entry in header.spaces][-3:] == [(3, 0), (1, hall.id), (1, hall.id)]
+    assert (attic.id, known["attic"].copies, known["attic"].copies_min) == (hall.id + 3, COPIES_DEFAULT, 1)
+    header = nodes.headers[scene.id]
+    assert Layouts.of(header.spaces).offsets[hall.id] == tuple(known[f"hall copy {number}"].offset for number in (1, 2))
+
+
+async def test_a_space_gets_more_copies_and_fewer(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX)
+
+    async def layout() -> int:
+        spaces = (await scene.access.read_log()).header.spaces
+        assert spaces == nodes.headers[scene.id].spaces
+        return len(Layouts.of(spaces).offsets[hall.id])
+
+    for copies, least, expected in ((3, None, 2), (5, 4, 4), (6, None, 4), (3, None, 3), (1, None, 1), (2, None, 2), (2, 1, 1)):
+        said = await hall.set_copies(copies, least)
+        assert (said.copies, said.copies_min, await layout()) == (copies, expected, copies - 1)
+    position = nodes.headers[scene.id].position
+    await hall.set_copies(2)
+    assert nodes.headers[scene.id].position == position, "what is so already makes no record"
+    assert len([space for space in await scene.spaces() if space.parent]) == 5, "shadows are used again"
+    await scene.space(GEOMETRY).set_copies(2)
+    assert (await scene.space(GEOMETRY).info()).copies == 2, "also the spaces that every scene has"
+
+
+async def test_nobody_writes_to_a_shadow_reads_or_lists_it_or_says_how_many_copies_it_has(
+    autojump_clock: MockClock, tmp_path: Path
+) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX, copies=2)
+    shade = await scene.space_named("hall copy 1")
+    before = len(nodes.asked)
+
+    async def listed() -> None:
+        _ = [location async for location in shade.query()]
+
+    place = Location(bytes(20))
+    calls = {
+        "write to": [partial(shade.put, place, b"x"), partial(shade.delete, place)],
+        "read": [partial(shade.get, place), partial(shade.read, [place])],
+        "list": [listed],
+    }
+    for verb, tries in calls.items():
+        for call in tries:
+            with pytest.raises(UsageFault, match=f"{verb} space {hall.id}, whose shadow it is"):
+                await call()
+    assert len(nodes.asked) == before
+    with pytest.raises(LocalFault, match="'hall copy 1' holds the copies of the space 'hall'"):
+        await shade.set_copies(2)
+    with pytest.raises(LocalFault, match="is a shadow: its addresses mean what they mean in space 11"):
+        await shade.translate((1.0, 0.0, 0.0))
+    with pytest.raises(LocalFault, match="no such space"):
+        await scene.space(99).set_copies(2)
+    with pytest.raises(LocalFault, match="space 11 has 2 copies, and the shadows that those take"):
+        await scene.create_space("more", parent="hall")
+    with pytest.raises(LocalFault, match="cannot be a shadow of space 12"):
+        await scene.create_space("deeper", parent="hall copy 1")
+
+
+@pytest.mark.parametrize("copies", [0, 9, 256, -1])
+async def test_no_space_has_so_many_copies(autojump_clock: MockClock, tmp_path: Path, copies: int) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    before = len(nodes.asked)
+    for least in (None, 1, 2):
+        with pytest.raises(UsageFault, match="a space has 1 to 8 copies"):
+            await scene.space(11).set_copies(copies, least)
+    assert len(nodes.asked) == before
+
+
+async def test_a_space_that_was_told_of_copies_before_there_were_any_gets_its_shadows(autojump_clock: MockClock, tmp_path: Path) -> None:
+    """Early programs wrote the number into the log, and shadows only if told to."""
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX)
+    log = (await scene.access.read_log()).state
+    early = log.extended([log.next_record(SetCopies(hall.id, 3, 2), b"r" * 16, NodeId(1))])
+    made = new_space("shade", parent="hall")(early)
+    assert isinstance(made, CreateSpace) and made.offset == Location(b"\x80" + bytes(19))
+    change = new_copies(hall.id, 3, 2)(early)
+    assert isinstance(change, Batch) and not is_so_already(change, early)
+    after = early.apply(early.next_record(change, b"s" * 16, NodeId(1)))
+    assert Layouts.of(after.public_spaces()).lacking() == {}
 
 
 @pytest.mark.parametrize(
@@ -290,7 +378,8 @@ async def test_a_space_is_told_of_its_copies_and_shadows(autojump_clock: MockClo
         (None, {"parent": "hall", "dimensions": 3}, "of its parent"),
         (None, {"offset": Location(bytes(20))}, "only a shadow"),
         (None, {"copies": 0}, "copies"),
-        (None, {"copies": 256}, "1 to 255 copies"),
+        (None, {"copies": 9}, "1 to 8 copies"),
+        (None, {"parent": "hall", "copies": 2}, "a shadow is one copy itself"),
         (None, {"copies": 2, "copies_min": 3}, "not 3 of 2"),
         (None, {"copies_min": 0}, "not 0 of 1"),
         (None, {"dimensions": 17}, "1 to 8 dimensions, not 17"),

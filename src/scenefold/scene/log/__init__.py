@@ -12,6 +12,7 @@ from scenefold.scene.log.following import Draft, Followed, follow, header_keys, 
 from scenefold.scene.log.grants import FOR_EVER, Granted, Grants
 from scenefold.scene.log.keys import EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, check_granter, keys_in, locked, own_lockbox, unlocked
+from scenefold.scene.log.new_shadows import free_offset, missing_shadows, with_shadows
 from scenefold.scene.log.shadows import Layouts, free_offsets
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
 from scenefold.scene.log.succession import header_key_now, proven_header_key, succeeded
@@ -42,6 +43,7 @@ __all__ = [
     "first_log",
     "first_record",
     "follow",
+    "free_offset",
     "free_offsets",
     "hash_of_log",
     "header_key_now",
@@ -51,6 +53,7 @@ __all__ = [
     "keys_with_log",
     "lockbox_for",
     "locked",
+    "missing_shadows",
     "open_private",
     "own_lockbox",
     "proven_header_key",
@@ -59,4 +62,5 @@ __all__ = [
     "signed_header",
     "succeeded",
     "unlocked",
+    "with_shadows",
 ]

@@ -1,24 +1,27 @@
 """`SceneLog`: the state that a scene's records add up to (consensus.md §3; thesis B.3.1; specs/16-scene-log.md, Folding).
 
-A pure fold: `log.apply(record)` gives the next state, or Refused (ILL_FORMED) for a record that does not fit, and leaves
-the old one as it was. So a proposer applies its record before it sends it, and a reader applies all of them.
+A pure fold: `log.extended(records)` gives the next state, or Refused (ILL_FORMED) for a record that does not fit, and leaves
+the old one as it was. So a reader folds all of them. A proposer applies its record before it sends it, and `apply` is stricter: what
+only early programs put into logs nobody adds to one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from types import MappingProxyType
 from typing import TypeVar
 
 from scenefold.base.errors import LocalFault, Refused
-from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.ids import SPACE_ID_MAX, NodeId, SpaceId
 from scenefold.base.limits import SPACES_PER_SCENE_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.grants import Grants
 from scenefold.scene.log.resolution import lost_by
+from scenefold.scene.log.shadows import check_added
 from scenefold.scene.log.space import LoggedSpace, Step
 from scenefold.wire import (
     NO_RECORD,
@@ -37,6 +40,7 @@ from scenefold.wire import (
     Revoke,
     ScaleSpace,
     SceneMode,
+    SetCopies,
     SetMode,
     SpaceEntry,
     TranslateSpace,
@@ -69,11 +73,13 @@ class SceneLog:
         return cls().extended(records)
 
     def apply(self, record: LogRecord) -> SceneLog:
-        """The log with one more record; Refused if it does not follow, or does not fit."""
-        return self.extended((record,))
+        """The log with one more record, as its author adds it; Refused if it does not follow, does not fit, or makes shadows that would not count."""
+        after = self.extended((record,))
+        check_added(self.public_spaces(), after.public_spaces())
+        return after
 
     def extended(self, records: Iterable[LogRecord]) -> SceneLog:
-        """The log with more records; Refused if one does not follow, or does not fit."""
+        """The log with more records, as a reader takes them; Refused if one does not follow, or does not fit."""
         # One dict for all of them: a log may have tens of thousands of records.
         log, requests = self, dict(self.requests)
         for record in records:
@@ -108,16 +114,14 @@ class SceneLog:
                 return space
         raise LocalFault(f"the scene has no space {name[:64]!r}", where="space name", remedy=f"it has {self._names()}")
 
-    def free_id(self) -> SpaceId:
-        """The lowest id above all that were ever given."""
-        return SpaceId(max(self.spaces, default=0) + 1)
+    def free_ids(self) -> Iterator[SpaceId]:
+        """Ids that were never given: those above all that were, then the others, each lowest first."""
+        above = max(self.spaces, default=0) + 1
+        return (SpaceId(number) for number in chain(range(above, SPACE_ID_MAX + 1), range(1, above)) if number not in self.spaces)
 
     def public_spaces(self) -> tuple[SpaceEntry, ...]:
         """What the public header says of the spaces, in the order of their creation."""
-        return tuple(
-            SpaceEntry(space.id, space.parent, space.offset, space.copies, space.copies_min, space.render_output, space.node_managed)
-            for space in self.spaces.values()
-        )
+        return tuple(space.public() for space in self.spaces.values())
 
     def _names(self) -> str:
         return ", ".join(space.name or str(space.id) for space in self.spaces.values()) or "none"
@@ -141,6 +145,9 @@ class SceneLog:
             case ScaleSpace():
                 space = self._moved(entry.space)
                 return self._stepped(space, Step(position, entry.factor, (0.0,) * space.dimensions))
+            case SetCopies():
+                space = self._copied(entry.space)
+                return replace(self, spaces=_with(self.spaces, space.id, replace(space, copies=entry.copies, copies_min=entry.copies_min)))
             case SetMode():
                 return replace(self, mode=entry.mode, write_floor=position)
             case Grant() | Revoke() | KeyEpoch():
@@ -176,7 +183,7 @@ class SceneLog:
         if not entry.name or any(space.name == entry.name for space in self.spaces.values()):
             raise _ill_formed(f"a space needs a name of its own, not {entry.name!r}")
         if len(self.spaces) >= SPACES_PER_SCENE_MAX:
-            raise _ill_formed(f"a scene has at most {SPACES_PER_SCENE_MAX} spaces")
+            raise _ill_formed(f"a scene has at most {SPACES_PER_SCENE_MAX} spaces, shadows included")
         if not 1 <= entry.copies_min <= entry.copies:
             raise _ill_formed(f"{entry.copies} copies, of which {entry.copies_min} must be there")
         if not all(map(math.isfinite, (*entry.low, *entry.high))):
@@ -210,10 +217,20 @@ class SceneLog:
         # It holds what its parent holds, so it lies where that lies.
         return replace(shadow, transform=parent.transform, steps=parent.steps)
 
-    def _moved(self, space: SpaceId) -> LoggedSpace:
+    def _there(self, space: SpaceId) -> LoggedSpace:
         found = self.spaces.get(space)
         if found is None:
             raise _ill_formed(f"there is no space {space}")
+        return found
+
+    def _copied(self, space: SpaceId) -> LoggedSpace:
+        found = self._there(space)
+        if found.parent:
+            raise _ill_formed(f"space {space} holds the copies of space {found.parent}, and has none of its own")
+        return found
+
+    def _moved(self, space: SpaceId) -> LoggedSpace:
+        found = self._there(space)
         if found.parent:
             raise _ill_formed(f"space {space} is a shadow: its addresses mean what they mean in space {found.parent}")
         if found.node_managed:

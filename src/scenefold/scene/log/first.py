@@ -7,32 +7,39 @@ from __future__ import annotations
 
 import hashlib
 
-from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.ids import SPACE_ID_MAX, NodeId, SpaceId
+from scenefold.base.limits import COPIES_DEFAULT, COPIES_MIN_DEFAULT
 from scenefold.base.location import FIRST
 from scenefold.scene.layout import SPACES, SpaceLayout
 from scenefold.scene.log.book import SceneLog
+from scenefold.scene.log.new_shadows import shadows_of
+from scenefold.scene.log.shadows import free_offsets
 from scenefold.wire import Batch, CreateSpace, CurveKind, Grant, LogRecord
 
 _REQUEST_ID_BYTES = 16
 
 
-def first_entry(maker: Grant) -> Batch:
-    """The spaces of a new scene, and its first owner."""
-    return Batch((*map(_created, SPACES), maker))
+def first_entry(maker: Grant, copies: int = COPIES_DEFAULT) -> Batch:
+    """The spaces of a new scene, each with so many copies, the shadows for these, and its first owner."""
+    spaces = [_created(space, copies) for space in SPACES]
+    names = {space.name for space in SPACES}
+    ids = (SpaceId(number) for number in range(len(SPACES) + 1, SPACE_ID_MAX + 1))
+    shadows = [shadow for space in spaces for shadow in shadows_of(space, free_offsets((), copies - 1), ids, names)]
+    return Batch((*spaces, *shadows, maker))
 
 
-def first_record(genesis: bytes, origin: NodeId, maker: Grant) -> LogRecord:
+def first_record(genesis: bytes, origin: NodeId, maker: Grant, copies: int = COPIES_DEFAULT) -> LogRecord:
     """The record at position 1."""
     request_id = hashlib.sha256(b"scenefold/first-record" + genesis).digest()[:_REQUEST_ID_BYTES]
-    return SceneLog().next_record(first_entry(maker), request_id, origin)
+    return SceneLog().next_record(first_entry(maker, copies), request_id, origin)
 
 
-def first_log(genesis: bytes, origin: NodeId, maker: Grant) -> SceneLog:
+def first_log(genesis: bytes, origin: NodeId, maker: Grant, copies: int = COPIES_DEFAULT) -> SceneLog:
     """The state after it."""
-    return SceneLog().apply(first_record(genesis, origin, maker))
+    return SceneLog().apply(first_record(genesis, origin, maker, copies))
 
 
-def _created(space: SpaceLayout) -> CreateSpace:
+def _created(space: SpaceLayout, copies: int) -> CreateSpace:
     return CreateSpace(
         space=space.id,
         dimensions=space.dimensions,
@@ -40,8 +47,8 @@ def _created(space: SpaceLayout) -> CreateSpace:
         node_managed=space.node_managed,
         parent=SpaceId(0),
         offset=FIRST,
-        copies=1,
-        copies_min=1,
+        copies=copies,
+        copies_min=min(COPIES_MIN_DEFAULT, copies),
         render_output=space.render_output,
         name=space.name,
         low=(0.0,) * space.dimensions,

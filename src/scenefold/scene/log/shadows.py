@@ -30,8 +30,8 @@ class Layouts:
     """Of the same: how many copies there shall be. Only a log of a former version has fewer shadows than that takes."""
     parents: Mapping[SpaceId, SpaceId]
     """Of each shadow: the space whose records it holds."""
-    used: frozenset[SpaceId]
-    """The shadows that `offsets` are those of."""
+    shadows: Mapping[SpaceId, tuple[SpaceId, ...]]
+    """Of each space that is no shadow: the shadows that `offsets` are those of."""
 
     @classmethod
     def of(cls, spaces: Iterable[SpaceEntry]) -> Layouts:
@@ -47,7 +47,7 @@ class Layouts:
             needed={entry.space: max(1, min(entry.copies_min, 1 + len(used[entry.space]))) for entry in parents},
             wanted={entry.space: max(1, min(entry.copies, COPIES_MAX)) for entry in parents},
             parents={entry.space: entry.parent for entry in entries.values() if entry.parent},
-            used=frozenset(shadow.space for shadows in used.values() for shadow in shadows),
+            shadows={space: tuple(shadow.space for shadow in shadows) for space, shadows in used.items()},
         )
 
     def lacking(self) -> dict[SpaceId, int]:

@@ -19,6 +19,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, Arc, Location
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.growing import Row, grown, items_of
+from scenefold.wire import SpaceEntry
 
 if TYPE_CHECKING:
     import numpy as np
@@ -68,8 +69,11 @@ class LoggedSpace:
     parent: SpaceId = NO_SPACE
     """Of a shadow: the space whose records it copies."""
     offset: Location = FIRST
+    """Of a shadow: how far from a record its copy belongs, around the end of the line."""
     copies: int = 1
+    """How many nodes shall hold each record, the owner among them."""
     copies_min: int = 1
+    """How many of them must hold it before a write counts as done."""
     render_output: bool = False
     created: int = 1
     """The log position of its creation."""
@@ -211,6 +215,10 @@ class LoggedSpace:
     def _extent(self) -> str:
         low, high = self.world_box
         return f"it spans {_text(low)} to {_text(high)}"
+
+    def public(self) -> SpaceEntry:
+        """What the public header says of it."""
+        return SpaceEntry(self.id, self.parent, self.offset, self.copies, self.copies_min, self.render_output, self.node_managed)
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""

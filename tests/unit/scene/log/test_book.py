@@ -10,12 +10,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
-from scenefold.base.ids import NodeId, SpaceId
-from scenefold.base.location import FIRST
+from scenefold.base.ids import SPACE_ID_MAX, NodeId, SpaceId
+from scenefold.base.limits import COPIES_MAX
+from scenefold.base.location import FIRST, LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey, seal_log
 from scenefold.scene.layout import SPACES
-from scenefold.scene.log import OpenedLog, SceneLog, first_log, first_record, open_private, seal_private, sign_record
+from scenefold.scene.log import (
+    Layouts,
+    OpenedLog,
+    SceneLog,
+    first_log,
+    first_record,
+    missing_shadows,
+    open_private,
+    seal_private,
+    sign_record,
+    with_shadows,
+)
 from scenefold.wire import (
     AddObserver,
     AddParticipant,
@@ -30,6 +42,7 @@ from scenefold.wire import (
     RemoveParticipant,
     ScaleSpace,
     SceneMode,
+    SetCopies,
     SetMode,
     TranslateSpace,
     Trust,
@@ -61,7 +74,7 @@ def test_a_log_begins_with_the_spaces_of_the_layout() -> None:
     assert [(space.id, space.name, space.dimensions, space.curve) for space in log.spaces.values()] == [
         (space.id, space.name, space.dimensions, space.curve) for space in SPACES
     ]
-    assert log.free_id() == HALL
+    assert next(log.free_ids()) == HALL
     assert first_record(GENESIS, ORIGIN, MAKER).encode() == first_record(GENESIS, ORIGIN, MAKER).encode()
     assert first_record(bytes(32), ORIGIN, MAKER).request_id != first_record(GENESIS, ORIGIN, MAKER).request_id
 
@@ -83,16 +96,21 @@ def test_members_come_and_go() -> None:
     assert (log.participants, log.observers) == ((two,), ())
 
 
-SHADOW = space(space=SpaceId(12), name="shade", parent=HALL)
+def at(number: int) -> Location:
+    return Location.from_number(number)
+
+
+SHADOW = space(space=SpaceId(12), name="shade", parent=HALL, offset=at(9))
+LATER = replace(SHADOW, space=SpaceId(13), name="later", offset=at(5))
+TWICE = Batch((space(copies=2, copies_min=2), SHADOW))
 
 
 def test_a_shadow_lies_where_its_parent_lies() -> None:
-    later = replace(SHADOW, space=SpaceId(13), name="later")
-    log = with_entries(space(), SHADOW, TranslateSpace(HALL, (1.0, 2.0, 3.0)), later, ScaleSpace(HALL, 2.0))
+    log = with_entries(TWICE, TranslateSpace(HALL, (1.0, 2.0, 3.0)), Batch((SetCopies(HALL, 3, 2), LATER)), ScaleSpace(HALL, 2.0))
     hall, shade, latest = (log.named(name) for name in ("hall", "shade", "later"))
     assert hall.world_box == shade.world_box == latest.world_box == ((2.0, 4.0, 6.0), (18.0, 20.0, 22.0))
     assert shade.transform_since(3) == latest.transform_since(3) == hall.transform_since(3)
-    assert (shade.created, latest.created) == (3, 5)
+    assert (shade.created, latest.created) == (2, 4)
 
 
 @pytest.mark.parametrize(
@@ -105,10 +123,12 @@ def test_a_shadow_lies_where_its_parent_lies() -> None:
         [space(copies=0, copies_min=0)],
         [space(parent=SpaceId(99))],
         [SHADOW],
-        [space(), replace(SHADOW, dimensions=2, low=(0.0,) * 2, high=(1.0,) * 2)],
-        [space(), replace(SHADOW, high=(9.0,) * 3)],
-        [space(), SHADOW, replace(SHADOW, space=SpaceId(13), name="deeper", parent=SpaceId(12))],
-        [space(), SHADOW, TranslateSpace(SpaceId(12), (0.0,) * 3)],
+        [Batch((space(copies=2), replace(SHADOW, dimensions=2, low=(0.0,) * 2, high=(1.0,) * 2)))],
+        [Batch((space(copies=2), replace(SHADOW, high=(9.0,) * 3)))],
+        [TWICE, replace(LATER, parent=SpaceId(12))],
+        [TWICE, TranslateSpace(SpaceId(12), (0.0,) * 3)],
+        [TWICE, SetCopies(SpaceId(12), 1, 1)],
+        [SetCopies(HALL, 1, 1)],
         [TranslateSpace(HALL, (0.0,) * 3)],
         [space(), TranslateSpace(HALL, (0.0,) * 2)],
         [space(), TranslateSpace(HALL, (1e18,) * 3)],
@@ -126,6 +146,86 @@ def test_an_entry_that_does_not_fit_is_refused(entries: list[LogEntry]) -> None:
     with pytest.raises(Refused) as refused:
         log.apply(log.next_record(entries[-1], b"r" * 16, ORIGIN))
     assert refused.value.reason is RejectReason.ILL_FORMED
+
+
+@pytest.mark.parametrize(
+    ("entries", "complaint"),
+    [
+        ([Batch((space(copies=2), replace(SHADOW, offset=FIRST)))], "the offset of a shadow is not 0"),
+        ([Batch((space(copies=3), SHADOW, replace(LATER, offset=at(9))))], "space 13 is a shadow of space 11 with this offset already"),
+        ([TWICE, replace(LATER, offset=at(9))], "space 12 is a shadow of space 11 with this offset already"),
+        ([TWICE, LATER], "space 11 has 2 copies, and the shadows that those take"),
+        ([space(), SHADOW], "space 11 has 1 copy, which takes no shadow"),
+        ([Batch((space(copies=2), replace(SHADOW, copies=2)))], "a shadow is one copy itself, so it has 1 of 1, not 1 of 2"),
+        ([space(copies=9)], "a space has 1 to 8 copies, and from 1 to all of them must be there, not 1 of 9"),
+        ([space(copies=3)], "space 11 shall have 3 copies, and has 0 of the 2 shadows"),
+        ([TWICE, SetCopies(HALL, 3, 2)], "space 11 shall have 3 copies, and has 1 of the 2 shadows"),
+        ([TWICE, SetCopies(HALL, 1, 1), LATER], "space 11 has 1 copy, which takes no shadow"),
+    ],
+)
+def test_nobody_adds_a_shadow_that_would_not_count_and_who_reads_takes_it(entries: list[LogEntry], complaint: str) -> None:
+    """Early programs made such logs, and what they hold must stay readable."""
+    log = with_entries(*entries[:-1])
+    record = log.next_record(entries[-1], b"r" * 16, ORIGIN)
+    with pytest.raises(Refused, match=complaint) as refused:
+        log.apply(record)
+    assert refused.value.reason is RejectReason.ILL_FORMED
+    read = log.extended([record])
+    layouts = Layouts.of(read.public_spaces())
+    assert layouts.needed[HALL] <= 1 + len(layouts.offsets[HALL]) <= layouts.wanted[HALL]
+    assert read.apply(read.next_record(ScaleSpace(HALL, 2.0), b"s" * 16, ORIGIN)).position == read.position + 1, "it goes on"
+
+
+def test_copies_are_set_and_the_layout_follows() -> None:
+    def layout(log: SceneLog) -> tuple[Location, ...]:
+        return Layouts.of(log.public_spaces()).offsets[HALL]
+
+    log = with_entries(space(), Batch((SHADOW, LATER, SetCopies(HALL, 3, 2))))
+    assert layout(log) == (at(9), at(5))
+    assert (log.space(HALL).copies, log.space(HALL).copies_min) == (3, 2)
+    fewer = log.apply(log.next_record(SetCopies(HALL, 2, 1), b"r" * 16, ORIGIN))
+    assert layout(fewer) == (at(9),)
+    assert len(fewer.spaces) == len(log.spaces), "shadows stay, and count again when there shall be more"
+    more = fewer.apply(fewer.next_record(SetCopies(HALL, 3, 3), b"s" * 16, ORIGIN))
+    assert layout(more) == (at(9), at(5))
+    assert more.write_floor == 0, "what was signed before is written still"
+
+
+@given(st.lists(st.integers(1, COPIES_MAX), min_size=1, max_size=5), st.integers(1, COPIES_MAX))
+def test_a_space_gets_the_shadows_that_it_lacks(steps: list[int], first: int) -> None:
+    (made, *shadows) = with_shadows(space(copies=first), with_entries())
+    log = with_entries(Batch((made, *shadows)))
+    assert [shadow.offset.number for shadow in shadows] == [index * LINE_LENGTH // first for index in range(1, first)]
+    for index, copies in enumerate(steps):
+        entry = Batch((SetCopies(HALL, copies, 1), *missing_shadows(log.space(HALL), copies, log)))
+        log = log.apply(log.next_record(entry, bytes([index]) * 16, ORIGIN))
+        layouts = Layouts.of(log.public_spaces())
+        assert len(layouts.offsets[HALL]) == copies - 1
+    most = max(first, *steps)
+    assert [space.name for space in log.spaces.values()][10:] == ["hall", *(f"hall copy {index}" for index in range(1, most))]
+    assert list(log.spaces)[10:] == list(range(11, 11 + most))
+
+
+def test_shadows_have_names_of_their_own_that_fit() -> None:
+    log = with_entries(space(space=SpaceId(20), name="hall copy 1"))
+    made = with_shadows(space(copies=3, copies_min=2), log)
+    assert [entry.name for entry in made] == ["hall", "hall copy 2", "hall copy 3"]
+    assert [entry.space for entry in made] == [11, 21, 22]
+    long = with_shadows(space(name="é" * 32, copies=2, space=SpaceId(SPACE_ID_MAX)), log)
+    assert long[1].name == "é" * 28 + " copy 1" and len(long[1].name.encode()) <= 64
+    assert long[1].space == 21
+    full = with_entries(space(space=SpaceId(SPACE_ID_MAX)))
+    assert next(full.free_ids()) == 11, "numbers below are used when there are none above"
+
+
+@pytest.mark.parametrize("copies", [1, 3, COPIES_MAX])
+def test_a_scene_may_begin_with_any_number_of_copies(copies: int) -> None:
+    log = first_log(GENESIS, ORIGIN, MAKER, copies)
+    layouts = Layouts.of(log.public_spaces())
+    third = tuple(at(index * LINE_LENGTH // copies) for index in range(1, copies))
+    assert layouts.offsets == {space.id: third for space in SPACES}
+    assert set(layouts.needed.values()) == {min(2, copies)}
+    assert len(log.spaces) == len(SPACES) * copies and layouts.lacking() == {}
 
 
 def test_a_record_follows_its_log() -> None:

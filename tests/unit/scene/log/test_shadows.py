@@ -34,7 +34,7 @@ def test_the_layout_is_the_offsets_in_the_order_of_the_numbers() -> None:
     found = Layouts.of([hall(), shade(14, 5), shade(12, 9)])
     assert found.offsets == {HALL: (at(9), at(5))}
     assert (found.needed, found.wanted, found.parents) == ({HALL: 2}, {HALL: 3}, {14: HALL, 12: HALL})
-    assert found.used == {12, 14} and found.lacking() == {}
+    assert found.shadows == {HALL: (12, 14)} and found.lacking() == {}
 
 
 @pytest.mark.parametrize(

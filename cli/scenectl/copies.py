@@ -1,0 +1,81 @@
+"""What is told of a space's copies, and `scenectl space copies`: say how many there shall be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from scenectl.names import SceneOption
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
+from scenectl.values import SpaceOption, name_or_number, whole
+from scenefold.base.limits import COPIES_MAX
+
+if TYPE_CHECKING:
+    from scenefold.base.ids import SpaceId
+    from scenefold.client import Scene
+    from scenefold.scene.log import Layouts, LoggedSpace
+
+CopiesOption = Annotated[int, whole(1, COPIES_MAX)]
+MinCopiesOption = Annotated[int, whole(1, COPIES_MAX), Parameter(name=("--min-copies", "--copies-min"))]
+
+
+def copies(
+    space: SpaceOption,
+    number: CopiesOption,
+    /,
+    *,
+    min_copies: MinCopiesOption | None = None,
+    scene: SceneOption,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Say how many nodes shall hold each record of a space from now on; an owner's to do.
+
+    The shadows that this takes are made. Those that it leaves over stay in the scene's log and hold nothing.
+
+    Example: scenectl space copies particles 3 --scene kitchen --profile studio
+
+    Parameters
+    ----------
+    space
+        Name or number of the space.
+    number
+        How many nodes shall hold each record, the one that decides about it among them.
+    min_copies
+        How many must hold a record before it counts as stored; by default as it was, or 2 if there was one copy.
+    scene
+        Name of the scene.
+    """
+    from scenectl.running import connected, run
+
+    async def change() -> LoggedSpace:
+        async with connected(output.profile) as cluster:
+            opened: Scene = await cluster.scenes.open(scene)
+            return await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies)
+
+    said = run(change)
+    emit(output, {"scene": scene, **said.document()}, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.")
+
+
+def copies_text(number: int, least: int) -> str:
+    """`3 copies, at least 2 before a record counts as stored`."""
+    return "one copy" if number == 1 else f"{number} copies, at least {least} before a record counts as stored"
+
+
+def copies_cell(space: LoggedSpace, layouts: Layouts) -> str:
+    """The same in a table, and whether a shadow is used."""
+    if space.parent:
+        return "holds some" if space.id in layouts.shadows[space.parent] else "holds none"
+    if space.copies == 1:
+        return "1"
+    can_have = layouts.lacking().get(space.id)
+    return f"{space.copies}, at least {space.copies_min}" + ("" if can_have is None else f" (shadows for {can_have})")
+
+
+def lacking_text(scene: str, lacking: Mapping[SpaceId, int]) -> str:
+    """What there is to do about spaces that shall have more copies than they have shadows for; nothing if there is none."""
+    if not lacking:
+        return ""
+    spaces = ", ".join(f"space {space} (can have {can_have})" for space, can_have in sorted(lacking.items()))
+    return f"\nMore copies are asked for than there are shadows: {spaces}. `scenectl space copies SPACE NUMBER --scene {scene}` makes them."
