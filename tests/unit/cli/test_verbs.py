@@ -29,6 +29,9 @@ VERBS = [
     "node run",
     "node local",
     "node drain",
+    "node blacklist add",
+    "node blacklist rm",
+    "node blacklist list",
     "scene create",
     "scene list",
     "scene info",
@@ -171,6 +174,14 @@ WRONG = {
     "nodes that are no number": ["node", "local", "many"],
     "a range that ends before it begins": ["data", "ls", "1", "--scene", "s", "--first", "80", "--last", "7f"],
     "nothing to render": ["render", "still"],
+    "nobody for a blacklist": ["node", "blacklist", "add", "--node", "127.0.0.2"],
+    "nobody's blacklist": ["node", "blacklist", "add", "127.0.0.3"],
+    "a prefix with bits behind it": ["node", "blacklist", "add", "10.1.2.3/24", "--node", "127.0.0.2"],
+    "a prefix that is none": ["node", "blacklist", "rm", "10.1.2.0/33", "--node", "127.0.0.2"],
+    "a word for a prefix": ["node", "blacklist", "rm", "10.1.2.0/24", "rack", "--node", "127.0.0.2"],
+    "33 entries at once": ["node", "blacklist", "add", *(f"10.0.0.{number}" for number in range(1, 34)), "--node", "127.0.0.2"],
+    "a prefix with bits behind it for a start": ["node", "run", "--address", "127.0.0.2", "--blacklist", "10.1.2.3/24"],
+    "a prefix twice": ["node", "run", "--address", "127.0.0.2", "--blacklist", "10.1.2.0/24,10.1.2.0/24"],
     **{
         f"a name that cannot be: {verb} {what}": [*verb.split(), *what.split("|")]
         for verb, what in [
