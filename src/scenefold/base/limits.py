@@ -93,6 +93,10 @@ COMPARED_RECORDS_MAX = 256
 """Records of an arc that are listed instead of summed: the lists of a packet make 1.8 MiB, read in a fifth of a second."""
 HELD_CURSOR_BYTES_MAX = 64
 """Where a list of what a node holds goes on: the key of a record, 42 bytes, with room."""
+CUSTODY_KEPT_MAX = 4_096
+"""Custody entries that a node keeps: a holder has a few of each owner whose copies it holds. Written anew with each change, 300 KiB."""
+CUSTODY_FLOORS_MAX = 1_024
+"""Stretches of the line that a node keeps the highest number of; beyond it neighbours become one, which costs an owner a round trip."""
 TEXT_BYTES_MAX = 1_024
 """A message for people, in UTF-8: a line or two."""
 DOCUMENT_BYTES_MAX = 256 * 1024
