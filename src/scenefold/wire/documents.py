@@ -8,6 +8,7 @@ values have equal bytes, and hashing the bytes is hashing the value. Depth, numb
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import msgpack
@@ -33,6 +34,8 @@ Value: TypeAlias = Any
 """None, bool, int, float, str, bytes, a list of values, or a dict from str to values."""
 
 _INT_MIN, _INT_MAX = -(1 << 63), (1 << 64) - 1
+_AS_THEY_ARE = frozenset((type(None), bool, bytes))
+_CONTAINERS = frozenset((list, dict))
 _TEXT_HEADS = frozenset((*range(0xA0, 0xC0), 0xD9, 0xDA, 0xDB))
 _ARRAY_HEADS = frozenset((*range(0x90, 0xA0), 0xDC, 0xDD))
 _MAP_HEADS = frozenset((*range(0x80, 0x90), 0xDE, 0xDF))
@@ -68,6 +71,13 @@ def pack_value(value: Value, *, what: str = "document", size_max: int = FRAME_BY
 
 
 def _canonical(value: Value, budget: _Budget, depth: int) -> Value:
+    if isinstance(value, (list, tuple)):
+        budget.spend(len(value), depth + 1)
+        return [item if _is_plain(item, depth + 1) else _canonical_at(item, budget, depth + 1, index) for index, item in enumerate(value)]
+    if isinstance(value, dict):
+        budget.spend(2 * len(value), depth + 1)
+        keys = sorted(value, key=_utf8) if value else ()
+        return {str(key): _canonical_at(value[key], budget, depth + 1, key) for key in keys}
     if value is None or isinstance(value, (bool, bytes)):
         return value
     if isinstance(value, int):
@@ -81,23 +91,24 @@ def _canonical(value: Value, budget: _Budget, depth: int) -> Value:
     if isinstance(value, str):
         _utf8(value)
         return str(value)
-    if isinstance(value, (list, tuple)):
-        budget.spend(len(value), depth + 1)
-        return [_canonical_at(item, budget, depth + 1, f"[{index}]") for index, item in enumerate(value)]
-    if isinstance(value, dict):
-        budget.spend(2 * len(value), depth + 1)
-        keys = sorted(value, key=_utf8)
-        return {str(key): _canonical_at(value[key], budget, depth + 1, _label(key)) for key in keys}
     if isinstance(value, (bytearray, memoryview)):
         return bytes(value)
     raise Misfit(f"a {type(value).__name__} has no encoding")
 
 
-def _canonical_at(value: Value, budget: _Budget, depth: int, path: str) -> Value:
+def _is_plain(item: Value, depth: int) -> bool:
+    """Whether an item of a list is its own canonical form: what lists of many items mostly consist of."""
+    kind = type(item)
+    if kind is int:
+        return bool(_INT_MIN <= item <= _INT_MAX)
+    return kind in _AS_THEY_ARE or (kind in _CONTAINERS and not item and depth < VALUE_DEPTH_MAX)
+
+
+def _canonical_at(value: Value, budget: _Budget, depth: int, at: int | str) -> Value:
     try:
         return _canonical(value, budget, depth)
     except Misfit as misfit:
-        raise misfit.inside(path) from None
+        raise misfit.inside(f"[{at}]" if isinstance(at, int) else _label(at)) from None
 
 
 def _label(key: str) -> str:
@@ -137,6 +148,14 @@ def skip_value(data: bytes, at: int) -> int:
 
 
 _CONSTANTS = {NIL: None, FALSE: False, TRUE: True}
+_ONE_BYTE: dict[int, Value] = {
+    **{head: head for head in range(0x80)},
+    **{head: head - 0x100 for head in range(0xE0, 0x100)},
+    **_CONSTANTS,
+    0xA0: "",
+}
+"""Values that are their head: of these a stranger can put most into a document, so a list of them must cost little."""
+_EMPTY: dict[int, Callable[[], Value]] = {0x80: dict, 0x90: list}
 
 
 def _read_value(data: bytes, at: int, budget: _Budget, depth: int) -> tuple[Value, int]:
@@ -164,8 +183,16 @@ def _read_list(data: bytes, at: int, budget: _Budget, depth: int) -> tuple[Value
     items: list[Value] = []
     try:
         for _ in range(count):
-            item, at = _read_value(data, at, budget, depth)
-            items.append(item)
+            head = data[at]
+            if head in _ONE_BYTE:
+                items.append(_ONE_BYTE[head])
+                at += 1
+            elif head in _EMPTY and depth < VALUE_DEPTH_MAX:
+                items.append(_EMPTY[head]())
+                at += 1
+            else:
+                item, at = _read_value(data, at, budget, depth)
+                items.append(item)
     except Misfit as misfit:
         raise misfit.inside(f"[{len(items)}]") from None
     return items, at

@@ -108,6 +108,19 @@ def test_limits_hold_on_both_sides() -> None:
         unpack_value(msgpack.packb([0] * (VALUE_ITEMS_MAX + 1)))
 
 
+@pytest.mark.parametrize("empty", [[], {}])
+def test_what_is_empty_is_as_deep_as_what_is_not(empty: object) -> None:
+    for depth in range(1, VALUE_DEPTH_MAX + 1):
+        nest: object = empty
+        for _ in range(depth - 1):
+            nest = [nest, 0.0]
+        assert unpack_value(pack_value(nest)) == nest
+    with pytest.raises(LocalFault, match="deeper"):
+        pack_value([nest])
+    with pytest.raises(MalformedPacket, match="deeper"):
+        unpack_value(msgpack.packb([nest]))
+
+
 @pytest.mark.parametrize(
     "data",
     [
