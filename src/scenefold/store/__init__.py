@@ -1,5 +1,6 @@
 """Records on the line in an LMDB folder: the only door to lmdb (specs/10-store.md)."""
 
+from scenefold.store.debts import Debt, DebtPage
 from scenefold.store.digest_sums import Held, Listing
 from scenefold.store.holding import StoredHolding
 from scenefold.store.identity import StoreIdentity
@@ -16,6 +17,8 @@ from scenefold.store.walking import Entry, Manifest, Weighed
 
 __all__ = [
     "Counts",
+    "Debt",
+    "DebtPage",
     "Entry",
     "Held",
     "Listing",

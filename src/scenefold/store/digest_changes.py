@@ -10,13 +10,14 @@ import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import NamedTuple
 
 from scenefold.base.location import LAST
 from scenefold.store.digest_tree import Difference, DigestTree, TreeDamaged
 from scenefold.store.homes import by_home
 from scenefold.store.layout import DIGESTS, SpaceAddress, Spot, space_key, space_of
 from scenefold.store.sealing import StoreDamaged
-from scenefold.store.versions import stored_sum, sum_of
+from scenefold.store.versions import stored_sum, sum_of, version_of
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 _UNBUILT = bytes(4)
@@ -54,6 +55,13 @@ def unbuild(transaction: WriteTransaction, space: SpaceAddress) -> None:
     transaction.put(DIGESTS, _UNBUILT + space_key(*space), b"")
 
 
+class Former(NamedTuple):
+    """What lay where something changes: its header, None if that has rotted, and its size as stored."""
+
+    header: bytes | None
+    stored_bytes: int
+
+
 @dataclass(slots=True)
 class DigestChanges:
     """By space and home, in the order in which they came."""
@@ -66,13 +74,17 @@ class DigestChanges:
     is_unbuilt: bool = False
     """Whether some of these are left, or there are new ones."""
 
-    def change(self, spot: Spot, before: memoryview | None, after: bytes | None) -> None:
-        """A record with this header takes the place of a stored value; None for nothing."""
-        there = 0 if before is None else stored_sum(before)
-        if there is None:
-            self._add(spot, 0, 0, is_lost=True)
-        else:
-            self._add(spot, (after is not None) - (before is not None), (0 if after is None else sum_of(after)) - there, is_lost=False)
+    def change(self, spot: Spot, before: Former | None, after: bytes | None) -> None:
+        """A record of this version takes the place of what was there; None for nothing."""
+        records, total = 0, 0
+        if before is not None:
+            if before.header is None:
+                self._add(spot, 0, 0, is_lost=True)
+                return
+            records, total = -1, -sum_of(version_of(before.header))
+        if after is not None:
+            records, total = records + 1, total + sum_of(after)
+        self._add(spot, records, total, is_lost=False)
 
     def _add(self, spot: Spot, records: int, total: int, *, is_lost: bool) -> None:
         (scene, space, _), home = spot.place, bytes(spot.home)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, Record, RecordHeader, version_key
@@ -63,10 +64,12 @@ class Put:
     """A verified record to be stored.
 
     `at`: of a copy, where a node-managed record lies at the node that it comes from. Others lie where their header says.
+    `debtors`: who is still to get it once it is here.
     """
 
     record: Record
     at: Location | None = None
+    debtors: tuple[NodeId, ...] = ()
 
 
 def judge(new: RecordHeader, present: RecordHeader | None) -> PutResult:

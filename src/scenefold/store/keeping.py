@@ -1,22 +1,31 @@
 """The one door through which stored records change, so that nothing that is derived from them can be forgotten.
 
-Counts and digests follow from the records, and change with them in one transaction. Nobody else writes the table of records.
+Counts and digests follow from the records, and what is owed is owed of them: all that changes in one transaction. Nobody else writes the table of records.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.crypto import Record, RecordPlace
-from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key
+from scenefold.store.debts import move_debt
+from scenefold.store.digest_changes import Former
+from scenefold.store.layout import OBJECTS, RECORDS, Spot, object_key, pack_record, record_key, sound_header
 from scenefold.store.tally import Tally
+from scenefold.store.versions import version_of
 from scenefold.world.ports import WriteTransaction
 
 
-def keep_record(transaction: WriteTransaction, tally: Tally, spot: Spot, record: Record) -> None:
-    """Write a record, over whatever lies there."""
+def keep_record(transaction: WriteTransaction, tally: Tally, spot: Spot, record: Record, debtors: Sequence[NodeId] = ()) -> None:
+    """Write a record, over whatever lies there. `debtors` are still to get it, if what lies there is not the same."""
     key, packed = record_key(*spot), pack_record(record)
-    tally.change(spot, transaction.get(RECORDS, key), record.header_bytes, len(packed))
+    before, version = _former(transaction, key), version_of(record.header_bytes)
+    tally.change(spot, before, version, len(packed))
     transaction.put(RECORDS, key, packed)
+    if before is None or before.header != record.header_bytes:
+        tally.debts.write_debt(transaction, key, version, debtors)
     if spot.object:
         _note_place(transaction, spot)
 
@@ -24,14 +33,20 @@ def keep_record(transaction: WriteTransaction, tally: Tally, spot: Spot, record:
 def drop_record(transaction: WriteTransaction, tally: Tally, spot: Spot) -> None:
     """Delete what lies there."""
     key = record_key(*spot)
-    tally.change(spot, transaction.get(RECORDS, key), None, 0)
+    tally.change(spot, _former(transaction, key), None, 0)
     transaction.delete(RECORDS, key)
+    tally.debts.forget_debt(transaction, key)
     if spot.object:
         _forget_place(transaction, spot)
 
 
+def _former(transaction: WriteTransaction, key: bytes) -> Former | None:
+    value = transaction.get(RECORDS, key)
+    return None if value is None else Former(sound_header(value), len(value))
+
+
 def move_object(transaction: WriteTransaction, spot: Spot, to: Location) -> None:
-    """Put an object's record elsewhere, as it is. Its home stays, so nothing that is derived changes."""
+    """Put an object's record elsewhere, as it is, and what is owed of it. Its home stays, so nothing that is derived changes."""
     (scene, space, _), object_id = spot
     value = transaction.get(RECORDS, record_key(*spot))
     assert value is not None
@@ -39,6 +54,7 @@ def move_object(transaction: WriteTransaction, spot: Spot, to: Location) -> None
     moved = Spot(RecordPlace(scene, space, to), object_id)
     transaction.delete(RECORDS, record_key(*spot))
     transaction.put(RECORDS, record_key(*moved), packed)
+    move_debt(transaction, record_key(*spot), record_key(*moved))
     _note_place(transaction, moved)
 
 

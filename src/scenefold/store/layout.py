@@ -8,6 +8,8 @@
     notes       a name                                             ->  a small value that a service wants to survive a restart
     identity    "format" | "node" | "incarnation" | "boot"
     digests     scene(4) | space(2) | level(1) | bound(20)         ->  what lies up to the bound (digest_tree.py)
+    debts       as of records                                      ->  version(32) | node(4), for each that is still to get it
+    debtors     node(4)                                            ->  records(8) that it is still to get
 
 A packed record:
 
@@ -40,7 +42,9 @@ HOLDING = "holding"
 NOTES = "notes"
 IDENTITY = "identity"
 DIGESTS = "digests"
-TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS)
+DEBTS = "debts"
+DEBTORS = "debtors"
+TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS, DEBTS, DEBTORS)
 
 OBJECTS_END = b"\xff" * OBJECT_BYTES
 """Behind a location's key: the last object that may lie there."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from scenefold.base.errors import DamagedData
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of, wanted_place
 from scenefold.store.changes import MayUseReserve, storage_full
@@ -26,6 +27,8 @@ from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 _FRAMING_BYTES = 512
 """Header, signature, key and the tree's own bytes of one record."""
+_DEBT_BYTES = 96
+"""Key, version and some nodes."""
 
 
 Judge = Callable[[Record, RecordHeader | None, memoryview | None], PutResult]
@@ -76,9 +79,7 @@ class MergeRecords(MayUseReserve):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [
-            _write(transaction, tally, _judge_for_node, put.record, _place(transaction, arc, header, put.at)) for header, put in self.puts
-        ]
+        return [_write(transaction, tally, _judge_for_node, put, _place(transaction, arc, header, put.at)) for header, put in self.puts]
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -135,6 +136,23 @@ class DiscardDamaged(MayUseReserve):
 
 
 @dataclass(frozen=True, slots=True)
+class PayDebts(MayUseReserve):
+    """These nodes have these versions. Who was not to get them, or is to get a newer one, changes nothing."""
+
+    paid: Sequence[tuple[Spot, bytes, NodeId]]
+
+    @property
+    def size_bytes(self) -> int:
+        return len(self.paid) * _DEBT_BYTES
+
+    def apply(self, transaction: WriteTransaction, tally: Tally, /) -> int:
+        return sum(tally.debts.pay(transaction, *one) for one in self.paid)
+
+    def when_full(self, _transaction: ReadTransaction, /) -> int:
+        raise storage_full()
+
+
+@dataclass(frozen=True, slots=True)
 class SlideObjects(MayUseReserve):
     """Put node-managed records that lie in another of these parts than their home, or in none, into that part.
 
@@ -169,9 +187,9 @@ def _put(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Reco
     if arc is None or spot.home not in arc:
         return PutResult(Outcome.NOT_OWNED)
     if not spot.object:
-        return _write(transaction, tally, _judge_for_client, put.record, spot)
+        return _write(transaction, tally, _judge_for_client, put, spot)
     spot = _place(transaction, arc, new, None)
-    result = _write(transaction, tally, _judge_for_client, put.record, spot)
+    result = _write(transaction, tally, _judge_for_client, put, spot)
     return replace(result, location=spot.place.location)
 
 
@@ -224,13 +242,13 @@ def _place(transaction: WriteTransaction, arc: Arc | None, new: RecordHeader, at
     return spot
 
 
-def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, record: Record, spot: Spot) -> PutResult:
-    new = record.header
+def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, put: Put, spot: Spot) -> PutResult:
+    record, new = put.record, put.record.header
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
     result = judges(record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
-        keep_record(transaction, tally, spot, record)
+        keep_record(transaction, tally, spot, record, put.debtors)
         return replace(result, has_changed=True)
     return result
 

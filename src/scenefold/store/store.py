@@ -22,6 +22,7 @@ from scenefold.store import reading, walking
 from scenefold.store.building import keep_building
 from scenefold.store.changes import PutValue, PutValues
 from scenefold.store.comparing import ComparingStore
+from scenefold.store.debts import read_owed
 from scenefold.store.digest_changes import has_unbuilt
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
@@ -29,6 +30,7 @@ from scenefold.store.judging import Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.noticing import Noticed
 from scenefold.store.opened import in_view
+from scenefold.store.owing import OwingStore
 from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.sealing import SealedEnvironment
@@ -42,7 +44,7 @@ SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store(ComparingStore):
+class Store(ComparingStore, OwingStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:
@@ -64,16 +66,19 @@ class Store(ComparingStore):
 
     # -------------------------------------------------------------------------------------------------- records
 
-    async def put(self, puts: Sequence[Put]) -> list[PutResult]:
-        """Store verified records in this node's arc; results in their order. What is STORED is durable on return."""
-        return self._looked_over(puts, await self._writer.submit(PutRecords(_with_headers(puts))))
+    async def put(self, puts: Sequence[Put], debtors: Sequence[Sequence[NodeId]] = ()) -> list[PutResult]:
+        """Store verified records in this node's arc; results in their order. What is STORED is durable on return.
 
-    async def merge(self, puts: Sequence[Put]) -> list[PutResult]:
+        `debtors`: for each put the nodes that are still to get it. What is there already, so that nothing is written, owes what it owed.
+        """
+        return self._looked_over(puts, await self._writer.submit(PutRecords(_with_headers(_owed(puts, debtors)))))
+
+    async def merge(self, puts: Sequence[Put], debtors: Sequence[Sequence[NodeId]] = ()) -> list[PutResult]:
         """Take verified copies from other nodes, wherever they lie: the highest version stays, whatever it expects.
 
         A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
         """
-        return self._looked_over(puts, await self._writer.submit(MergeRecords(_with_headers(puts))))
+        return self._looked_over(puts, await self._writer.submit(MergeRecords(_with_headers(_owed(puts, debtors)))))
 
     def _looked_over(self, puts: Sequence[Put], results: list[PutResult]) -> list[PutResult]:
         for put, result in zip(puts, results, strict=True):
@@ -228,6 +233,10 @@ def _with_headers(puts: Sequence[Put]) -> list[tuple[RecordHeader, Put]]:
     return [(put.record.header, put) for put in puts]
 
 
+def _owed(puts: Sequence[Put], debtors: Sequence[Sequence[NodeId]]) -> Sequence[Put]:
+    return [replace(put, debtors=tuple(nodes)) for put, nodes in zip(puts, debtors, strict=True)] if debtors else puts
+
+
 @asynccontextmanager
 async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_bytes: int = STORE_RESERVE_BYTES) -> AsyncIterator[Store]:
     """Open (or begin) the store of a node in a folder that no other process has open. LocalFault if it cannot be."""
@@ -239,6 +248,7 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
         identity = await workers.run("store", claim, environment, str(folder), node_id, incarnation)
         writer = GroupWriter(workers, environment, reserve_bytes)
         writer.counts = await workers.run("store", in_view, environment, read_counts)
+        writer.owed = await workers.run("store", in_view, environment, read_owed)
         if await workers.run("store", in_view, environment, has_unbuilt):
             writer.unbuilt.set()
         try:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from scenefold.store.layout import sound_header
 
+VERSION_BYTES = 32
 SUM_BYTES = 16
 SUM_MODULUS = 1 << 8 * SUM_BYTES
 _DOMAIN = b"scenefold/version"
@@ -22,15 +23,15 @@ def version_of(header: bytes) -> bytes:
     return hashlib.sha256(_DOMAIN + header).digest()
 
 
-def sum_of(header: bytes) -> int:
-    """What a record with this header adds."""
-    return int.from_bytes(version_of(header)[:SUM_BYTES], "big")
+def sum_of(version: bytes) -> int:
+    """What a record of this version adds."""
+    return int.from_bytes(version[:SUM_BYTES], "big")
 
 
 def stored_sum(value: memoryview) -> int | None:
     """What a stored record adds; None if its header has rotted, and nobody knows."""
     header = sound_header(value)
-    return None if header is None else sum_of(header)
+    return None if header is None else sum_of(version_of(header))
 
 
 class RangeSum(NamedTuple):

@@ -8,6 +8,7 @@ A caller hears of its change only once the commit is durable.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
@@ -15,6 +16,7 @@ from typing import Any, TypeVar, cast
 import trio
 
 from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import Change, MayUseReserve
@@ -27,6 +29,10 @@ from scenefold.world.ports import DiskFailed, DiskFull, Environment, ReadTransac
 
 R = TypeVar("R")
 
+RIDE_S = 1.0
+"""What rides along waits so long for somebody to go with."""
+RIDERS_MAX = 256
+"""Beyond that they go by themselves: their changes share the commit, and each may name some hundred records."""
 DELETION_BYTES_MAX = 4096
 """No deletion's record is larger: its payload has 2 KiB at most."""
 
@@ -49,13 +55,15 @@ class _Waiting:
 
 @dataclass(frozen=True, slots=True)
 class Committed:
-    """Answers in the order of the changes, the new counts of the spaces that changed, and how many met no room beside the reserve.
+    """Answers in the order of the changes, the new counts of the spaces that changed, how much nodes are owed
+    where that changed, and how many met no room beside the reserve.
 
     `is_unbuilt`: this has left a tree of digests to be built.
     """
 
     answers: list[Any]
     counts: dict[SpaceAddress, Counts]
+    owed: dict[NodeId, int]
     refused: int
     is_unbuilt: bool = False
 
@@ -69,7 +77,13 @@ class GroupWriter:
         self.reserve_bytes = reserve_bytes
         self._entrance, self._exit = trio.open_memory_channel[_Waiting](STORE_QUEUE_CHANGES_MAX)
         self.counts: dict[SpaceAddress, Counts] = {}
+        self.owed: dict[NodeId, int] = {}
         self.commits = 0
+        self._riders: list[_Waiting] = []
+        self._ride_at = math.inf
+        self._patience = trio.CancelScope()
+        self._have_left = trio.Event()
+        self._is_over = False
         self._is_full = False
         self.damage: StoreDamaged | None = None
         """Why nothing more is taken."""
@@ -91,6 +105,23 @@ class GroupWriter:
             raise waiting.answer
         return cast(R, waiting.answer)
 
+    async def ride_along(self, change: Change[Any]) -> None:
+        """Let a change go with the next commit, or in one of its own a second from now at most. Nobody hears what became of it.
+
+        Returns once it waits, at once but if too many do. It is lost with the process, or if the disk is full.
+        """
+        while len(self._riders) >= RIDERS_MAX:
+            self._depart(trio.current_time())
+            await self._have_left.wait()
+        if self._is_over:
+            raise _closing()
+        self._riders.append(_Waiting(change))
+        if len(self._riders) == 1:
+            self._depart(trio.current_time() + RIDE_S)
+
+    def _depart(self, when: float) -> None:
+        self._ride_at = self._patience.deadline = when
+
     def halt(self, damage: StoreDamaged) -> None:
         """A reader has met damage that no node may go on with: take nothing more, and let `run` end with it."""
         self.damage = self.damage or damage
@@ -100,7 +131,7 @@ class GroupWriter:
         """Commit until cancelled. A failing or damaged disk ends it with LocalFault: a node must not go on without one."""
         batch: list[_Waiting] = []
         try:
-            async for first in self._exit:
+            while (first := await self._next()) is not None:
                 batch = [waiting for waiting in self._gather(first) if not waiting.abandoned]
                 if not batch:
                     continue
@@ -109,6 +140,7 @@ class GroupWriter:
                 )
                 self.commits += 1
                 self.counts.update(committed.counts)
+                self.owed.update(committed.owed)
                 if committed.is_unbuilt:
                     self.unbuilt.set()
                 if not all(isinstance(waiting.change, MayUseReserve) for waiting in batch):
@@ -138,8 +170,22 @@ class GroupWriter:
         else:
             _log.info("the disk has room again")
 
-    def _gather(self, first: _Waiting) -> list[_Waiting]:
-        batch, size_bytes = [first], first.change.size_bytes
+    async def _next(self) -> list[_Waiting] | None:
+        """What a batch begins with: a change, and what waits to ride along. None once nothing more is taken."""
+        came: list[_Waiting] = []
+        with trio.CancelScope(deadline=self._ride_at) as self._patience:
+            try:
+                came.append(await self._exit.receive())
+            except trio.EndOfChannel:
+                return None
+        came += self._riders
+        self._riders, self._ride_at = [], math.inf
+        self._have_left.set()
+        self._have_left = trio.Event()
+        return came
+
+    def _gather(self, first: list[_Waiting]) -> list[_Waiting]:
+        batch, size_bytes = first, sum(waiting.change.size_bytes for waiting in first)
         while size_bytes < STORE_BATCH_BYTES_MAX:
             try:
                 waiting = self._exit.receive_nowait()
@@ -157,6 +203,9 @@ class GroupWriter:
             except (trio.WouldBlock, trio.EndOfChannel):
                 break
         self._exit.close()
+        self._is_over = True
+        self._riders.clear()
+        self._have_left.set()
         for waiting in batch:
             waiting.finish(_closing())
 
@@ -180,13 +229,14 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
     def apply(transaction: WriteTransaction) -> Committed:
         tally = Tally()
         answers = [change.apply(transaction, tally) for change in admitted]
-        return Committed(answers, tally.write(transaction), refused, tally.digests.is_unbuilt)
+        counts, owed = tally.write(transaction)
+        return Committed(answers, counts, owed, refused, tally.digests.is_unbuilt)
 
     try:
         return environment.update(apply)
     except DiskFull:
         with environment.read() as view:
-            return Committed([_full(change, view) for change in changes], {}, len(changes))
+            return Committed([_full(change, view) for change in changes], {}, {}, len(changes))
 
 
 def _full(change: Change[Any], view: ReadTransaction) -> Any:

@@ -19,7 +19,20 @@ from scenefold.peer.cluster_log.lives import Lives, note_of, pack_granted
 from scenefold.peer.line.holding import Handover, Heard, Holding, Step
 from scenefold.peer.line.holding_note import encode_holding
 from scenefold.store import LmdbDisk, Put, Spot, StoreDamaged, open_store
-from scenefold.store.layout import DIGESTS, HEADERS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, TABLES, location_of
+from scenefold.store.layout import (
+    DEBTORS,
+    DEBTS,
+    DIGESTS,
+    HEADERS,
+    HOLDING,
+    IDENTITY,
+    NOTES,
+    OBJECTS,
+    RECORDS,
+    STATISTICS,
+    TABLES,
+    location_of,
+)
 from scenefold.store.sealing import SEALED, opened, sealed
 from scenefold.wire import Member
 from scenefold.world import Environment, WriteTransaction
@@ -54,6 +67,8 @@ KEPT = {
     "place of an object": (OBJECTS, b"\0\0\0\7\0\2" + b"o" * 16, b"\x11" * 20),
     "counts": (STATISTICS, b"\0\0\0\7\0\2", bytes(16)),
     "digests": (DIGESTS, b"\0\0\0\7\0\2\1" + b"\x11" * 20, bytes(28)),
+    "debt": (DEBTS, b"\0\0\0\7\0\2" + b"\x11" * 20, bytes(range(36))),
+    "debtor": (DEBTORS, b"\x7f\0\0\2", bytes(8)),
 }
 
 
