@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from scenectl import space
+from scenectl.copies import copies_cell, lacking_text
 from scenectl.positions import Box, Position
 from scenectl.program import main
+from scenefold.base.ids import SpaceId
+from scenefold.base.location import Location
+from scenefold.scene.log import Affine, Layouts, LoggedSpace
 
 
 def test_boxes_and_positions_are_read_as_they_stand() -> None:
@@ -52,3 +57,18 @@ def test_numbers_below_0_may_be_given(arguments: list[str], monkeypatch: pytest.
     assert main(["space", *arguments, "--scene", "kitchen", "--profile", "studio"]) == 1
     assert "far enough" in capsys.readouterr().err
     assert asked[0][:2] == ("studio", "kitchen")
+
+
+def test_a_space_that_asks_for_more_copies_than_it_has_shadows_for_is_told() -> None:
+    """Early programs noted the number, and made no shadows."""
+    hall = LoggedSpace(SpaceId(11), "hall", 1, "hilbert", (0.0,), (1.0,), Affine.identity(1), copies=3, copies_min=2)
+    shade, spare = (
+        replace(hall, id=SpaceId(number), parent=hall.id, offset=Location.from_number(number), copies=1, copies_min=1)
+        for number in (12, 13)
+    )
+    few, enough = (Layouts.of(space.public() for space in spaces) for spaces in ([hall, shade], [replace(hall, copies=2), shade, spare]))
+    assert copies_cell(hall, few) == "3, at least 2 (shadows for 2)"
+    assert "space 11 (can have 2). `scenectl space copies SPACE NUMBER --scene kitchen`" in lacking_text("kitchen", few.lacking())
+    assert copies_cell(replace(hall, copies=2), enough) == "2, at least 2" and lacking_text("kitchen", enough.lacking()) == ""
+    assert [copies_cell(space, enough) for space in (shade, spare)] == ["holds some", "holds none"]
+    assert copies_cell(replace(hall, copies=1), Layouts.of([replace(hall, copies=1).public()])) == "1"

@@ -14,6 +14,7 @@ from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId, SpaceId
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
+from scenefold.client import births
 from scenefold.client.births import born, first_header, first_private, first_records, kept_keys
 from scenefold.client.sealing import Draft, Opened
 from scenefold.client.wishes import Wish
@@ -115,6 +116,14 @@ def test_no_nonce_serves_two_first_logs_of_a_scene() -> None:
     assert again == story.private
     assert first_header(story.kept, story.keys, replace(MAKER, name="user:ada"), ORIGIN) is not None, "else nobody would seal it"
     assert _nonce(other) != _nonce(again)
+
+
+def test_a_creation_is_resumed_by_a_version_that_would_give_new_scenes_more_copies(monkeypatch: pytest.MonkeyPatch) -> None:
+    story = Story()
+    header = first_header(story.kept, story.keys, MAKER, ORIGIN)
+    monkeypatch.setattr(births, "COPIES_DEFAULT", 3)
+    assert header is not None and first_header(story.kept, story.keys, MAKER, ORIGIN) == header
+    assert first_private(story.keys, MAKER, ORIGIN) == story.private
 
 
 def _nonce(sealed: bytes) -> bytes:
