@@ -32,8 +32,14 @@ class Listing(NamedTuple):
 
 def read_sums(transaction: ReadTransaction, space: SpaceAddress, arcs: Sequence[Arc]) -> list[RangeSum]:
     """What lies in each arc, by homes: some ms an arc, however much there is. TreeDamaged if the tree is to be made anew."""
-    prefixes = _Prefixes(transaction, space)
-    return [prefixes.up_to(arc.last).without(prefixes.up_to(_before(arc.first))) for arc in arcs]
+    built, prefixes = built_to(transaction, space), _Prefixes(transaction, space)
+    sums = []
+    for arc in arcs:
+        behind, last = _before(arc.first), bytes(arc.last)
+        total = prefixes.up_to(min(last, built)).without(prefixes.up_to(min(behind, built)))
+        # What the tree does not have yet is walked over, and nothing else is.
+        sums.append(total.and_also(*_walked(transaction, space, max(behind, built), last)))
+    return sums
 
 
 class _Prefixes:
@@ -43,20 +49,15 @@ class _Prefixes:
         self._transaction = transaction
         self._space = space
         self._rows = Rows(transaction, space)
-        self._built = built_to(transaction, space)
-        self._known: dict[bytes, RangeSum] = {}
+        self._known = {b"": RangeSum()}
 
     def up_to(self, location: bytes) -> RangeSum:
-        known = self._known.get(location)
-        if known is None:
-            known = self._built_up_to(min(location, self._built)).and_also(*self._walked(self._built, location))
-            self._known[location] = known
-        return known
+        if location not in self._known:
+            self._known[location] = self._read_up_to(location)
+        return self._known[location]
 
-    def _built_up_to(self, location: bytes) -> RangeSum:
+    def _read_up_to(self, location: bytes) -> RangeSum:
         total, begin = RangeSum(), b""
-        if not location:
-            return total
         for level in range(LEVELS, 0, -1):
             for bound, row in self._rows.behind(level, begin, bytes(LAST)):
                 if bound > location:
@@ -64,15 +65,16 @@ class _Prefixes:
                 total, begin = total.and_also(row.records, row.sum), bound
             if begin == location:
                 return total
-        return total.and_also(*self._walked(begin, location))
+        return total.and_also(*_walked(self._transaction, self._space, begin, location))
 
-    def _walked(self, begin: bytes, last: bytes) -> RangeSum:
-        """Of the records themselves: less than a bucket, or what the tree does not have yet."""
-        if begin >= last:
-            return RangeSum()
-        sums = [stored_sum(found.value) for found in by_home(self._transaction, self._space, begin, last)]
-        known = [one for one in sums if one is not None]
-        return RangeSum().and_also(len(known), sum(known))
+
+def _walked(transaction: ReadTransaction, space: SpaceAddress, begin: bytes, last: bytes) -> RangeSum:
+    """Of the records themselves: less than a bucket, or what the tree does not have yet."""
+    if begin >= last:
+        return RangeSum()
+    sums = [stored_sum(found.value) for found in by_home(transaction, space, begin, last)]
+    known = [one for one in sums if one is not None]
+    return RangeSum().and_also(len(known), sum(known))
 
 
 def _before(location: Location) -> bytes:
