@@ -78,7 +78,7 @@ def test_that_a_node_takes_what_it_has_refused_is_noticed(monkeypatch: pytest.Mo
         seen.add(new.digest)
         return result
 
-    monkeypatch.setattr(record_changes, "_OF_CLIENTS", record_changes._OF_CLIENTS._replace(whole=forgetful))
+    monkeypatch.setattr(record_changes, "judge", forgetful)
     found = {violation.law for seed in range(2) for violation in lying(seed).violations}
     assert laws.LINEARIZABLE in found
 
