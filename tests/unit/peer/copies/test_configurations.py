@@ -222,7 +222,7 @@ acts = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(acts, max_size=12))
 def test_each_place_is_as_if_it_were_alone(said: list[tuple[str, object, object, int]]) -> None:
     """What is cut, given, taken and joined: every place has the configurations that it has without any of that."""
