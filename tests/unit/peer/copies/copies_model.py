@@ -2,103 +2,27 @@
 
 Every operation is one atomic step of one node; what one node says to another lies about until it is delivered, in any order, again, or never.
 Nodes lose their memory, are removed (and go on until their lease is over), come back with their disk or without it. What a
-node keeps durably is read back from its notes. `Broken` is raised where specs/20-copies.md, C1 to C3, does not hold.
+node keeps durably is read back from its notes. `Broken` is raised where an invariant of specs/20-copies.md does not hold.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from random import Random
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
-from scenefold.base.location import FIRST, Arc, Location
+from scenefold.base.location import FIRST
 from scenefold.peer.copies.configurations import Configurations, Word
 from scenefold.peer.copies.custody import Behind, Custody
 from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.segment import Segment
 from scenefold.wire import Member
+from unit.peer.copies.copies_nodes import LAYOUT, NOTHING, PLACE, Broken, Message, Node, Reader, Recovery, Rules, Version
 
-PLACE = Arc(FIRST, Location.from_number(9))
-LAYOUT = (Location.from_number(1000), Location.from_number(2000))
 TERM = 1 << 32
-Version = tuple[int, int]
-"""A sequence number, and what decides between two that an owner did not know of each other."""
-NOTHING: Version = (0, 0)
 MESSAGES_MAX = 40
-
-
-class Broken(AssertionError):
-    """A promise of the specification does not hold."""
-
-
-@dataclass
-class Recovery:
-    """What an owner has heard of a gap so far."""
-
-    number: int
-    asked: list[Member]
-    entries: dict[Member, list[Entry]] = field(default_factory=dict)
-
-
-@dataclass(eq=False)
-class Node:
-    member: Member
-    configurations: Configurations
-    custody: Custody = field(default_factory=Custody)
-    version: Version = NOTHING
-    debtors: frozenset[Member] = frozenset()
-    owns: bool = False
-    recovery: Recovery | None = None
-    leased: bool = True
-    known: int = 0
-    """How far it knows the log."""
-    # Only in memory:
-    have: set[Member] = field(default_factory=set)
-    settled: bool = False
-
-    @property
-    def segment(self) -> Segment:
-        return self.configurations.at(LAYOUT, FIRST) or Segment(LAYOUT, PLACE)
-
-    @property
-    def entry(self) -> Entry | None:
-        return self.custody.at(LAYOUT, FIRST)
-
-    def holders_of_it(self) -> set[Member]:
-        """Who has this node's version durably, as far as it knows."""
-        return self.have | {self.member} | (self.segment.sound - self.debtors)
-
-    def take(self, version: Version, debtors: frozenset[Member]) -> None:
-        self.version, self.debtors, self.have, self.settled = version, debtors, set(), False
-
-
-@dataclass
-class Message:
-    target: Member
-    deliver: Callable[[Node], None]
-
-
-@dataclass
-class Reader:
-    """Somebody who asks holders, one after the other."""
-
-    acknowledged: Version
-    answers: dict[Member, tuple[Entry, Version]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Rules:
-    """What may be left out, to see that it is missed."""
-
-    debts: bool = True
-    compared: bool = True
-    floors: bool = True
-    incarnations: bool = True
-    promises: bool = True
-    leases_of_unheard: bool = True
-    settled_when_given: bool = True
 
 
 class Model:

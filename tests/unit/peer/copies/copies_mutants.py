@@ -9,7 +9,7 @@ from unittest.mock import patch
 from scenefold.peer.copies.custody import Custody
 from scenefold.peer.copies.segment import Configuration, Segment
 from scenefold.wire import Member
-from unit.peer.copies.copies_model import Rules
+from unit.peer.copies.copies_nodes import Rules
 
 
 def _closed_when_another_is_active(segment: Segment, configuration: Configuration, me: Member) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from random import Random
 
-from unit.peer.copies.copies_model import Model, Node, Rules
+from unit.peer.copies.copies_model import Model
+from unit.peer.copies.copies_nodes import Node, Rules
 
 _TABLE = {
     "deliver": 60, "newest": 40, "write": 12, "send": 24, "settle": 24, "place": 5, "say": 24, "compare": 30, "activate": 24, "give": 2,

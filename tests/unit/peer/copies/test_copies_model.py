@@ -11,8 +11,9 @@ from random import Random
 import pytest
 
 from scenefold.base.ids import NodeId
-from unit.peer.copies.copies_model import LAYOUT, PLACE, Broken, Message, Model, Node, Rules
+from unit.peer.copies.copies_model import Model
 from unit.peer.copies.copies_mutants import MUTANTS, without
+from unit.peer.copies.copies_nodes import LAYOUT, PLACE, Broken, Message, Node, Rules
 from unit.peer.copies.copies_walks import walk
 
 WALKS = 60

@@ -146,16 +146,16 @@ def test_a_slow_disk_thaws_the_piece_before_writers_lose_patience() -> None:
 
         async def mend() -> None:
             line: Any = giver.line
-            while line.events["thawed"] < 2:  # noqa: ASYNC110 - events are only counted
+            while line.events["thawed"] < 1:  # noqa: ASYNC110 - events are only counted
                 await trio.sleep(0.1)
             disk.slow(0.0)
 
         nursery.start_soon(mend)
         waits = await give_under_load(street)
         line: Any = giver.line
-        assert line.events["thawed"] >= 2
+        assert line.events["thawed"] >= 1
         assert line.events["given"] == 1
-        assert 0.5 < max(waits) <= FREEZE_S_MAX + 0.1
+        assert 0.1 < max(waits) <= FREEZE_S_MAX + 0.1
 
     endure(tale)
 
