@@ -27,7 +27,7 @@ ROLES = [
     pytest.param(joining, 2, VOTER, Least(2, 12), id="who registers the joiner"),
     pytest.param(leaving, 3, GIVER, Least(9, 12), id="who leaves"),
     pytest.param(leaving, 3, 2, Least(5, 10), id="who takes from the leaving"),
-    pytest.param(leaving, 3, VOTER, Least(1, 7), id="who registers that it left"),
+    pytest.param(leaving, 3, VOTER, Least(1, 6), id="who registers that it left"),
     pytest.param(handing, 2, GIVER, Least(6, 8), id="who gives"),
     pytest.param(handing, 2, VOTER, Least(3, 8), id="who receives"),
 ]
