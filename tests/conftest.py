@@ -26,10 +26,9 @@ use_kernel_cache()
 ORDER = ("house", "unit", "study", "conformance", "render", "simulation", "integration")
 LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "exception": 40, "critical": 50, "fatal": 50}
 
-# Machines that run tests are slow at times; a deadline would only measure that. With "ci" the examples are the same in every run, so more of
-# them would only take time; "default" draws new ones each time, and "thorough" very many.
+# Machines that run tests are slow at times; a deadline would only measure that.
 hypothesis.settings.register_profile("default", deadline=None)
-hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True, max_examples=50)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.register_profile("thorough", deadline=None, max_examples=2000)
 hypothesis.settings.load_profile("default")
 
