@@ -86,7 +86,11 @@ COPIES_MIN_DEFAULT = 2
 CUSTODY_ENTRIES_MAX = 1_024
 """Custody entries of one packet: 280 bytes each. Who has more to say cuts its arc."""
 CONFIGURATIONS_MAX = 4_096
-"""Configurations of one piece of the line, which are told at once: 1 MiB. A piece with more is given in parts."""
+"""Configurations of one piece of the line, which are told at once: 2 MiB. A piece with more is given in parts."""
+SEGMENT_CONFIGURATIONS_MAX = 16
+"""Of one segment, by which somebody may still be answered: one, but while holders change and some of them are away."""
+SEGMENT_CONFIRMED_MAX = 256
+"""Nodes that an owner waits for, or has waited for, at one segment: it has COPIES_MAX holders, and those before them."""
 COMPARED_ARCS_MAX = 64
 """Arcs that two nodes compare in one packet: the sixteenths of four arcs."""
 COMPARED_RECORDS_MAX = 256
@@ -140,7 +144,7 @@ assert CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < FRAME_BYTES_MAX
 assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
 assert RANGE_LOCATIONS_MAX * (22 + 18) < BULK_BYTES_MAX
 assert LOG_RECORD_BYTES_MAX < LOG_BYTES_MAX < LOG_RECORDS_MAX * 66
-assert CONFIGURATIONS_MAX * 280 < BULK_BYTES_MAX
+assert CONFIGURATIONS_MAX * 1_000 < BULK_BYTES_MAX
 assert COMPARED_ARCS_MAX * COMPARED_RECORDS_MAX * 128 < BULK_BYTES_MAX
 assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 

@@ -21,16 +21,19 @@ _UNWRITABLE = (errno.EACCES, errno.EPERM, errno.EROFS)
 class FolderLock:
     """Holds the folder from construction until `release`."""
 
-    def __init__(self, folder: Path) -> None:
-        _make(folder)
+    def __init__(self, folder: Path, *, only_read: bool = False) -> None:
+        """`only_read`: the folder must be there, and a disk that cannot be written is no obstacle."""
+        if not only_read:
+            _make(folder)
         try:
-            self._file = os.open(folder / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            self._file, is_writable = _open(folder / LOCK_NAME, only_read=only_read)
         except OSError as error:
             raise _fault(error, folder) from error
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            os.ftruncate(self._file, 0)
-            os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
+            if is_writable:
+                os.ftruncate(self._file, 0)
+                os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
         except BlockingIOError:
             holder = os.pread(self._file, 32, 0).decode("ascii", "replace").strip() or "unknown"
             os.close(self._file)
@@ -46,6 +49,17 @@ class FolderLock:
     def release(self) -> None:
         """Let go. The file stays: removing it would let two processes lock two files of the same name."""
         os.close(self._file)
+
+
+def _open(path: Path, *, only_read: bool) -> tuple[int, bool]:
+    """The lock file, and whether it can be written."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600), True
+    except OSError as error:
+        if not only_read or error.errno not in _UNWRITABLE:
+            raise
+    # The kernel locks whatever is open. Where nobody has made a lock file, and nobody can, nobody can write the rest.
+    return os.open(path if path.exists() else path.parent, os.O_RDONLY | os.O_CLOEXEC), False
 
 
 def _make(folder: Path) -> None:

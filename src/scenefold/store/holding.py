@@ -1,7 +1,7 @@
 """The arc that this node owns, as the disk knows it (specs/10-store.md, Tables).
 
-The line keeps its holding here: an arc, or none, and a note that only it reads. Both change in one transaction, and
-every put is checked against the arc inside the transaction that stores it. So there is no moment, whatever crashes
+The line keeps its holding here: an arc, or none, a note that only it reads, and one about copies, which follow the arc. All
+change in one transaction, and every put is checked against the arc inside the transaction that stores it. So there is no moment, whatever crashes
 when, at which a record is acknowledged for a place that was given away before.
 
 A holding is one incarnation's. When the identity is renewed, the tasks of the life that ends run on until they hear of
@@ -25,14 +25,16 @@ from scenefold.world.ports import ReadTransaction, WriteTransaction
 
 ARC_KEY = b"arc"
 NOTE_KEY = b"note"
+COPIES_KEY = b"copies"
 OWNER_KEY = b"incarnation"
 
 
 class StoredHolding(NamedTuple):
-    """The arc, None for a node that owns nothing, and the line's note."""
+    """The arc, None for a node that owns nothing, the line's note, and what it keeps about copies; None in folders of before."""
 
     arc: Arc | None
     note: bytes
+    copies: bytes | None = None
 
 
 def read_arc(transaction: ReadTransaction) -> Arc | None:
@@ -57,7 +59,10 @@ def read_holding(transaction: ReadTransaction) -> StoredHolding | None:
     note = transaction.get(HOLDING, NOTE_KEY)
     if note is None and transaction.get(HOLDING, ARC_KEY) is not None:
         raise damaged("the note about this node's arc is not there, and the arc is")
-    return None if note is None else StoredHolding(read_arc(transaction), bytes(note))
+    if note is None:
+        return None
+    copies = transaction.get(HOLDING, COPIES_KEY)
+    return StoredHolding(read_arc(transaction), bytes(note), None if copies is None else bytes(copies))
 
 
 def _incarnation(transaction: ReadTransaction) -> bytes:
@@ -67,18 +72,19 @@ def _incarnation(transaction: ReadTransaction) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class PutHolding(MayUseReserve):
-    """Replace the arc and the note together, if this incarnation is the store's still: else Refused, and nothing changes.
+    """Replace the arc and the notes together, if this incarnation is the store's still: else Refused, and nothing changes.
 
-    It may use the reserve: giving an arc away makes room.
+    `copies`: None leaves that note as it is. It may use the reserve: giving an arc away makes room.
     """
 
     incarnation: bytes
     arc: Arc | None
     note: bytes
+    copies: bytes | None = None
 
     @property
     def size_bytes(self) -> int:
-        return len(self.note) + 128
+        return len(self.note) + len(self.copies or b"") + 128
 
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> Refused | None:
         if _incarnation(transaction) != self.incarnation:
@@ -86,6 +92,8 @@ class PutHolding(MayUseReserve):
         transaction.put(HOLDING, OWNER_KEY, self.incarnation)
         transaction.put(HOLDING, ARC_KEY, b"" if self.arc is None else self.arc.first + self.arc.last)
         transaction.put(HOLDING, NOTE_KEY, self.note)
+        if self.copies is not None:
+            transaction.put(HOLDING, COPIES_KEY, self.copies)
         return None
 
     def when_full(self, _transaction: ReadTransaction, /) -> None:
@@ -106,6 +114,7 @@ class RenewIdentity(MayUseReserve):
         transaction.put(IDENTITY, b"incarnation", self.incarnation)
         transaction.delete(HOLDING, ARC_KEY)
         transaction.delete(HOLDING, NOTE_KEY)
+        transaction.delete(HOLDING, COPIES_KEY)
         transaction.delete(HOLDING, OWNER_KEY)
 
     def when_full(self, _transaction: ReadTransaction, /) -> None:

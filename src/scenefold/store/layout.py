@@ -4,7 +4,7 @@
     objects     scene(4) | space(2) | object(16)                   ->  location(20), where a node-managed record lies that is not at its home
     headers     scene(4)                                           ->  the scene's public header, opaque here
     statistics  scene(4) | space(2)                                ->  records(8) | bytes(8)
-    holding     "arc" | "note"                                     ->  first(20) | last(20), or nothing; the line's own note
+    holding     "arc" | "note" | "copies" | "incarnation"          ->  first(20) | last(20), or nothing; the line's notes; whose they are
     notes       a name                                             ->  a small value that a service wants to survive a restart
     identity    "format" | "node" | "incarnation" | "boot"
     digests     scene(4) | space(2) | level(1) | bound(20)         ->  what lies up to the bound (digest_tree.py)

@@ -15,14 +15,16 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import lmdb
 
 from scenefold.base.errors import LocalFault
 from scenefold.store.folder import FolderLock
+from scenefold.store.lmdb_transaction import LmdbTransaction
 from scenefold.store.passage import Passage
 from scenefold.store.preallocation import NO_ROOM, GrowingFile
+from scenefold.store.sealing import WIPE, damaged
 from scenefold.world.ports import DiskFailed, DiskFull, DiskSpace, ReadTransaction, WriteTransaction
 
 T = TypeVar("T")
@@ -30,9 +32,9 @@ T = TypeVar("T")
 DATA_NAME = "data.mdb"
 MAP_BYTES_FIRST = 64 * 1024 * 1024
 MAP_BYTES_MAX = 1 << 46
+CUT_BYTES_MAX = 1 << 20
+"""A file may be so much shorter than it says: pages that a commit on a full disk took and gave back are never written."""
 READERS_MAX = 126
-TREE_PAGES_MAX = 8
-"""Pages from a root to a leaf, with splits; and what a commit needs for its list of free pages."""
 
 
 class LmdbDisk:
@@ -67,7 +69,7 @@ class LmdbEnvironment:
         try:
             self._open()
         except lmdb.Error as error:
-            raise _opening_fault(error, folder) from error
+            raise opening_fault(error, folder) from error
         self._reach_ahead()
 
     def _open(self) -> None:
@@ -80,6 +82,7 @@ class LmdbEnvironment:
             create=True,
         )
         try:
+            check_length(env, self._folder)
             self._tables = {name: env.open_db(name.encode()) for name in self._names}
         except BaseException:
             env.close()
@@ -100,7 +103,10 @@ class LmdbEnvironment:
     @contextmanager
     def read(self) -> Iterator[ReadTransaction]:
         with self._passage.shared(), self._env.begin(buffers=True) as transaction:
-            yield _Transaction(transaction, self._tables, self._page_bytes)
+            try:
+                yield LmdbTransaction(transaction, self._tables, self._page_bytes)
+            except lmdb.Error as error:
+                raise damaged(f"the tree in {DATA_NAME} cannot be read: {error}") from error
 
     def update(self, change: Callable[[WriteTransaction], T]) -> T:
         while True:
@@ -116,7 +122,7 @@ class LmdbEnvironment:
             enough = True
             try:
                 with self._env.begin(write=True, buffers=True) as transaction:
-                    ours = _Transaction(transaction, self._tables, self._page_bytes)
+                    ours = LmdbTransaction(transaction, self._tables, self._page_bytes)
                     result = change(ours)
                     try:
                         enough = self._file.reach(self._end_bytes() + ours.dirty_bytes_max)
@@ -187,77 +193,20 @@ class LmdbEnvironment:
             self._lock.release()
 
 
-class _Transaction:
-    """An LMDB transaction in our words."""
-
-    def __init__(self, transaction: lmdb.Transaction, tables: dict[str, lmdb._Database], page_bytes: int) -> None:
-        self._transaction = transaction
-        self._tables = tables
-        self._page_bytes = page_bytes
-        self.dirty_bytes_max = page_bytes * TREE_PAGES_MAX
-        """What the commit may write: the changed values, and for each the pages above it."""
-
-    def get(self, table: str, key: bytes) -> memoryview | None:
-        return cast("memoryview | None", self._transaction.get(key, db=self._tables[table]))
-
-    def keys(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[bytes]:
-        with self._transaction.cursor(self._tables[table]) as cursor:
-            if _begin(cursor, first, last, reverse):
-                for key in (cursor.iterprev if reverse else cursor.iternext)(keys=True, values=False):
-                    found = bytes(key)
-                    if not first <= found <= last:
-                        return
-                    yield found
-
-    def scan(self, table: str, first: bytes, last: bytes, *, reverse: bool = False) -> Iterator[tuple[bytes, memoryview]]:
-        with self._transaction.cursor(self._tables[table]) as cursor:
-            if _begin(cursor, first, last, reverse):
-                for key, value in (cursor.iterprev if reverse else cursor.iternext)():
-                    found = bytes(key)
-                    if not first <= found <= last:
-                        return
-                    yield found, cast(memoryview, value)
-
-    def first(self, table: str, first: bytes, last: bytes) -> tuple[bytes, memoryview] | None:
-        with self._transaction.cursor(self._tables[table]) as cursor:
-            if not cursor.set_range(first):
-                return None
-            key, value = cursor.item()
-            found = bytes(key)
-            return (found, cast(memoryview, value)) if found <= last else None
-
-    def put(self, table: str, key: bytes, value: bytes) -> None:
-        self.dirty_bytes_max += len(value) + self._page_bytes * (TREE_PAGES_MAX + 2)
-        self._transaction.put(key, value, db=self._tables[table])
-
-    def delete(self, table: str, key: bytes) -> bool:
-        self.dirty_bytes_max += self._page_bytes * TREE_PAGES_MAX
-        return self._transaction.delete(key, db=self._tables[table])
-
-
-def _set_at_end(cursor: lmdb.Cursor, last: bytes) -> bool:
-    """Stand at the last key that is not above `last`; False if all are."""
-    if not cursor.set_range(last):
-        return cursor.last()
-    return bytes(cursor.key()) == last or cursor.prev()
-
-
-def _begin(cursor: lmdb.Cursor, first: bytes, last: bytes, reverse: bool) -> bool:
-    """Stand on the first entry of a walk; False if there is none in that direction."""
-    if not reverse:
-        return bool(cursor.set_range(first))
-    # LMDB looks upwards only: the entry behind `last` is found, or there is none and the walk begins at the end.
-    if not cursor.set_range(last):
-        return bool(cursor.last())
-    return bytes(cursor.key()) <= last or bool(cursor.prev())
-
-
 def _file_bytes(folder: Path) -> int:
     path = folder / DATA_NAME
     return path.stat().st_size if path.exists() else 0
 
 
-def _opening_fault(error: lmdb.Error, folder: Path) -> LocalFault:
+def check_length(env: lmdb.Environment, folder: Path) -> None:
+    """LocalFault if the file has been cut off. Whoever read a page behind its end would be ended by the kernel."""
+    told = (int(env.info()["last_pgno"]) + 1) * int(env.stat()["psize"])
+    if _file_bytes(folder) + CUT_BYTES_MAX < told:
+        what = f"{DATA_NAME} there is cut off: {_file_bytes(folder)} bytes of {told}"
+        raise LocalFault(what, where=str(folder), remedy=WIPE)
+
+
+def opening_fault(error: lmdb.Error, folder: Path) -> LocalFault:
     if getattr(error, "code", 0) in NO_ROOM:
         return LocalFault("the disk of the data folder is full", where=str(folder), remedy="free some space there")
     if isinstance(error, lmdb.ReadonlyError):

@@ -163,12 +163,12 @@ class Store(ComparingStore, OwingStore):
         """What the line kept last; None if it never did."""
         return await self._view(read_holding)
 
-    async def put_holding(self, arc: Arc | None, note: bytes) -> None:
-        """Keep the arc that puts are checked against, and the line's note, in one transaction. Durable on return.
+    async def put_holding(self, arc: Arc | None, note: bytes, copies: bytes | None = None) -> None:
+        """Keep the arc that puts are checked against, the line's note and that about copies, in one transaction. Durable on return.
 
-        Refused once the identity was renewed: whoever holds this store is of the life before, and a new one opens it anew.
+        `copies`: None leaves it as it is. Refused once the identity was renewed: whoever holds this store is of the life before, and a new one opens it anew.
         """
-        await self._writer.submit(PutHolding(self._opened_as, arc, note))
+        await self._writer.submit(PutHolding(self._opened_as, arc, note, copies))
 
     async def renew_identity(self) -> StoreIdentity:
         """Become a newcomer: a new incarnation that holds nothing until the store is opened anew.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         Span,
         StoreCopies,
     )
-    from scenefold.wire.custody import Configuration, CustodyEntry, Holders
+    from scenefold.wire.custody import Configuration, Confirmed, CustodyEntry, PassedSegment
     from scenefold.wire.custody_packets import (
         CustodySet,
         FetchHeld,
@@ -189,7 +189,7 @@ _HOMES = {
     "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet request_id_of",
     "common": "Carrier MiniStatus Packet",
     "copy_packets": "ArcSum CompareRange CopiesFound CopiesStored Copy CopyState GetCopies ListedRecord RangeCompared Span StoreCopies",
-    "custody": "Configuration CustodyEntry Holders",
+    "custody": "Configuration Confirmed CustodyEntry PassedSegment",
     "custody_packets": "CustodySet FetchHeld HeldFetched HeldListed HeldRecord ListHeld RecordVersion SetCustody",
     "data_packets": "AcceptData DAMAGED_RECORD EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
     "documents": "Value pack_value unpack_value",
@@ -249,6 +249,7 @@ __all__ = [
     "CompareRange",
     "Configuration",
     "ConfirmBound",
+    "Confirmed",
     "CopiesFound",
     "CopiesStored",
     "Copy",
@@ -281,7 +282,6 @@ __all__ = [
     "HeldListed",
     "HeldRecord",
     "Highest",
-    "Holders",
     "ImagePart",
     "JobAnswer",
     "JobEvent",
@@ -305,6 +305,7 @@ __all__ = [
     "Packet",
     "PassCounts",
     "PassSums",
+    "PassedSegment",
     "Phase",
     "PingBroadcast",
     "ProbeFor",

@@ -32,7 +32,7 @@ from scenefold.wire.common import (
     row,
 )
 from scenefold.wire.containers import Many, Struct
-from scenefold.wire.custody import HOLDERS, Holders
+from scenefold.wire.custody import CONFIGURATION, Configuration
 from scenefold.wire.custody_packets import RECORD_VERSION, RecordVersion
 from scenefold.wire.data_packets import RECORD_BYTES, RECORD_KEY, RecordBytes, RecordKey
 from scenefold.wire.handover_packets import HAND_ITEMS, HandItem
@@ -133,7 +133,7 @@ class CopiesFound(Packet):
     """Of the first keys asked for, in order, as many as fit a frame (at least one). The asker asks again for the rest."""
 
     TYPE: ClassVar[int] = 91
-    holders: tuple[Holders, ...]
+    holders: tuple[Configuration, ...]
     copies: tuple[Copy, ...]
 
 
@@ -220,7 +220,7 @@ ROWS = (
     row(
         CopiesFound,
         Carrier.TCP_LOW,
-        ("holders", Many(HOLDERS, CUSTODY_ENTRIES_MAX)),
+        ("holders", Many(CONFIGURATION, CUSTODY_ENTRIES_MAX)),
         ("copies", Many(COPY, BULK_ITEMS_MAX)),
         law=Counted(),
     ),

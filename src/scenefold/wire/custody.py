@@ -6,76 +6,84 @@ They say the same from three sides: what a holder keeps, what an owner keeps, an
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
-from scenefold.base.limits import CONFIGURATIONS_MAX, COPIES_MAX, CUSTODY_ENTRIES_MAX, SHADOWS_MAX
+from scenefold.base.limits import (
+    CONFIGURATIONS_MAX,
+    COPIES_MAX,
+    CUSTODY_ENTRIES_MAX,
+    SEGMENT_CONFIGURATIONS_MAX,
+    SEGMENT_CONFIRMED_MAX,
+    SHADOWS_MAX,
+)
 from scenefold.base.location import FIRST
-from scenefold.wire.common import BOOL, LOCATION, U32, U64, Location, NodeId
+from scenefold.wire.common import BOOL, LOCATION, U64, Location
 from scenefold.wire.containers import Many, Struct, many_locations
 from scenefold.wire.kinds import Uint
-from scenefold.wire.laws import All, Distinct, Order
+from scenefold.wire.laws import All, Order
 from scenefold.wire.scene_log_packets import MEMBER, Member
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Nodes that hold an arc's records of one layout: the owner of that time first, then all holders."""
+    """Who answers for a piece together: the owner of that time first, then all holders. Incarnations, so nobody whose disk was wiped since."""
+
+    number: int
+    members: tuple[Member, ...]
+    needed: int
+    """Of these, how many have a record before it is acknowledged."""
+
+    @property
+    def quorum(self) -> int:
+        """How many members that are not the owner speak like the owner, if they say alike."""
+        return len(self.members) - self.needed + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """A node that has no entry below this number any more, certainly."""
+
+    member: Member
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class PassedSegment:
+    """What the new owner of a piece has to know of those who hold copies of it."""
 
     layout: tuple[Location, ...]
     """Offsets of the shadows, in the order of their numbers."""
     first: Location
     last: Location
-    number: int
-    members: tuple[NodeId, ...]
-    needed: int
-    """Of these, how many have a record before it is acknowledged."""
+    configurations: tuple[Configuration, ...]
+    """All by which somebody may still be answered, the newest last."""
+    confirmed: tuple[Confirmed, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class CustodyEntry:
-    """A configuration as one of its holders keeps it: for whom, and whether all of it is there."""
+    """A configuration as one of its holders keeps it for the first of the members, and whether all of it is there."""
 
-    owner: Member
     layout: tuple[Location, ...]
     first: Location
     last: Location
     number: int
-    members: tuple[NodeId, ...]
+    members: tuple[Member, ...]
     needed: int
     whole: bool
     """Its copy of the arc is complete; else it is still being filled and answers for nothing."""
 
 
 @dataclass(frozen=True, slots=True)
-class Holders:
-    """What a holder's answer counts under: as much of its custody entry as who reads has to know."""
-
-    owner: Member
-    number: int
-    members: tuple[NodeId, ...]
-    needed: int
-
-
-@dataclass(frozen=True, slots=True)
-class Led:
-    """The owner is the first of the members."""
+class Enough:
+    """There is an owner, nobody twice, and no more are needed than there are."""
 
     def holds(self, value: Any) -> bool:
-        return bool(value.members and value.members[0] == value.owner.node)
+        return len(set(value.members)) == len(value.members) and value.needed <= len(value.members)
 
     def __str__(self) -> str:
-        return "owner first of members"
-
-
-@dataclass(frozen=True, slots=True)
-class Peopled:
-    """There is an owner at least."""
-
-    def holds(self, value: Any) -> bool:
-        return bool(value.members)
-
-    def __str__(self) -> str:
-        return "members not empty"
+        return "members distinct, needed of them at most all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +97,42 @@ class LaidOut:
         return "offsets in layout distinct and not 0"
 
 
-_ARC = (("layout", many_locations(SHADOWS_MAX)), ("first", LOCATION), ("last", LOCATION))
-_GROUP = (("number", U64), ("members", Many(U32, COPIES_MAX)), ("needed", Uint(8, least=1, most=COPIES_MAX)))
-_ASCENDING, _ONCE = Order("first", "last"), Distinct("members")
+@dataclass(frozen=True, slots=True)
+class Rising:
+    """Of two configurations the later one has the higher number."""
 
-CONFIGURATION = Struct(Configuration, *_ARC, *_GROUP, law=All((_ASCENDING, LaidOut(), Peopled(), _ONCE)))
-CUSTODY_ENTRY = Struct(CustodyEntry, ("owner", MEMBER), *_ARC, *_GROUP, ("whole", BOOL), law=All((_ASCENDING, LaidOut(), Led(), _ONCE)))
-HOLDERS = Struct(Holders, ("owner", MEMBER), *_GROUP, law=All((Led(), _ONCE)))
-CONFIGURATIONS = Many(CONFIGURATION, CONFIGURATIONS_MAX)
+    def holds(self, value: Any) -> bool:
+        return all(one.number < other.number for one, other in pairwise(value.configurations))
+
+    def __str__(self) -> str:
+        return "configurations by number"
+
+
+@dataclass(frozen=True, slots=True)
+class Single:
+    """A node confirms one number."""
+
+    def holds(self, value: Any) -> bool:
+        return len({confirmed.member for confirmed in value.confirmed}) == len(value.confirmed)
+
+    def __str__(self) -> str:
+        return "members of confirmed distinct"
+
+
+_ARC = (("layout", many_locations(SHADOWS_MAX)), ("first", LOCATION), ("last", LOCATION))
+_GROUP = (("number", U64), ("members", Many(MEMBER, COPIES_MAX)), ("needed", Uint(8, least=1, most=COPIES_MAX)))
+_ASCENDING = Order("first", "last")
+
+CONFIGURATION = Struct(Configuration, *_GROUP, law=Enough())
+CONFIRMED = Struct(Confirmed, ("member", MEMBER), ("number", U64))
+PASSED_SEGMENT = Struct(
+    PassedSegment,
+    *_ARC,
+    ("configurations", Many(CONFIGURATION, SEGMENT_CONFIGURATIONS_MAX)),
+    ("confirmed", Many(CONFIRMED, SEGMENT_CONFIRMED_MAX)),
+    law=All((_ASCENDING, LaidOut(), Rising(), Single())),
+)
+CUSTODY_ENTRY = Struct(CustodyEntry, *_ARC, *_GROUP, ("whole", BOOL), law=All((_ASCENDING, LaidOut(), Enough())))
+PASSED_SEGMENTS = Many(PASSED_SEGMENT, CONFIGURATIONS_MAX)
 CUSTODY_ENTRIES = Many(CUSTODY_ENTRY, CUSTODY_ENTRIES_MAX)
-STRUCTS = (CONFIGURATION, CUSTODY_ENTRY, HOLDERS)
+STRUCTS = (CONFIGURATION, CONFIRMED, PASSED_SEGMENT, CUSTODY_ENTRY)

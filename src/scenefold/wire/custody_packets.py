@@ -73,6 +73,8 @@ class SetCustody(Packet):
 
     TYPE: ClassVar[int] = 88
     owner: Member
+    holder: Member
+    """Who is meant: who came to this address since refuses (18)."""
     number: int
     first: Location
     last: Location
@@ -98,6 +100,7 @@ class ListHeld(Packet):
 
     TYPE: ClassVar[int] = 92
     asker: Member
+    holder: Member
     log_position: int
     first: Location
     last: Location
@@ -140,13 +143,13 @@ class Assigned:
     """What is set is the sender's own, numbered by it, and says of no place and layout two things."""
 
     def holds(self, value: Any) -> bool:
-        if any(entry.owner != value.owner or entry.number > value.number for entry in value.entries):
+        if any(entry.members[:1] != (value.owner,) or entry.number > value.number for entry in value.entries):
             return False
         ordered = sorted(value.entries, key=lambda entry: (entry.layout, entry.first))
         return all(one.layout != other.layout or one.last < other.first for one, other in pairwise(ordered))
 
     def __str__(self) -> str:
-        return "entries of owner, of one layout apart, numbered number at most"
+        return "owner first of members of entries, of one layout apart, numbered number at most"
 
 
 _ARC = (("first", LOCATION), ("last", LOCATION))
@@ -159,6 +162,7 @@ ROWS = (
         SetCustody,
         Carrier.TCP_LOW,
         ("owner", MEMBER),
+        ("holder", MEMBER),
         ("number", U64),
         *_ARC,
         ("entries", CUSTODY_ENTRIES),
@@ -169,6 +173,7 @@ ROWS = (
         ListHeld,
         Carrier.TCP_LOW,
         ("asker", MEMBER),
+        ("holder", MEMBER),
         ("log_position", U64),
         *_ARC,
         ("after", _CURSOR),

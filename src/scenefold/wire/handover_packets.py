@@ -33,7 +33,7 @@ from scenefold.wire.common import (
     row,
 )
 from scenefold.wire.containers import Many, Struct
-from scenefold.wire.custody import CONFIGURATIONS, Configuration
+from scenefold.wire.custody import PASSED_SEGMENTS, PassedSegment
 from scenefold.wire.kinds import Maybe, Uint
 from scenefold.wire.laws import All, Inside, Order
 from scenefold.wire.scene_log_packets import MEMBER, Member
@@ -92,8 +92,10 @@ class ClaimRange(Packet):
     handover: bytes
     first: Location
     last: Location
-    configurations: tuple[Configuration, ...] = ()
-    """All that some holder may still have as whole: the receiver goes on with them."""
+    number: int = 0
+    """Below it the giver takes nothing there any more as a holder; nor does the receiver number anything."""
+    segments: tuple[PassedSegment, ...] = ()
+    """Who holds copies of the piece: the receiver goes on with them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,8 +211,9 @@ ROWS = (
         Carrier.TCP_LOW,
         _HANDOVER,
         *_PIECE,
-        ("configurations", CONFIGURATIONS),
-        law=All((_ASCENDING, Inside("configurations"))),
+        ("number", U64),
+        ("segments", PASSED_SEGMENTS),
+        law=All((_ASCENDING, Inside("segments"))),
     ),
     row(CopyRecords, Carrier.TCP_LOW, _HANDOVER, ("items", HAND_ITEMS)),
     row(HandoverReply, Carrier.TCP_LOW, _HANDOVER, ("reason", REASON_OR_0), ("text", MESSAGE)),

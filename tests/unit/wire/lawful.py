@@ -8,10 +8,11 @@ from typing import Any
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST
 from scenefold.wire.copy_packets import Copy, CopyState, Counted, Listed
-from scenefold.wire.custody import CustodyEntry, LaidOut, Led, Peopled
+from scenefold.wire.custody import Confirmed, CustodyEntry, Enough, LaidOut, Rising, Single
 from scenefold.wire.custody_packets import Assigned
 from scenefold.wire.laws import All, Apart, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
+from scenefold.wire.scene_log_packets import Member
 
 
 def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
@@ -57,11 +58,15 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
             clipped = [(arc, max(arc.first, first), min(arc.last, last)) for arc in fields[law.arcs]]
             inside = [(arc, *((low, high) if low <= high else (first, last))) for arc, low, high in clipped]
             fields = {**fields, law.arcs: tuple(replace(arc, first=low, last=high) for arc, low, high in inside)}
-        case Peopled():
-            fields = {**fields, "members": fields["members"] or (NodeId(1),)}
-        case Led():
-            members = fields["members"] or (NodeId(1),)
-            fields = {**fields, "members": members, "owner": replace(fields["owner"], node=members[0])}
+        case Enough():
+            members = tuple(dict.fromkeys(fields["members"])) or (Member(NodeId(1), bytes(16)),)
+            fields = {**fields, "members": members, "needed": min(fields["needed"], len(members))}
+        case Rising():
+            by_number = {found.number: found for found in fields["configurations"]}
+            fields = {**fields, "configurations": tuple(by_number[number] for number in sorted(by_number))}
+        case Single():
+            numbers = {found.member: found.number for found in fields["confirmed"]}
+            fields = {**fields, "confirmed": tuple(Confirmed(member, number) for member, number in numbers.items())}
         case LaidOut():
             fields = {**fields, "layout": tuple(offset for offset in dict.fromkeys(fields["layout"]) if offset != FIRST)}
         case Assigned():
@@ -85,8 +90,9 @@ def _assigned(fields: dict[str, Any]) -> tuple[CustodyEntry, ...]:
     for entry in fields["entries"]:
         if any(entry.layout == other.layout and entry.first <= other.last and other.first <= entry.last for other in found):
             continue
-        others = tuple(member for member in entry.members[1:] if member != owner.node)
-        found.append(replace(entry, owner=owner, members=(owner.node, *others), number=min(entry.number, fields["number"])))
+        members = (owner, *(member for member in entry.members[1:] if member != owner))
+        needed = min(entry.needed, len(members))
+        found.append(replace(entry, members=members, needed=needed, number=min(entry.number, fields["number"])))
     return tuple(found)
 
 

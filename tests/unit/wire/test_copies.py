@@ -14,6 +14,7 @@ from scenefold.base.limits import (
     BLACKLIST_MAX,
     CONFIGURATIONS_MAX,
     COPIES_MAX,
+    CUSTODY_ENTRIES_MAX,
     FRAME_BYTES_MAX,
     HANDOVER_BATCH_RECORDS_MAX,
     SHADOWS_MAX,
@@ -29,6 +30,7 @@ from scenefold.wire import (
     ClaimRange,
     CompareRange,
     Configuration,
+    Confirmed,
     CopiesFound,
     CopiesStored,
     Copy,
@@ -37,12 +39,12 @@ from scenefold.wire import (
     GetCopies,
     HeldFetched,
     HeldListed,
-    Holders,
     ListedRecord,
     ListHeld,
     MalformedPacket,
     Member,
     Packet,
+    PassedSegment,
     PingBroadcast,
     RangeCompared,
     RecordBytes,
@@ -56,18 +58,18 @@ from scenefold.wire import (
 )
 
 ADA, BOB, EVE = NodeId(1), NodeId(2), NodeId(3)
-OWNER = Member(ADA, bytes(16))
+OWNER, HOLDER, THIRD = (Member(node, bytes(16)) for node in (ADA, BOB, EVE))
 LOW, MIDDLE, HIGH = (Location.from_number(number << 150) for number in (1, 2, 3))
 LAYOUT = (MIDDLE, HIGH)
-ENTRY = CustodyEntry(OWNER, LAYOUT, LOW, MIDDLE, 5, (ADA, BOB), 2, True)
-CLAIMED = Configuration(LAYOUT, LOW, MIDDLE, 5, (ADA, BOB), 2)
-UNDER = Holders(OWNER, 5, (ADA, BOB), 2)
+ENTRY = CustodyEntry(LAYOUT, LOW, MIDDLE, 5, (OWNER, HOLDER), 2, True)
+UNDER = Configuration(5, (OWNER, HOLDER), 2)
+PASSED = PassedSegment(LAYOUT, LOW, MIDDLE, (UNDER, replace(UNDER, number=6, members=(THIRD, HOLDER))), (Confirmed(HOLDER, 6),))
 VERSION = RecordVersion(1, 2, 3, 4, b"d" * 32)
 BYTES = RecordBytes(bytes(64), b"header", b"text")
 
 
 def setting(*entries: CustodyEntry, **changes: Any) -> SetCustody:
-    return replace(SetCustody(OWNER, 5, LOW, HIGH, entries), **changes)
+    return replace(SetCustody(OWNER, HOLDER, 5, LOW, HIGH, entries), **changes)
 
 
 def found(*copies: Copy) -> CopiesFound:
@@ -80,8 +82,7 @@ GOOD: list[Packet] = [
     setting(ENTRY, replace(ENTRY, first=MIDDLE.next(), last=HIGH, number=4)),
     setting(ENTRY, replace(ENTRY, layout=(LAST,))),
     ClaimRange(bytes(16), LOW, HIGH),
-    ClaimRange(bytes(16), LOW, HIGH, (CLAIMED, replace(CLAIMED, number=4, members=(EVE, BOB)))),
-    ClaimRange(bytes(16), LOW, HIGH, (replace(CLAIMED, members=(ADA,), needed=2),)),
+    ClaimRange(bytes(16), LOW, HIGH, 7, (PASSED, replace(PASSED, first=MIDDLE.next(), last=HIGH, configurations=(), confirmed=()))),
     CopiesFound((), (Copy(CopyState.NO_CUSTODY, 0, b"", None),)),
     found(*(Copy(state, 0, b"", None) for state in (CopyState.NOTHING, CopyState.DAMAGED, CopyState.NO_CUSTODY))),
     found(Copy(CopyState.DIGEST, 0, b"d" * 32, None), Copy(CopyState.RECORD, 0, b"", BYTES)),
@@ -104,24 +105,33 @@ def test_what_makes_sense_is_taken(packet: Packet) -> None:
 @pytest.mark.parametrize(
     ("packet", "field", "problem"),
     [
-        (setting(replace(ENTRY, owner=Member(BOB, bytes(16)), members=(BOB, ADA))), "SetCustody", "entries of owner"),
-        (setting(replace(ENTRY, owner=Member(ADA, b"i" * 16))), "SetCustody", "entries of owner"),
+        (setting(replace(ENTRY, members=(HOLDER, OWNER))), "SetCustody", "owner first of members of entries"),
+        (setting(replace(ENTRY, members=(Member(ADA, b"i" * 16), HOLDER))), "SetCustody", "owner first of members of entries"),
         (setting(replace(ENTRY, number=6)), "SetCustody", "number at most"),
         (setting(ENTRY, replace(ENTRY, first=MIDDLE)), "SetCustody", "of one layout apart"),
         (setting(ENTRY, first=MIDDLE), "SetCustody", "entries in first to last"),
         (setting(ENTRY, last=LOW), "SetCustody", "entries in first to last"),
         (setting(first=HIGH, last=LOW), "SetCustody", "first ≤ last"),
         (setting(replace(ENTRY, first=MIDDLE, last=LOW)), "SetCustody.entries[0]", "first ≤ last"),
-        (setting(replace(ENTRY, members=(BOB, ADA))), "SetCustody.entries[0]", "owner first of members"),
-        (setting(replace(ENTRY, members=())), "SetCustody.entries[0]", "owner first of members"),
-        (setting(replace(ENTRY, members=(ADA, BOB, BOB))), "SetCustody.entries[0]", "members distinct"),
-        (setting(replace(ENTRY, members=tuple(range(1, 10)))), "SetCustody.entries[0].members", "at most 8"),
+        (setting(replace(ENTRY, members=())), "SetCustody.entries[0]", "needed of them at most all"),
+        (setting(replace(ENTRY, needed=3)), "SetCustody.entries[0]", "needed of them at most all"),
+        (setting(replace(ENTRY, members=(OWNER, HOLDER, HOLDER))), "SetCustody.entries[0]", "members distinct"),
+        (setting(replace(ENTRY, members=(OWNER,) * 9)), "SetCustody.entries[0].members", "at most 8"),
         (setting(replace(ENTRY, needed=0)), "SetCustody.entries[0].needed", "outside"),
         (setting(replace(ENTRY, needed=9)), "SetCustody.entries[0].needed", "outside"),
         (setting(replace(ENTRY, layout=(LOW, FIRST))), "SetCustody.entries[0]", "offsets in layout distinct and not 0"),
         (setting(replace(ENTRY, layout=(LOW, LOW))), "SetCustody.entries[0]", "offsets in layout distinct and not 0"),
-        (ClaimRange(bytes(16), MIDDLE, HIGH, (CLAIMED,)), "ClaimRange", "configurations in first to last"),
-        (ClaimRange(bytes(16), LOW, HIGH, (replace(CLAIMED, members=()),)), "ClaimRange.configurations[0]", "members not empty"),
+        (ClaimRange(bytes(16), MIDDLE, HIGH, 1, (PASSED,)), "ClaimRange", "segments in first to last"),
+        (
+            ClaimRange(bytes(16), LOW, HIGH, 1, (replace(PASSED, configurations=PASSED.configurations[::-1]),)),
+            "ClaimRange.segments[0]",
+            "configurations by number",
+        ),
+        (
+            ClaimRange(bytes(16), LOW, HIGH, 1, (replace(PASSED, confirmed=(Confirmed(HOLDER, 1), Confirmed(HOLDER, 2))),)),
+            "ClaimRange.segments[0]",
+            "members of confirmed distinct",
+        ),
         (found(Copy(CopyState.NOTHING, 1, b"", None)), "CopiesFound", "a place in holders"),
         (CopiesFound((), (Copy(CopyState.NOTHING, 0, b"", None),)), "CopiesFound", "a place in holders"),
         (found(Copy(CopyState.NO_CUSTODY, 1, b"", None)), "CopiesFound", "0 with NO_CUSTODY"),
@@ -133,8 +143,8 @@ def test_what_makes_sense_is_taken(packet: Packet) -> None:
         (CompareRange(1, 1, (Span(HIGH, LOW),), 0), "CompareRange.arcs[0]", "first ≤ last"),
         (CompareRange(1, 1, (), 257), "CompareRange.list_below", "outside"),
         (CopiesStored((23,), ""), "CopiesStored.reasons[0]", "outside"),
-        (ListHeld(OWNER, 1, LOW, HIGH, b"", 0), "ListHeld.limit", "outside"),
-        (ListHeld(OWNER, 1, LOW, HIGH, bytes(65), 1), "ListHeld.after", "at most 64"),
+        (ListHeld(OWNER, HOLDER, 1, LOW, HIGH, b"", 0), "ListHeld.limit", "outside"),
+        (ListHeld(OWNER, HOLDER, 1, LOW, HIGH, bytes(65), 1), "ListHeld.after", "at most 64"),
         (HeldFetched((), (1, 1)), "HeldFetched", "missing distinct"),
         (ChangeBlacklist((AddressPrefix(7, 32),), (AddressPrefix(7, 32),)), "ChangeBlacklist", "nothing in both add and remove"),
         (ChangeBlacklist(add=(AddressPrefix(7, 31),)), "ChangeBlacklist.add[0]", "behind its first bits"),
@@ -193,9 +203,12 @@ def test_the_largest_status_fits_a_datagram() -> None:
 
 def test_full_lists_fit_a_frame() -> None:
     offsets = tuple(Location.from_number(2**159 + index) for index in range(SHADOWS_MAX))
-    members = tuple(NodeId(2**32 - 1 - index) for index in range(COPIES_MAX))
-    full = Configuration(offsets, LOW, HIGH, 2**64 - 1, members, COPIES_MAX)
-    assert len(encode_packet(ClaimRange(bytes(16), LOW, HIGH, (full,) * CONFIGURATIONS_MAX))) < FRAME_BYTES_MAX // 4
+    members = tuple(Member(NodeId(2**32 - 1 - index), bytes(16)) for index in range(COPIES_MAX))
+    configuration = Configuration(2**64 - 1, members, COPIES_MAX)
+    full = PassedSegment(offsets, LOW, HIGH, (configuration,), tuple(Confirmed(member, 2**64 - 1) for member in members))
+    assert len(encode_packet(ClaimRange(bytes(16), LOW, HIGH, 1, (full,) * CONFIGURATIONS_MAX))) < FRAME_BYTES_MAX // 2
+    entry = CustodyEntry(offsets, LOW, HIGH, 2**64 - 1, members, COPIES_MAX, True)
+    assert len(encode_packet(HeldListed(0, (), (entry,) * CUSTODY_ENTRIES_MAX, None))) < FRAME_BYTES_MAX // 4
     key = RecordKey(1, LOW, bytes(16))
     assert len(encode_packet(GetCopies(1, 2**64 - 1, (key,) * 8192, True, False))) < FRAME_BYTES_MAX // 4
     listed = ListedRecord(LOW, bytes(16), RecordVersion(2**64 - 1, 2**64 - 1, 2**32 - 1, 2**64 - 1, bytes(32)))

@@ -19,8 +19,8 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.entries import Entry, clipped, joined
 from scenefold.peer.copies.placement import Layout
-from scenefold.peer.copies.segment import GONE, Configuration, Segment
-from scenefold.wire import Member
+from scenefold.peer.copies.segment import GONE, Segment
+from scenefold.wire import Configuration, Member
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from scenefold.base.limits import CONFIGURATIONS_MAX, COPIES_MAX
 from scenefold.base.plain_values import whole
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.notes import Known, Names, arc_of, number_of, plain_arc
-from scenefold.peer.copies.segment import Change, Configuration, Segment
-from scenefold.wire import MalformedPacket, Member, pack_value, unpack_value
+from scenefold.peer.copies.segment import Change, Segment
+from scenefold.wire import Configuration, MalformedPacket, Member, pack_value, unpack_value
 
 _VERSION = 1
 _KEYS = {"layouts", "me", "members", "number", "segments", "v"}

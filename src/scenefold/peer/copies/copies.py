@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
+from scenefold.base.limits import SEGMENT_CONFIGURATIONS_MAX, SEGMENT_CONFIRMED_MAX
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.configurations import Configurations
@@ -98,6 +99,11 @@ class Copies:
         met = self.custody.highest(piece)
         own = self.configurations if self.configurations.number > met else replace(self.configurations, number=met)
         rest, number, segments = own.give(piece)
+        if any(
+            len(segment.configurations) > SEGMENT_CONFIGURATIONS_MAX or len(segment.confirmed) > SEGMENT_CONFIRMED_MAX
+            for segment in segments
+        ):
+            raise Refused(RejectReason.BUSY, "too much of who holds copies there has not settled yet")
         told = Passing(handover.id, number, segments)
         return replace(self, configurations=rest, custody=self.custody.promise(piece, number), passing=(*self.passing, told))
 

@@ -14,24 +14,10 @@ from dataclasses import dataclass, replace
 from scenefold.base.location import Arc
 from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.placement import Layout
-from scenefold.wire import Member
+from scenefold.wire import Configuration, Member
 
 GONE = (1 << 64) - 1
 """In place of a number: the log has removed the member, and its leases are over."""
-
-
-@dataclass(frozen=True, slots=True)
-class Configuration:
-    """Members, the owner of that time first, of whom `needed` have what is acknowledged."""
-
-    number: int
-    members: tuple[Member, ...]
-    needed: int
-
-    @property
-    def quorum(self) -> int:
-        """How many members that are not the owner speak like the owner."""
-        return len(self.members) - self.needed + 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachabl
 from scenefold.base.ids import address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.copies.telling import claim_of
 from scenefold.peer.line.copying import Copier
 from scenefold.peer.line.ends import Side, is_end_of, without
 from scenefold.peer.line.gate import Touched
@@ -229,9 +230,8 @@ class Giving:
     # --------------------------------------------------------------------------------------------- after release
 
     async def _claim(self, handover: Handover) -> None:
-        piece = handover.piece
-        check_reply(await self._ask(handover, ClaimRange(handover.id, piece.first, piece.last)))
-        keeper = self._parts.keeper
+        keeper, piece = self._parts.keeper, handover.piece
+        check_reply(await self._ask(handover, claim_of(handover.id, piece, keeper.copies.passed(handover.id))))
         await keeper.change(lambda holding: holding.confirm(handover.id, keeper.is_removed))
         self._parts.events["given"] += 1
         self._answer(handover.id)

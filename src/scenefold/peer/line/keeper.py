@@ -1,4 +1,4 @@
-"""The one place where a node's holding changes: one change at a time, durable before anybody sees it.
+"""The one place where a node's holding changes, and what it keeps about copies with it: one change at a time, durable before anybody sees it.
 
 A life that ends because the store has a new incarnation keeps nothing more: the store refuses it.
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from typing import Protocol
 
 import trio
@@ -17,6 +18,8 @@ import trio
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.registry import Registry
+from scenefold.peer.copies.copies import Copies, Passing
+from scenefold.peer.copies.copies_note import decode_copies, encode_copies
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.holding_note import decode_holding, encode_holding
 from scenefold.peer.membership.status import OwnStatus
@@ -24,6 +27,7 @@ from scenefold.store import Store
 from scenefold.wire import Member
 
 Transition = Callable[[Holding], Holding]
+CopiesTransition = Callable[[Copies, Holding], Copies]
 
 
 class Log(Protocol):
@@ -42,6 +46,7 @@ class Keeper:
         self._changed = trio.Event()
         self._is_begun = False
         self.holding = Holding()
+        self.copies = Copies.of(own.member)
 
     async def load(self) -> None:
         """Take what this node kept. DamagedData if its note is none, or speaks of another arc than the store does."""
@@ -53,17 +58,32 @@ class Keeper:
             raise DamagedData(
                 "the note about this node's arc does not fit the arc", remedy="wipe the folder: the node comes back as a newcomer"
             )
+        copies = Copies.of(self._own.member) if stored.copies is None else decode_copies(stored.copies, self._own.member)
         self._is_begun = True
-        self._take(holding)
+        self._take(holding, copies)
 
-    async def change(self, transition: Transition) -> Holding:
-        """Make a change durable, and answer the holding after it. What the transition refuses changes nothing."""
+    async def change(self, transition: Transition, told: Passing | None = None) -> Holding:
+        """Make a change durable, and answer the holding after it. What the transition refuses changes nothing.
+
+        `told`: what the giver of a piece that is claimed has said of its copies.
+        """
         async with self._lock:
             await self._begin()
             after = transition(self.holding.drop_removed(self.is_removed))
             if after != self.holding:
-                await self._keep(after)
+                followed = self.copies.follow(self.holding, after, told)
+                # As long as nodes keep one copy, nobody else can say what was acknowledged in a gap.
+                await self._keep(after, replace(followed, unrecovered=()))
             return after
+
+    async def change_copies(self, transition: CopiesTransition) -> Copies:
+        """Make a change of what is kept about copies durable, and answer it as it is then. The holding stands still meanwhile."""
+        async with self._lock:
+            await self._begin()
+            after = transition(self.copies, self.holding)
+            if after != self.copies:
+                await self._keep(self.holding, after)
+            return self.copies
 
     async def flush(self) -> None:
         """Return once everything that was given to the store's writer before is durable. Cancelled, it changes nothing either."""
@@ -82,6 +102,11 @@ class Keeper:
         while self.holding.revision == revision:
             await self._changed.wait()
 
+    async def copies_changed_after(self, seen: Copies) -> None:
+        """Return once what is kept about copies is another value than this."""
+        while self.copies is seen:
+            await self._changed.wait()
+
     async def _begin(self) -> None:
         """The first holding of this incarnation: a founder's arc if it took its founding seat, else nothing."""
         registry = self._cluster_log.registry
@@ -90,7 +115,8 @@ class Keeper:
         if self._is_begun:
             return
         arc = registry.founding_arc(self._own.me)
-        await self._keep(Holding() if arc is None else Holding().found(arc))
+        # Nobody can have owned a founding arc before.
+        await self._keep(Holding() if arc is None else Holding().found(arc), Copies.of(self._own.member))
         self._is_begun = True
 
     def is_removed(self, member: Member) -> bool:
@@ -98,14 +124,16 @@ class Keeper:
         # Not "is no current member": a log that is behind does not know its newest members yet.
         return self._cluster_log.registry.removal(member.incarnation) is not None
 
-    async def _keep(self, holding: Holding) -> None:
+    async def _keep(self, holding: Holding, copies: Copies) -> None:
         # Cancelled half-way, nobody would know what the disk says.
         with trio.CancelScope(shield=True):
-            await self._store.put_holding(holding.arc, encode_holding(holding))
-        self._take(holding)
+            note = None if copies == self.copies and self._is_begun else encode_copies(copies)
+            await self._store.put_holding(holding.arc, encode_holding(holding), note)
+        self._take(holding, copies)
 
-    def _take(self, holding: Holding) -> None:
+    def _take(self, holding: Holding, copies: Copies) -> None:
         self.holding = holding
+        self.copies = copies
         self._own.arc = holding.arc
         self._changed.set()
         self._changed = trio.Event()

@@ -16,6 +16,8 @@ from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
+from scenefold.peer.copies.numbers import is_possible
+from scenefold.peer.copies.telling import passing_of
 from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Handover, Holding, Step, describe
@@ -162,13 +164,15 @@ class Receiving:
     async def _claim(self, packet: ClaimRange, peer: str) -> None:
         handover = self._of(packet.handover, peer)
         self._parts.require_lease()
+        if not is_possible(packet.number, self._parts.cluster_log.registry.position):
+            raise Refused(RejectReason.ILL_FORMED, "no owner can have come to such a number of configurations")
         piece = Arc(packet.first, packet.last)
         if handover.step is Step.NOTED:
             # What settles begins to settle before anybody can be told that it is here, and once more when it is.
             self._parts.settling.note(piece)
             # Copying takes its time, and who gave it to another meanwhile may not say so.
             await self._parts.claims.look(piece, self._parts.keeper.holding.arc, giver=handover.peer.node)
-        await self._parts.keeper.change(lambda holding: holding.claim(packet.handover, piece))
+        await self._parts.keeper.change(lambda holding: holding.claim(packet.handover, piece), passing_of(packet))
         self._touch(packet.handover)
         if handover.step is Step.NOTED:
             self._parts.settling.note(piece)

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from unittest.mock import patch
 
 from scenefold.peer.copies.custody import Custody
-from scenefold.peer.copies.segment import Configuration, Segment
-from scenefold.wire import Member
+from scenefold.peer.copies.segment import Segment
+from scenefold.wire import Configuration, Member
 from unit.peer.copies.copies_nodes import Rules
 
 
