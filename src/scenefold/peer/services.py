@@ -43,6 +43,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.public_keys import PublicKeys
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
+from scenefold.peer.replication import Replication
 from scenefold.peer.reporting import Reporting
 from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.makers import check_decider
@@ -104,6 +105,7 @@ class PeerServices:
         line = Line(
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
+        self._replication = Replication(line.parts, roster, routing)
         data = DataService(world, store, peers, scenes, line, lease, routing, me)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
@@ -134,7 +136,19 @@ class PeerServices:
         cluster_log.register(handlers, scenes)
         enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
         members = Members(own, roster, registry)
-        for service in (scenes, line, data, probing, sharing, draining, self._blacklist, enrolling, members, public_keys):
+        for service in (
+            scenes,
+            line,
+            self._replication,
+            data,
+            probing,
+            sharing,
+            draining,
+            self._blacklist,
+            enrolling,
+            members,
+            public_keys,
+        ):
             service.register(handlers)
         renewal = Renewal(world, facts, cluster_log, peers, enrolling, papers)
         discovery = Discovery(world, facts, me, settings.address, cluster_log)
@@ -203,6 +217,7 @@ class PeerServices:
                 await nursery.start(listen)
             await nursery.start(context.cluster_log.run)
             await nursery.start(context.line.run)
+            await nursery.start(self._replication.run)
             for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run, *self._background):
                 nursery.start_soon(service)
             nursery.start_soon(self._watch_load)

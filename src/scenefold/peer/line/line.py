@@ -88,6 +88,11 @@ class Line:
     # ------------------------------------------------------------------------------------------------- questions
 
     @property
+    def parts(self) -> Parts:
+        """What the services of the line share; those of replication share it too."""
+        return self._parts
+
+    @property
     def arc(self) -> Arc | None:
         """What this node owns, as it is durable."""
         return self._parts.keeper.holding.arc

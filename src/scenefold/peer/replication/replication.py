@@ -1,0 +1,28 @@
+"""All services of replication together, as the rest of the node sees them (specs/20-copies.md)."""
+
+from __future__ import annotations
+
+import trio
+
+from scenefold.peer.handlers import Handlers
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.routing import Routing
+
+
+class Replication:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, roster: Roster, routing: Routing) -> None:
+        """`parts`: those of the line, whose keeper has what is known about copies."""
+        self._parts = parts
+        self._roster = roster
+        self._routing = routing
+
+    def register(self, handlers: Handlers) -> None:
+        """Answer what other nodes and users ask about copies."""
+
+    async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        """Everything that goes on by itself, until cancelled."""
+        async with trio.open_nursery():
+            task_status.started()
