@@ -28,7 +28,7 @@ from scenefold.store import Outcome, Put, open_store
 from scenefold.store.holding import NOTE_KEY
 from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, location_of
 from scenefold.store.sealing import opened
-from scenefold.wire import LogEntry, Member, Packet, RemoveNode
+from scenefold.wire import LogEntry, Member, MiniStatus, Packet, RemoveNode
 from scenefold.world import Clock, Connection, DiskFailed, Priority, open_links, serve_connection
 from scenefold.world.sim import Point, SimNet
 from unit.peer.logs_made import found, node, record, secrets_of
@@ -164,6 +164,7 @@ class House:
         self.line: Line | None = None
         self.own: OwnStatus | None = None
         self.store: Any = None
+        self.handlers: Any = None
         self.leased = True
         self.stays_down = False
         self.lives = 0
@@ -208,6 +209,17 @@ class House:
             self.line, self.up = None, trio.Event()
             await trio.sleep(1.0)
 
+    def furnish(self, _world: Any, links: Any, own: OwnStatus) -> tuple[Any, Any, Any]:
+        """Whom the line asks, which scenes it knows, and who owns what."""
+        return Asker(links, own), Scenes(), Owners(self.street)
+
+    def others(self, _world: Any, _line: Line) -> list[Any]:
+        """Services that live here beside the line: what they answer, and what goes on by itself if they have a `run`."""
+        return []
+
+    def hear(self, _mini: MiniStatus) -> None:
+        """A node that asks says this of itself."""
+
     async def _live(self, world: Any) -> None:
         log = self.street.log
         async with (
@@ -220,20 +232,26 @@ class House:
                 left_of = NodeId(0) if log.registry.vacant_seat(self.node) else log.registry.order[self.street.join_before]
                 log.say(registration(own, left_of))
             self.lives += 1
-            asker: Any = Asker(links, own)
             any_log: Any = KnownLog(log, world.clock)
             claims = Claims(world.clock, any_log, self.street.news, self.node)
-            line = Line(world, store, asker, any_log, own, Lease(self), Scenes(), Owners(self.street), claims)
-            handlers = Handlers(lambda: log.registry, own.mini, lambda _mini: None)
+            peers, scenes, owners = self.furnish(world, links, own)
+            line = Line(world, store, peers, any_log, own, Lease(self), scenes, owners, claims)
+            handlers = Handlers(lambda: log.registry, own.mini, self.hear)
             line.register(handlers)
+            others = self.others(world, line)
+            for service in others:
+                service.register(handlers)
             await line.load()
 
             async def serve(connection: Connection) -> None:
                 await serve_connection(connection, handlers.handle)
 
             await nursery.start(world.network.listen, self.address, Priority.LOW, serve)
-            self.line, self.own, self.store = line, own, store
+            self.line, self.own, self.store, self.handlers = line, own, store, handlers
             await nursery.start(line.run)
+            for service in others:
+                if hasattr(service, "run"):
+                    await nursery.start(service.run)
             self.up.set()
             await trio.sleep_forever()
 
@@ -247,10 +265,16 @@ class Street:
         self.news = News(self)
         self.join_before = join_before
         self.reserve_bytes = 1024 * 1024
-        self.houses = [House(self, number) for number in range(founders + newcomers)]
+        self.houses = [self.house(number) for number in range(founders + newcomers)]
         self.kept: set[Location] = set()
         """Places whose records must never be missing from the arc that they lie in."""
         self.broken: list[str] = []
+
+    def house(self, number: int) -> Any:
+        return House(self, number)
+
+    def record_at(self, location: Location) -> Record:
+        return record_at(location)
 
     async def begin(self, nursery: trio.Nursery) -> None:
         for house in self.houses:
@@ -267,7 +291,7 @@ class Street:
             try:
                 if arc is not None:
                     spots = places(arc, count)
-                    results = await house.store.put([Put(record_at(place)) for place in spots])
+                    results = await house.store.put([Put(self.record_at(place)) for place in spots])
                     # Only what was acknowledged must be kept: the arc may have changed on the way to the disk.
                     if all(result.outcome is Outcome.STORED for result in results):
                         self.kept |= set(spots)
@@ -284,7 +308,7 @@ class Street:
             return 0.0
         place = Location.from_number(line.arc.first.number + turn * SPREAD % line.arc.length)
         async with line.writing([place]):
-            if line.owns(place) and (await store.put([Put(record_at(place))]))[0].outcome is Outcome.STORED:
+            if line.owns(place) and (await store.put([Put(self.record_at(place))]))[0].outcome is Outcome.STORED:
                 self.kept.add(place)
         return self.net.now - begin
 
@@ -311,10 +335,12 @@ class Street:
             return False
         if any(left.last.next() != right.first for left, right in pairwise(arcs)):
             return False
-        return all(
-            all(holding.owns(place) for place in by_node[member].stored())
-            for member, holding in zip(self.log.registry.members, holdings, strict=True)
-        )
+        return not any(self.has_strays(by_node[member]) for member in self.log.registry.members)
+
+    def has_strays(self, house: Any) -> bool:
+        """Whether something lies on its disk that does not belong there."""
+        holding = house.durable()
+        return not all(holding.owns(place) for place in house.stored())
 
     async def until_whole(self, seconds: float = 150.0) -> None:
         with trio.move_on_after(seconds):
