@@ -15,11 +15,14 @@ from scenefold.world.ports import ReadTransaction
 
 
 class Held(NamedTuple):
-    """A stored record: where it lies, where its home is, and which version it is; b"" for one whose header has rotted."""
+    """A stored record: where it lies, where its home is, which version it is and what its header says; b"" for one whose header has rotted."""
 
     spot: Spot
     home: Location
     version: bytes
+    header: bytes
+    size: int
+    """In bytes, as stored."""
 
 
 class Listing(NamedTuple):
@@ -91,5 +94,6 @@ def read_listing(transaction: ReadTransaction, space: SpaceAddress, arc: Arc, li
                 records.pop()
             return Listing(records, Arc(arc.first, records[-1].home), complete=False)
         header = sound_header(value)
-        records.append(Held(spot_of(key), Location(home), b"" if header is None else version_of(header)))
+        version = b"" if header is None else version_of(header)
+        records.append(Held(spot_of(key), Location(home), version, header or b"", len(value)))
     return Listing(records, arc, complete=True)

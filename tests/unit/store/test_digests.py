@@ -189,6 +189,7 @@ async def test_a_list_goes_by_homes_as_the_sums_do(tmp_path: Path) -> None:
         assert whole.complete and whole.covered == WHOLE_LINE
         assert sorted(held.version for held in whole.records) == sorted(version_of(kept.header_bytes) for kept in records)
         assert [held.home for held in whole.records] == sorted(homes_of(records))
+        assert {held.header for held in whole.records} == {kept.header_bytes for kept in records}
         assert await store.digests([held.spot for held in whole.records]) != [], "they are named by where they lie"
         found: list[Held] = []
         rest: Arc | None = WHOLE_LINE
