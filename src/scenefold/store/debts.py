@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import struct
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import NamedTuple
@@ -47,7 +47,7 @@ class DebtPage(NamedTuple):
 def read_debt(transaction: ReadTransaction, key: bytes) -> Debt | None:
     """What is owed of the record with this key."""
     value = transaction.get(DEBTS, key)
-    return None if value is None else _debt(key, value)
+    return None if value is None else unpack_debt(key, value)
 
 
 def read_debt_of(transaction: ReadTransaction, spot: Spot) -> Debt | None:
@@ -68,15 +68,26 @@ def read_debts_of(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[t
 def read_debts(transaction: ReadTransaction, after: bytes | None, limit: int) -> DebtPage:
     """The first `limit` >= 1 debts behind the cursor."""
     begin = b"" if after is None else after + b"\0"
-    rows = [(key, _debt(key, value)) for key, value in islice(transaction.scan(DEBTS, begin, _LAST_KEY), limit)]
+    rows = [(key, unpack_debt(key, value)) for key, value in islice(transaction.scan(DEBTS, begin, _LAST_KEY), limit)]
     return DebtPage([debt for _, debt in rows], rows[-1][0] if len(rows) == limit else None)
 
 
-def _debt(key: bytes, value: memoryview) -> Debt:
+def unpack_debt(key: bytes, value: memoryview) -> Debt:
+    """StoreDamaged if it is none."""
     nodes = value[VERSION_BYTES:]
     if not len(nodes) or len(nodes) % _NODE.size:
         raise damaged("a stored debt is none")
     return Debt(spot_of(key), bytes(value[:VERSION_BYTES]), tuple(NodeId(node) for (node,) in _NODE.iter_unpack(nodes)))
+
+
+def pack_debt(version: bytes, nodes: Iterable[NodeId]) -> bytes:
+    """A row of the table: nodes ascending."""
+    return version + b"".join(map(_NODE.pack, nodes))
+
+
+def pack_owed(owed: Mapping[NodeId, int]) -> dict[bytes, bytes]:
+    """The rows of the table of debtors."""
+    return {_NODE.pack(node): _COUNT.pack(count) for node, count in owed.items() if count}
 
 
 @dataclass(slots=True)
@@ -108,7 +119,7 @@ class DebtChanges:
             self.owed.subtract(former.nodes)
         if new is not None and new.nodes:
             self.owed.update(new.nodes)
-            transaction.put(DEBTS, key, new.version + b"".join(map(_NODE.pack, new.nodes)))
+            transaction.put(DEBTS, key, pack_debt(new.version, new.nodes))
         elif former is not None:
             transaction.delete(DEBTS, key)
 
@@ -152,5 +163,5 @@ def read_owed(transaction: ReadTransaction) -> dict[NodeId, int]:
 def _counted(transaction: ReadTransaction) -> Counter[NodeId]:
     counts: Counter[NodeId] = Counter()
     for key, value in transaction.scan(DEBTS, b"", _LAST_KEY):
-        counts.update(_debt(key, value).nodes)
+        counts.update(unpack_debt(key, value).nodes)
     return counts

@@ -67,6 +67,11 @@ def read_counts(transaction: ReadTransaction) -> dict[SpaceAddress, Counts]:
     return counts
 
 
+def pack_counts(counts: Counts) -> bytes:
+    """A row of the table."""
+    return _COUNTS.pack(counts.records, counts.bytes)
+
+
 def change_counts(transaction: WriteTransaction, space: SpaceAddress, change: Counts) -> Counts:
     """Bring the table up to date; returns the new counts."""
     key = space_key(*space)
@@ -75,7 +80,7 @@ def change_counts(transaction: WriteTransaction, space: SpaceAddress, change: Co
         counts = change if value is None else Counts(*_COUNTS.unpack(value)) + change
     except StoreDamaged:
         counts = _counted(transaction, space)
-    transaction.put(STATISTICS, key, _COUNTS.pack(counts.records, counts.bytes))
+    transaction.put(STATISTICS, key, pack_counts(counts))
     return counts
 
 

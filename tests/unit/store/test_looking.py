@@ -1,0 +1,118 @@
+"""If this failed, who looks at a damaged disk would change it, be ended by the kernel, or look at what another process is writing."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from scenefold.base.errors import LocalFault
+from scenefold.store import LmdbDisk, open_store
+from scenefold.store.checking import check_store
+from scenefold.store.folder import LOCK_NAME
+from scenefold.store.layout import RECORDS, STATISTICS, TABLES
+from scenefold.store.lmdb_disk import CUT_BYTES_MAX, DATA_NAME
+from scenefold.store.lmdb_reading import looked_at
+from unit.store.samples import NODE, put, whole_store, world
+from unit.store.test_folder import process_that_locks
+
+
+async def filled(folder: Path, count: int = 20, size: int = 64) -> None:
+    async with whole_store(world(), folder) as store:
+        for start in range(0, count, 20):
+            await store.put([put(number, size=size) for number in range(start, min(count, start + 20))])
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir() if path.name != LOCK_NAME}
+
+
+async def test_a_look_changes_nothing(tmp_path: Path) -> None:
+    await filled(tmp_path)
+    before = hashes(tmp_path)
+    with looked_at(tmp_path, TABLES) as view:
+        found = check_store(view)
+    assert found.is_sound and found.records.records == 20
+    assert hashes(tmp_path) == before
+    assert (tmp_path / LOCK_NAME).read_text() == f"{os.getpid()}\n"
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert store.identity.boot == 2
+
+
+async def test_a_folder_that_is_in_use_is_left_alone_and_so_is_one_that_is_looked_at(tmp_path: Path) -> None:
+    await filled(tmp_path)
+    with process_that_locks(tmp_path) as pid, pytest.raises(LocalFault, match=f"in use by process {pid}"), looked_at(tmp_path, TABLES):
+        pass
+    with looked_at(tmp_path, TABLES), pytest.raises(LocalFault, match=f"in use by process {os.getpid()}"):
+        LmdbDisk().open(tmp_path, TABLES)
+    LmdbDisk().open(tmp_path, TABLES).close()
+
+
+@contextmanager
+def only_readable(folder: Path) -> Iterator[None]:
+    """Nothing in the folder can be written, and no lock file is there. Root may write everywhere, so meanwhile we are nobody."""
+    (folder / LOCK_NAME).unlink()
+    for path in (folder, *folder.iterdir()):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    before = os.geteuid()
+    os.seteuid(65534 if before == 0 else before)
+    try:
+        yield
+    finally:
+        os.seteuid(before)
+        folder.chmod(0o755)
+
+
+async def test_a_disk_that_is_read_only_can_be_looked_at() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        await filled(folder)
+        with only_readable(folder), looked_at(folder, TABLES) as view:
+            assert check_store(view).is_sound
+        assert not (folder / LOCK_NAME).exists()
+
+
+@pytest.mark.parametrize("what", ["nothing", "a file", "an empty folder", "a picture", "another store"])
+async def test_where_no_store_is(tmp_path: Path, what: str) -> None:
+    folder = tmp_path / "there"
+    if what == "a file":
+        folder.write_text("x")
+    elif what != "nothing":
+        folder.mkdir()
+    if what == "a picture":
+        (folder / DATA_NAME).write_bytes(b"a picture, perhaps" * 1000)
+    if what == "another store":
+        LmdbDisk().open(folder, ["of somebody else"]).close()
+    with pytest.raises(LocalFault, match="no store") as fault, looked_at(folder, TABLES):
+        pass
+    assert str(fault.value.where).startswith(str(folder)) and fault.value.remedy
+    if what == "nothing":
+        assert not folder.exists()
+
+
+async def test_a_file_that_is_cut_off_is_told_from_one_that_is_whole_and_no_page_behind_its_end_is_touched(tmp_path: Path) -> None:
+    await filled(tmp_path, 100, 60_000)
+    data = tmp_path / DATA_NAME
+    os.truncate(data, data.stat().st_size - 2 * CUT_BYTES_MAX - (1 << 21))
+    before = data.stat().st_size
+    with pytest.raises(LocalFault, match="cut off") as fault, looked_at(tmp_path, TABLES):
+        pass
+    assert "wipe the folder" in fault.value.remedy
+    with pytest.raises(LocalFault, match="cut off") as fault:
+        async with open_store(world(), tmp_path, NODE):
+            pass
+    assert fault.value.where == str(tmp_path) and data.stat().st_size == before
+    with pytest.raises(LocalFault, match="cut off"):
+        LmdbDisk().open(tmp_path, TABLES)
+
+
+async def test_tables_that_an_earlier_version_did_not_have_are_empty(tmp_path: Path) -> None:
+    LmdbDisk().open(tmp_path, (RECORDS,)).close()
+    with looked_at(tmp_path, TABLES) as view:
+        assert check_store(view).is_sound
+        assert view.get(STATISTICS, b"x") is None and view.first(STATISTICS, b"", b"\xff") is None
