@@ -9,6 +9,7 @@ from scenefold.base.location import Arc
 from scenefold.store.changes import RestartDigests
 from scenefold.store.digest_sums import Listing, read_listing, read_sums
 from scenefold.store.digest_tree import TreeDamaged
+from scenefold.store.held import HeldPage, read_held
 from scenefold.store.layout import SpaceAddress
 from scenefold.store.opened import OpenedStore
 from scenefold.store.versions import RangeSum
@@ -36,3 +37,8 @@ class ComparingStore(OpenedStore):
         """The first `limit` >= 2 records with their homes in the arc, in the order of these, and which versions they are."""
         assert limit >= 2
         return await self._view(read_listing, (scene, space), arc, limit)
+
+    async def held(self, arc: Arc, after: bytes, limit: int) -> HeldPage:
+        """The first `limit` >= 1 records of all spaces with their homes in the arc, behind the cursor `after` (b"": from the first on)."""
+        assert limit >= 1
+        return await self._view(read_held, arc, after, limit)

@@ -7,6 +7,9 @@ import trio
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.replication.holding_custody import HoldingCustody
+from scenefold.peer.replication.holding_reads import HoldingReads
+from scenefold.peer.replication.holding_records import HoldingRecords
 from scenefold.peer.routing import Routing
 
 
@@ -18,9 +21,12 @@ class Replication:
         self._parts = parts
         self._roster = roster
         self._routing = routing
+        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), HoldingReads(parts))
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
+        for service in self._holding:
+            service.register(handlers)
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Everything that goes on by itself, until cancelled."""

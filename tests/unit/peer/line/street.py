@@ -116,7 +116,7 @@ class Lease:
 
 
 class Scenes:
-    async def known(self, scene: int, *, position: int = 0, ask: bool = True) -> KnownScene:
+    async def known(self, scene: int, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene:
         return SCENE
 
 

@@ -11,6 +11,7 @@ leases are those of the street.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any, cast
 
 import trio
@@ -139,7 +140,8 @@ class Home(House):
         self.data = DataService(
             world, parts.store, self.peers, cast(Any, parts.scenes), line, parts.lease, cast(Any, self.routing), self.node
         )
-        return [self.replication, self.data]
+        replication = SimpleNamespace(register=self.replication.register) if self.street.is_quiet else self.replication
+        return [replication, self.data]
 
     def hear(self, mini: MiniStatus) -> None:
         self.roster.hear_mini(mini, self._world.clock.now())
@@ -183,10 +185,11 @@ class Home(House):
 
 
 class Terrace(Street):
-    """`homes[i]` is node(i). `space`: the one that `fill` and `write` put records into."""
+    """`homes[i]` is node(i). `space`: the one that `fill` and `write` put records into. `is_quiet`: the houses answer about copies, and do nothing by themselves."""
 
-    def __init__(self, founders: int, *, space: SpaceId = THRICE, **more: Any) -> None:
+    def __init__(self, founders: int, *, space: SpaceId = THRICE, is_quiet: bool = False, **more: Any) -> None:
         self.space = space
+        self.is_quiet = is_quiet
         super().__init__(founders, **more)
         self.homes: list[Home] = self.houses
 
