@@ -19,6 +19,7 @@ import pytest
 import structlog
 
 from scenefold.base.kernel_cache import use_kernel_cache
+from scenefold.world.sim.run import settle
 
 use_kernel_cache()
 
@@ -42,6 +43,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return ORDER.index(folder) if folder in ORDER else len(ORDER)
 
     items.sort(key=rank)
+
+
+def pytest_collection_finish() -> None:
+    """Each simulated run begins with a collection; of all that was imported that takes a quarter of a second, so it looks at the rest alone."""
+    settle()
 
 
 class Complaints(logging.Handler):

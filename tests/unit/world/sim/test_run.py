@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import warnings
+from collections.abc import Iterator
 
 import pytest
 import trio
@@ -158,6 +159,16 @@ def test_the_order_of_tasks_comes_from_the_seed() -> None:
     assert order_of_tasks(1) == order_of_tasks(1) != order_of_tasks(2)
 
 
+@pytest.fixture
+def _unsettled(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As in a process that does other things, too; what the tests' own process has frozen is frozen again afterwards."""
+    monkeypatch.setattr(run, "_settled", [])
+    gc.unfreeze()
+    yield
+    gc.freeze()
+
+
+@pytest.mark.usefixtures("_unsettled")
 def test_trio_and_the_collector_are_left_as_they_were() -> None:
     core = trio._core._run
     switch, dice, frozen = core._ALLOW_DETERMINISTIC_SCHEDULING, core._r.getstate(), gc.get_freeze_count()
@@ -168,15 +179,12 @@ def test_trio_and_the_collector_are_left_as_they_were() -> None:
     assert gc.isenabled() and gc.get_freeze_count() <= frozen
 
 
-def test_in_a_process_that_only_simulates_what_was_there_stays_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, "_settled", [])
-    try:
-        run.settle()
-        before = gc.get_freeze_count()
-        order_of_tasks(3)
-        assert gc.get_freeze_count() >= before > 0
-    finally:
-        gc.unfreeze()
+@pytest.mark.usefixtures("_unsettled")
+def test_in_a_process_that_only_simulates_what_was_there_stays_frozen() -> None:
+    run.settle()
+    before = gc.get_freeze_count()
+    order_of_tasks(3)
+    assert gc.get_freeze_count() >= before > 0
 
 
 def test_a_deadline_counts_as_it_was_last_set() -> None:
