@@ -31,6 +31,7 @@ from scenefold.world import World, first_of
 
 class KnownScenes(Protocol):
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene: ...
+    def everyone(self) -> Sequence[KnownScene]: ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
+from scenefold.peer.replication.placing import Placing
 from scenefold.peer.routing import Routing
 
 
@@ -22,6 +23,7 @@ class Replication:
         self._roster = roster
         self._routing = routing
         self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), HoldingReads(parts))
+        self.placing = Placing(parts, roster)
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
@@ -30,5 +32,6 @@ class Replication:
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Everything that goes on by itself, until cancelled."""
-        async with trio.open_nursery():
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(self.placing.run)
             task_status.started()

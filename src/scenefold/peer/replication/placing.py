@@ -1,0 +1,185 @@
+"""Who shall hold copies of this node's arc: placement as it is believed, watched, and kept once it has lasted (specs/20-copies.md, Placement).
+
+A layout counts as soon as any scene that this node knows has it, whether there are records or not: who writes first finds holders.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import trio
+
+from scenefold.base.cover import without
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.location import Arc, Location
+from scenefold.base.prefixes import forbids
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.copies.copies import Copies
+from scenefold.peer.copies.placement import Layout, Line
+from scenefold.peer.copies.segment import Segment
+from scenefold.peer.line.holding import Holding
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication.placing_wishes import Piece, Shortage, Wish, lasting, needed_of, pieces_of, ripe, shortage_of, target_of
+from scenefold.peer.routing import claims_of
+
+LOOK_S = 1.0
+"""Between two looks at who claims what, while nobody waits."""
+PLACE_S_MAX = 10.0
+"""For a write that comes before the first placement."""
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Placing:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, roster: Roster) -> None:
+        self._parts = parts
+        self._roster = roster
+        self._wake = trio.Event()
+        self._line_of: tuple[object, ...] = ()
+        self._line = Line(())
+        self._wishes: dict[Layout, list[Wish]] = {}
+        self.layouts: dict[Layout, int] = {}
+        """All that the known scenes have, and what their configurations ask of every write."""
+        self.shortages: dict[Layout, Shortage] = {}
+        """Layouts that are degraded: fewer nodes may hold copies than they have shadows."""
+
+    # ------------------------------------------------------------------------------------------------- questions
+
+    def layout_of(self, scene: KnownScene, space: SpaceId) -> Layout:
+        """() for a space that has one copy."""
+        return scene.layouts.get(space, ())
+
+    def needed_of(self, scene: KnownScene, space: SpaceId) -> int:
+        """How many nodes must have a record of the space before a write counts, the owner among them."""
+        return min(scene.needed.get(space, 1), max(1, len(self._parts.cluster_log.registry.order)))
+
+    def segment_of(self, scene: KnownScene, space: SpaceId, home: Location) -> Segment | None:
+        """Who holds copies of a place of the space; None if it has none, or nobody was placed yet."""
+        layout = self.layout_of(scene, space)
+        return self._parts.keeper.copies.configurations.at(layout, home) if layout else None
+
+    def check(self, scene: KnownScene, space: SpaceId) -> None:
+        """Refused (22) if so few nodes may hold copies of the space that no write can count."""
+        short = self.shortages.get(self.layout_of(scene, space))
+        if short is not None and short.possible < self.needed_of(scene, space):
+            raise too_few(short)
+
+    async def ensure_placed(self, layout: Layout) -> None:
+        """Return once all of the arc has holders by this layout, or is about to. Refused (16) if that takes too long."""
+        keeper = self._parts.keeper
+        with trio.move_on_after(PLACE_S_MAX):
+            while True:
+                seen = keeper.copies
+                if self._is_placed(layout):
+                    return
+                self._wake.set()
+                await keeper.copies_changed_after(seen)
+        raise Refused(RejectReason.NOT_READY, "who is to hold copies there is not settled yet", remedy="try again in a while")
+
+    def _is_placed(self, layout: Layout) -> bool:
+        copies, arc = self._parts.keeper.copies, self._parts.keeper.holding.arc
+        if not layout or arc is None:
+            return True
+        rest = [arc]
+        for segment in copies.configurations.segments:
+            if segment.layout == layout and target_of(segment, copies.configurations.me) is not None:
+                rest = [left for part in rest for left in without(part, segment.arc)]
+        return not rest
+
+    # --------------------------------------------------------------------------------------------------- running
+
+    async def run(self) -> None:
+        """Watch until cancelled."""
+        while True:
+            try:
+                await self._look()
+            except Refused as refusal:
+                # The disk is full, this life is ending, or the arc falls into too many pieces.
+                self._parts.events["copies not placed"] += 1
+                _log.debug("who holds copies is placed again later: %s", refusal)
+            self._wake = trio.Event()
+            with trio.move_on_after(LOOK_S):
+                await self._wake.wait()
+
+    async def _look(self) -> None:
+        parts = self._parts
+        registry, arc = parts.cluster_log.registry, parts.keeper.holding.arc
+        self.layouts = needed_of(parts.scenes.everyone(), len(registry.order))
+        wanted = {**dict.fromkeys(await self._former(), 1), **self.layouts}
+        if arc is None or not wanted or not registry.is_current(parts.own.member):
+            self._wishes, self.shortages = {}, {}
+            return
+        nodes = self._nodes()
+        takable = {node: known.member for node in nodes if node != parts.own.me and (known := registry.current(node)) is not None}
+        allowed = {node: found for node, found in takable.items() if not forbids(parts.own.blacklist.prefixes, node, owner=parts.own.me)}
+        now, configurations = parts.world.clock.now(), parts.keeper.copies.configurations
+        due: list[tuple[Layout, list[Piece], int]] = []
+        wishes, self.shortages = self._wishes, {}
+        self._wishes = {}
+        for layout, needed in wanted.items():
+            places = _recovered(parts.keeper.copies, arc)
+            if layout in self.layouts:
+                pieces = pieces_of(self._line, parts.own.me, layout, places, allowed, nodes)
+                short = shortage_of(layout, needed, allowed.keys(), takable.keys(), parts.own.me)
+                if short is not None:
+                    self.shortages[layout] = short
+            else:
+                pieces = [(place, ()) for place in places]
+            self._wishes[layout] = lasting(wishes.get(layout, ()), pieces, needed, now)
+            found = ripe(configurations, layout, self._wishes[layout], now, parts.keeper.is_removed)
+            if found:
+                due.append((layout, found, needed))
+        if due:
+            await parts.keeper.change_copies(partial(_placed, due))
+            parts.events["copies placed"] += len(due)
+
+    def _nodes(self) -> list[NodeId]:
+        """Who has an arc, as this node believes; the line is made anew if that has changed."""
+        registry, own = self._parts.cluster_log.registry, self._parts.own
+        about = registry.position, self._roster.arcs_version, own.arc
+        if about != self._line_of:
+            claims = claims_of(registry, self._roster.arcs(), own.me, own.arc)
+            self._line, self._line_of = Line([(node, arc) for arc, node in claims]), about
+        return sorted({node for claimants in self._line.claimants for node in claimants})
+
+    async def _former(self) -> list[Layout]:
+        """Layouts that nothing has any more, though copies are held by them. None as long as a scene of records here is unknown."""
+        held = {segment.layout for segment in self._parts.keeper.copies.configurations.segments}
+        if held <= self.layouts.keys():
+            return []
+        known = {scene.public.scene for scene in self._parts.scenes.everyone()}
+        if any(scene not in known for scene, _ in await self._parts.store.spaces()):
+            return []
+        return sorted(held - self.layouts.keys())
+
+
+def too_few(short: Shortage) -> Refused:
+    """Why nothing is written in a space of that layout."""
+    remedy = "add nodes" if short.whose is None else "add nodes, or take something off that blacklist"
+    return Refused(RejectReason.TOO_FEW_COPIES, f"no write can count here: {short}", remedy=remedy)
+
+
+def _recovered(copies: Copies, arc: Arc) -> list[Arc]:
+    """The arc without what is being recovered: who holds copies there is to be heard first."""
+    rest = [arc]
+    for gap in copies.unrecovered:
+        rest = [left for part in rest for left in without(part, gap)]
+    return rest
+
+
+def _placed(due: Iterable[tuple[Layout, Sequence[Piece], int]], copies: Copies, holding: Holding) -> Copies:
+    """With these holders wherever this node still owns the place, and knows what was acknowledged."""
+    places = [] if holding.arc is None else _recovered(copies, holding.arc)
+    configurations = copies.configurations
+    for layout, pieces, needed in due:
+        inside = [(common, holders) for arc, holders in pieces for place in places if (common := arc.intersection(place)) is not None]
+        configurations = configurations.place(layout, inside, needed)
+    return copies if configurations is copies.configurations else replace(copies, configurations=configurations)
