@@ -19,6 +19,7 @@ from scenefold.store.layout import (
     object_of,
     record_key,
     scene_of,
+    sound_header,
     unpack_record,
 )
 from scenefold.store.placing import place_of
@@ -43,17 +44,29 @@ def read_records(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[Re
 
 
 def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedData | None:
-    place, object_id = spot
-    value = transaction.get(RECORDS, record_key(place, object_id))
-    if value is None and object_id:
-        known = place_of(transaction, place.scene, place.space, object_id)
-        value = None if known is None else transaction.get(RECORDS, record_key(RecordPlace(place.scene, place.space, known), object_id))
+    value = _stored(transaction, spot)
     if value is None:
         return None
     try:
         return unpack_record(value)
     except DamagedData as error:
         return DamagedData(error.what, where=describe(spot), remedy="write it anew, or restore it from a copy")
+
+
+def _stored(transaction: ReadTransaction, spot: Spot) -> memoryview | None:
+    """An object is found wherever this node has put it."""
+    place, object_id = spot
+    value = transaction.get(RECORDS, record_key(place, object_id))
+    if value is None and object_id:
+        known = place_of(transaction, place.scene, place.space, object_id)
+        value = None if known is None else transaction.get(RECORDS, record_key(RecordPlace(place.scene, place.space, known), object_id))
+    return value
+
+
+def read_record_headers(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[bytes | None]:
+    """The headers alone: ciphertexts are not looked at. None for nothing, or for a header that has rotted."""
+    found = [_stored(transaction, spot) for spot in spots]
+    return [None if value is None else sound_header(value) for value in found]
 
 
 def read_digests(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[bytes | None]:

@@ -57,6 +57,21 @@ async def test_only_the_owner_of_its_home_takes_an_object(tmp_path: Path) -> Non
         assert await store.read([spot(1, first)]) == [managed(1)]
 
 
+async def test_its_header_is_found_wherever_it_lies(tmp_path: Path) -> None:
+    home = wanted_place(object_id(1)).number
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(home)])
+        there = await placed(store, Put(managed(1)))
+        assert there != wanted_place(object_id(1))
+        asked = [
+            spot(1, wanted_place(object_id(1))),
+            spot(1, there),
+            Spot(RecordPlace(SCENE, SPACE, Location.from_number(home))),
+            spot(2, there),
+        ]
+        assert await store.record_headers(asked) == [*[managed(1).header_bytes] * 2, put(home).record.header_bytes, None]
+
+
 async def test_a_retry_changes_nothing(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         first = await placed(store, Put(managed(1, expects=EXPECTS_NOTHING)))
@@ -127,9 +142,9 @@ async def test_a_copy_of_an_object_makes_no_second_one(tmp_path: Path) -> None:
         assert result.outcome is Outcome.STALE
         assert await store.digests([spot(1, here), spot(1, elsewhere)]) == [newest.header.digest, None]
         assert (await store.statistics()).records == 1
-        assert [entry.spot for entry in await store.misplaced([arc(4000, 6000)], 9)] == []
+        assert [entry.spot for entry in await store.misplaced(Rightful([arc(4000, 6000)]), 9)] == []
         [result] = await store.merge([Put(newest, at=elsewhere)])
-        assert [entry.spot for entry in await store.misplaced([arc(4000, 6000)], 9)] == [spot(1, elsewhere)]
+        assert [entry.spot for entry in await store.misplaced(Rightful([arc(4000, 6000)]), 9)] == [spot(1, elsewhere)]
         assert await store.misplaced([arc(4000, 6000), Arc(home, home)], 9) == []
 
 

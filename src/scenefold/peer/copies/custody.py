@@ -125,11 +125,14 @@ class Custody:
         """Take nothing below this number there, and store nothing more for whom it is held now.
 
         Who recovers a place asks for that, and so it learns of every configuration that may still be answered for; who gives a piece away
-        promises it to itself. What is whole stays so: it answers like before.
+        promises it to itself. What is whole stays so: it answers like before. Behind if an entry there has that number or a higher one:
+        then a later owner is heard here already. A floor that is as high says nothing of the kind, since neighbours may have become one
+        with it; and it promises more than is asked.
         """
-        if self.highest(arc) >= number:
-            raise Behind(self.highest(arc))
-        fenced = [replace(entry, fenced=True) for entry in self.within(arc)]
+        held = self.within(arc)
+        if any(entry.number >= number for entry in held):
+            raise Behind(max(self.highest(arc), *(entry.number for entry in held)))
+        fenced = [replace(entry, fenced=True) for entry in held]
         return Custody(joined([*_outside(self.entries, arc), *fenced]), self.floors)._floored(arc, number - 1)
 
     def claim(self, arc: Arc) -> Custody:

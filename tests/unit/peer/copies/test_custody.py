@@ -96,10 +96,25 @@ def test_a_promise_fences_but_what_is_whole_still_answers() -> None:
     assert custody.promise(arc(20, 29), 100) == custody
     with pytest.raises(Behind):
         custody.set(P, 99, arc(0, 99), [])
-    with pytest.raises(Behind):
-        custody.promise(arc(0, 99), 99)
     assert not custody.set(P, 5, arc(0, 99), [entry(P, 5, arc(0, 99))]).takes_from(P, ONE, place(20))
     assert custody.set(Q, 100, arc(20, 29), [entry(Q, 100, arc(20, 29))]).takes_from(Q, ONE, place(20))
+
+
+def test_a_promise_is_not_given_to_who_comes_after_a_later_owner() -> None:
+    custody = Custody().set(P, 5, arc(0, 99), [entry(P, 5, arc(0, 99))])
+    for number in (4, 5):
+        with pytest.raises(Behind) as behind:
+            custody.promise(arc(20, 29), number)
+        assert behind.value.highest == 5
+    assert not custody.promise(arc(20, 29), 6).takes_from(P, ONE, place(20))
+
+
+def test_a_floor_that_is_high_already_promises_enough() -> None:
+    """Floors of neighbours become one with the higher number, which must not keep anybody from recovering a place."""
+    custody = Custody().set(P, 5, arc(0, 99), [entry(P, 5, arc(0, 99))]).promise(arc(0, 99), 100)
+    again = custody.promise(arc(0, 99), 50)
+    assert again == custody
+    assert again.highest(arc(0, 99)) == 99
 
 
 def test_who_owns_a_place_holds_it_for_nobody_and_forgets_no_number() -> None:
@@ -161,7 +176,7 @@ def test_each_place_goes_its_own_way(said: list[tuple[str, Member, int, tuple[in
             kept = {key: found for key, found in kept.items() if key[1] not in scope}
             continue
         if kind == "promise":
-            if any(floors[index] >= number for index in scope):
+            if any(found.number >= number for (_, index), found in kept.items() if index in scope):
                 with pytest.raises(Behind):
                     custody.promise(arc(first, last), number)
                 continue

@@ -1,0 +1,117 @@
+"""What was acknowledged in a gap is learnt, before this node speaks for it (specs/20-copies.md, Recovery).
+
+A gap is unrecovered on the disk from the change on that made it this node's, so whoever is started anew begins again: nothing is lost by
+that but time. Until a gap is recovered, single places of it are looked up by name as they are asked for.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+
+import trio
+
+from scenefold.base.cover import without
+from scenefold.base.errors import Refused
+from scenefold.base.location import Arc, Location
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.replication.recovering_gap import Asking
+
+LOOK_UP_S_MAX = 3.0
+"""For places of a gap to be looked up; then the asker is told to come again."""
+LOOK_UPS_MAX = 8
+"""Places that are looked up at one time, each at every node."""
+LOOKED_UP_MAX = 65_536
+"""Places remembered as looked up. Beyond it the oldest are looked up again."""
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Recovering:
+    """Used from the Trio thread only. `doubt`: told of a gap that is about to be recovered, of which nothing has settled yet."""
+
+    def __init__(self, parts: Parts, doubt: Callable[[Arc], None]) -> None:
+        self._parts = parts
+        self._doubt = doubt
+        self._askings: dict[Arc, Asking | None] = {}
+        """Of each gap that is being recovered; None in a pause."""
+        self._looked_up: dict[Location, None] = {}
+        self._slots = trio.CapacityLimiter(LOOK_UPS_MAX)
+
+    # ------------------------------------------------------------------------------------------------- questions
+
+    def is_known(self, location: Location) -> bool:
+        """Whether all that was acknowledged at a place of the arc is here, as far as registered nodes have it."""
+        return location in self._looked_up or self._parts.keeper.copies.is_recovered(location)
+
+    def is_recovered(self, arc: Arc) -> bool:
+        """Whether that is so everywhere in the arc."""
+        return all(gap.intersection(arc) is None for gap in self._parts.keeper.copies.unrecovered)
+
+    async def look_up(self, locations: Sequence[Location]) -> None:
+        """Ask everybody about those places that are not known; returns when they are, or LOOK_UP_S_MAX later: look again."""
+        unknown = [location for location in dict.fromkeys(locations) if not self.is_known(location)]
+        if not unknown:
+            return
+        with trio.move_on_after(LOOK_UP_S_MAX):
+            async with trio.open_nursery() as nursery:
+                for location in unknown:
+                    nursery.start_soon(self._look_up, location)
+
+    async def _look_up(self, location: Location) -> None:
+        async with self._slots:
+            asking = next((asking for gap, asking in self._askings.items() if location in gap), None)
+            if asking is None or self.is_known(location) or not await asking.look_up(location):
+                return
+        if self._askings.get(asking.roll.gap) is asking:
+            self._looked_up[location] = None
+            if len(self._looked_up) > LOOKED_UP_MAX:
+                del self._looked_up[next(iter(self._looked_up))]
+
+    # ------------------------------------------------------------------------------------------------------ doing
+
+    async def run(self) -> None:
+        """Recover whatever is not, until cancelled."""
+        keeper = self._parts.keeper
+        async with trio.open_nursery() as nursery:
+            while True:
+                copies = keeper.copies
+                for gap in _apart(copies.unrecovered, self._askings):
+                    self._askings[gap] = None
+                    nursery.start_soon(self._recover, gap)
+                await keeper.copies_changed_after(copies)
+
+    async def _recover(self, gap: Arc) -> None:
+        pauses = Pauses(self._parts.world)
+        try:
+            while not await self._try(gap):
+                await pauses.wait()
+        finally:
+            del self._askings[gap]
+
+    async def _try(self, gap: Arc) -> bool:
+        asking = self._askings[gap] = Asking(self._parts, gap)
+        try:
+            await asking.run()
+            self._doubt(gap)
+            await self._parts.keeper.change_copies(lambda copies, _: asking.roll.recover(copies))
+        except Refused as problem:
+            # The disk is full, or this life is ending.
+            self._parts.events["not recovered"] += 1
+            _log.warning("what was learnt of an adopted arc cannot be kept: %s", problem)
+            return False
+        finally:
+            # Known are these places now by the note, or by nobody any more.
+            self._askings[gap] = None
+            self._looked_up = {location: None for location in self._looked_up if location not in gap}
+        self._parts.events["recovered"] += 1
+        _log.info("all that was acknowledged in %s..%s is known", gap.first.hex()[:8], gap.last.hex()[:8])
+        return True
+
+
+def _apart(gaps: Sequence[Arc], taken: Iterable[Arc]) -> list[Arc]:
+    left = list(gaps)
+    for other in taken:
+        left = [part for gap in left for part in without(gap, other)]
+    return left

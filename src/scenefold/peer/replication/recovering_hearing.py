@@ -1,0 +1,177 @@
+"""One node is asked what it has of an arc, and brings what is newer than what lies here (specs/20-copies.md, Recovery).
+
+Nothing is remembered of a page but where the next one begins: of every place the newest version is what lies on this node's disk once
+everybody was heard, whoever named it. So a version that one node cannot deliver any more is fetched from the next that names it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+from dataclasses import replace
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import address_of
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.copies.entries import Entry
+from scenefold.peer.copies.versions import rank_of, told_version
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.receiving import keep_durably, verified
+from scenefold.peer.records.verification import home_of
+from scenefold.peer.replication.recovering_roll import Roll
+from scenefold.peer.replication.recovering_walk import Patience, Walk, spot_of_held
+from scenefold.store import Put
+from scenefold.wire import FetchHeld, HandItem, HeldFetched, HeldListed, HeldRecord, ListHeld, Member, RecordEntry
+from scenefold.world import Priority
+
+PAGE_RECORDS = 1024
+FETCH_RECORDS = 256
+LIST_S_MAX = 10.0
+"""For a page, which a promise is made durable for."""
+FETCH_S_MAX = 10.0
+"""For a frame full of records."""
+BRING_S_MAX = 30.0
+"""For the records of one page; what did not come by then is asked for again."""
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Hearing:
+    """Of one node about one arc: the gap, or one place of it. Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, roll: Roll, teller: Member, arc: Arc, turn: AbstractAsyncContextManager[object]) -> None:
+        """`turn`: held while records are fetched, by one hearing at a time, since several nodes name the same ones."""
+        self._parts = parts
+        self._position = roll.position
+        self._teller = teller
+        self._arc = arc
+        self._turn = turn
+        self._walk = Walk(teller, arc, roll.number)
+        self._patience = Patience()
+        self.is_silent = False
+        """Whether it did not answer when it was asked last."""
+
+    async def hear(self) -> tuple[Entry, ...]:
+        """All that the node has of the arc is here, durably; what it has told of custody.
+
+        Refused, Unreachable or PeerFault: not now. Called again, it goes on.
+        """
+        while not (self._walk.is_over or self._patience.is_over):
+            await self._parts.world.clock.sleep(await self._next_page())
+        if self._patience.is_over:
+            self._parts.events["disbelieved"] += 1
+            _log.warning("%s: what it names of %s cannot be, or does not come: it is heard no further", self._name, self._where)
+        return self._walk.entries
+
+    async def _next_page(self) -> float:
+        """Bring what one page names; seconds until it, or the next one, is asked for."""
+        clock = self._parts.world.clock
+        try:
+            page = await self._listed()
+            named = self._walk.check(page)
+        except PeerFault:
+            self._patience.note_nonsense()
+            raise
+        if named:
+            begin = clock.now()
+            async with self._turn:
+                wanted = await self._lacking(named)
+                if wanted:
+                    await self._bring(wanted)
+                left = await self._lacking(wanted)
+            if len(left) < len(wanted):
+                self._patience.delivered()
+                if left:
+                    return 0.0
+            elif left:
+                pause_s = self._patience.failed(len(left), clock.now() - begin)
+                if pause_s is not None:
+                    return pause_s
+                self._parts.events["named, not delivered"] += len(left)
+                _log.warning("%s does not deliver %d versions in %s that it names", self._name, len(left), self._where)
+        self._walk.move_on(page)
+        return 0.0
+
+    async def _listed(self) -> HeldListed:
+        request = ListHeld(
+            self._parts.own.member,
+            self._teller,
+            self._position,
+            self._arc.first,
+            self._arc.last,
+            self._walk.after,
+            PAGE_RECORDS,
+        )
+        try:
+            page = await self._parts.peers.ask(self._teller.node, Priority.LOW, request, HeldListed, LIST_S_MAX)
+        except (Refused, Unreachable, PeerFault):
+            self.is_silent = True
+            raise
+        self.is_silent = page.reason != 0
+        if page.reason:
+            raise Refused(RejectReason(page.reason), f"{self._name} does not say what it has of {self._where}")
+        return page
+
+    async def _lacking(self, named: Sequence[HeldRecord]) -> list[HeldRecord]:
+        """Those of which nothing as new lies here."""
+        if not named:
+            return []
+        headers = await self._parts.store.record_headers([spot_of_held(held) for held in named])
+        return [
+            held
+            for held, header in zip(named, headers, strict=True)
+            if header is None or rank_of(told_version(header)) < rank_of(held.version)
+        ]
+
+    async def _bring(self, wanted: Sequence[HeldRecord]) -> None:
+        """As much as comes. Refused if it cannot be kept here."""
+        with trio.move_on_after(BRING_S_MAX):
+            for start in range(0, len(wanted), FETCH_RECORDS):
+                batch = [_entry_of(held) for held in wanted[start : start + FETCH_RECORDS]]
+                while batch:
+                    try:
+                        request = FetchHeld(tuple(batch))
+                        reply = await self._parts.peers.ask(self._teller.node, Priority.LOW, request, HeldFetched, FETCH_S_MAX)
+                    except (Refused, Unreachable, PeerFault) as problem:
+                        _log.debug("%s does not deliver: %s", self._name, problem)
+                        return
+                    answered = len(reply.items) + len(reply.missing)
+                    if not 1 <= answered <= len(batch):
+                        return
+                    await self._take(reply.items)
+                    batch = batch[answered:]
+
+    async def _take(self, items: Sequence[HandItem]) -> None:
+        """Keep what is sound and lies in the arc by its home; whatever else came, was not asked for."""
+        inside = [item for item in items if home_of(item) in self._arc]
+        verdicts = await verified(self._parts, inside)
+        # An object comes to lie at its home: that is in the arc, wherever it lay.
+        puts = [
+            replace(verdict, at=home_of(item)) if item.object else verdict
+            for item, verdict in zip(inside, verdicts, strict=True)
+            if isinstance(verdict, Put)
+        ]
+        await keep_durably(self._parts.store, puts)
+        self._parts.events["fetched"] += len(puts)
+        size_bytes = sum(len(item.header) + len(item.signature) + len(item.ciphertext) for item in items)
+        if self._arc.first == self._arc.last:
+            # Somebody waits for this place.
+            self._parts.budget.charge(size_bytes)
+        else:
+            await self._parts.budget.take(size_bytes)
+
+    @property
+    def _name(self) -> str:
+        return address_of(self._teller.node)
+
+    @property
+    def _where(self) -> str:
+        return f"{self._arc.first.hex()[:8]}..{self._arc.last.hex()[:8]}"
+
+
+def _entry_of(held: HeldRecord) -> RecordEntry:
+    return RecordEntry(held.scene, held.space, held.location, held.object, held.version.digest)
