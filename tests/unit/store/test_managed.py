@@ -142,9 +142,9 @@ async def test_a_copy_of_an_object_makes_no_second_one(tmp_path: Path) -> None:
         assert result.outcome is Outcome.STALE
         assert await store.digests([spot(1, here), spot(1, elsewhere)]) == [newest.header.digest, None]
         assert (await store.statistics()).records == 1
-        assert [entry.spot for entry in await store.misplaced(Rightful([arc(4000, 6000)]), 9)] == []
+        assert [entry.spot for entry in await store.misplaced([arc(4000, 6000)], 9)] == []
         [result] = await store.merge([Put(newest, at=elsewhere)])
-        assert [entry.spot for entry in await store.misplaced(Rightful([arc(4000, 6000)]), 9)] == [spot(1, elsewhere)]
+        assert [entry.spot for entry in await store.misplaced([arc(4000, 6000)], 9)] == [spot(1, elsewhere)]
         assert await store.misplaced([arc(4000, 6000), Arc(home, home)], 9) == []
 
 
