@@ -123,8 +123,6 @@ class DigestTree(Rows):
 
     def apply(self, differences: Sequence[Difference]) -> None:
         """In the order of the line, `at` the homes of records as they are now."""
-        if differences and self.at_or_behind(LEVELS, _END) is None:
-            self.begin()
         level = 1
         while differences and level <= LEVELS:
             differences = self._apply(level, differences)
@@ -136,19 +134,24 @@ class DigestTree(Rows):
         index, most = 0, PARTS_MAX[level - 1]
         while index < len(differences):
             found = self.at_or_behind(level, differences[index].at)
+            if found is None and level == 1 and self.at_or_behind(LEVELS, _END) is None:
+                self.begin()
+                found = self.at_or_behind(level, differences[index].at)
             if found is None:
                 raise TreeDamaged(self.space, "a piece of the line has no row in the digests")
             bound, row = found
-            parts, records, total, is_lost = *row, False
+            _, parts, records, total, is_lost = differences[index]
+            index += 1
             while index < len(differences) and (one := differences[index]).at <= bound:
                 parts, records, total, is_lost = parts + one.parts, records + one.records, total + one.sum, is_lost or one.is_lost
                 index += 1
-            now, more = Row(parts, records, total % SUM_MODULUS), 0
+            now, more = row.plus(parts, records, total), 0
+            parts, records, _ = now
             if is_lost or parts > most:
                 more, now = self._cut(level, bound, now, is_lost)
             elif parts < 0 or records < 0:
                 raise TreeDamaged(self.space, "a row of the digests counts fewer records than there were")
-            elif parts < most // 4 and self._join(level, bound, now):
+            elif parts < row.parts and parts < most // 4 and self._join(level, bound, now):
                 more = -1
             else:
                 self._put(level, bound, now)
@@ -164,23 +167,23 @@ class DigestTree(Rows):
         most, begin = PARTS_MAX[level - 1], self.before(level, bound)
         count = 1 if is_lost else -(-now.parts * 4 // (3 * most))
         size = most if is_lost else -(-now.parts // count)
-        pieces, row, last = [], Row(), begin
-        for at, part in self._parts(level, begin, bound):
-            if part is None:
+        pieces, last, parts, records, total = [], begin, 0, 0, 0
+        for at, of_part, sum_of_part in self._parts(level, begin, bound):
+            if sum_of_part is None:
                 if not is_lost:
                     return self._cut(level, bound, now, is_lost=True)
                 continue
-            if row.parts >= size and at != last:
-                pieces.append((last, row))
-                row = Row()
+            if parts >= size and at != last:
+                pieces.append((last, Row(parts, records, total % SUM_MODULUS)))
+                parts, records, total = 0, 0, 0
                 if len(pieces) == count - 1:
                     break
-            row, last = row.plus(1, part.records, part.sum), at
+            last, parts, records, total = at, parts + 1, records + of_part, total + sum_of_part
         counted = Row()
         for _, piece in pieces:
             counted = counted.plus(*piece)
         if is_lost:
-            now = counted.plus(*row)
+            now = counted.plus(parts, records, total)
         pieces.append((bound, Row(now.parts - counted.parts, now.records - counted.records, (now.sum - counted.sum) % SUM_MODULUS)))
         if min(pieces[-1][1]) < 0:
             raise TreeDamaged(self.space, "a row of the digests counts fewer records than there are")
@@ -188,13 +191,14 @@ class DigestTree(Rows):
             self._put(level, end, piece)
         return len(pieces) - 1, now
 
-    def _parts(self, level: int, begin: bytes, end: bytes) -> Iterator[tuple[bytes, Row | None]]:
+    def _parts(self, level: int, begin: bytes, end: bytes) -> Iterator[tuple[bytes, int, int | None]]:
+        """Where each part of a piece ends, its records and their sum; None for a record that has rotted."""
         if level > 1:
-            yield from self.behind(level - 1, begin, end)
-        elif begin < self._built:
-            for home, _key, value in by_home(self._transaction, self.space, begin, min(end, self._built)):
-                total = stored_sum(value)
-                yield home, None if total is None else Row(1, 1, total)
+            return ((at, row.records, row.sum) for at, row in self.behind(level - 1, begin, end))
+        if begin >= self._built:
+            return iter(())
+        found = by_home(self._transaction, self.space, begin, min(end, self._built))
+        return ((home, 1, stored_sum(value)) for home, _key, value in found)
 
     def _join(self, level: int, bound: bytes, now: Row) -> bool:
         """Put a small piece together with a neighbour, of the same piece above: False if there is none small enough."""

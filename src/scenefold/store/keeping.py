@@ -18,13 +18,16 @@ from scenefold.store.versions import version_of
 from scenefold.world.ports import WriteTransaction
 
 
-def keep_record(transaction: WriteTransaction, tally: Tally, spot: Spot, record: Record, debtors: Sequence[NodeId] = ()) -> None:
-    """Write a record, over whatever lies there. `debtors` are still to get it, if what lies there is not the same."""
+def keep_record(
+    transaction: WriteTransaction, tally: Tally, spot: Spot, record: Record, over: memoryview | None, debtors: Sequence[NodeId] = ()
+) -> None:
+    """Write a record over what lies there, which was just read. `debtors` are still to get it, if what lies there is not the same."""
     key, packed = record_key(*spot), pack_record(record)
-    before, version = _former(transaction, key), version_of(record.header_bytes)
+    before, version = _former(over), version_of(record.header_bytes)
     tally.change(spot, before, version, len(packed))
     transaction.put(RECORDS, key, packed)
-    if before is None or before.header != record.header_bytes:
+    # Where nothing lay, nothing is owed: a debt goes with its record.
+    if (before is not None or debtors) and (before is None or before.header != record.header_bytes):
         tally.debts.write_debt(transaction, key, version, debtors)
     if spot.object:
         _note_place(transaction, spot)
@@ -33,15 +36,14 @@ def keep_record(transaction: WriteTransaction, tally: Tally, spot: Spot, record:
 def drop_record(transaction: WriteTransaction, tally: Tally, spot: Spot) -> None:
     """Delete what lies there."""
     key = record_key(*spot)
-    tally.change(spot, _former(transaction, key), None, 0)
+    tally.change(spot, _former(transaction.get(RECORDS, key)), None, 0)
     transaction.delete(RECORDS, key)
     tally.debts.forget_debt(transaction, key)
     if spot.object:
         _forget_place(transaction, spot)
 
 
-def _former(transaction: WriteTransaction, key: bytes) -> Former | None:
-    value = transaction.get(RECORDS, key)
+def _former(value: memoryview | None) -> Former | None:
     return None if value is None else Former(sound_header(value), len(value))
 
 

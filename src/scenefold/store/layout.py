@@ -131,13 +131,13 @@ def pack_record(record: Record) -> bytes:
 
 def unpack_record(value: memoryview) -> Record:
     """A copy of the record in a stored value; DamagedData if it is not what was stored. Some 40 us for a full one."""
-    header_end, signature_end = _ends(value)
+    header = _checked_header(value)
+    signature_end = _ends(value)[1]
     record = Record(
-        header_bytes=bytes(value[HEADER_AT:header_end]),
-        signature=bytes(value[header_end:signature_end]),
+        header_bytes=header,
+        signature=bytes(value[HEADER_AT + len(header) : signature_end]),
         ciphertext=bytes(value[signature_end:]),
     )
-    _check(value, record.header_bytes, record.signature)
     if hashlib.sha256(record.ciphertext).digest() != RecordHeader.decode(record.header_bytes).digest:
         raise DamagedData("the bytes of a stored record have changed on the disk")
     return record
@@ -146,25 +146,21 @@ def unpack_record(value: memoryview) -> Record:
 def sound_header(value: memoryview) -> bytes | None:
     """The bytes of a stored value's header; None if they are not what was written."""
     try:
-        header_end, signature_end = _ends(value)
-        header = bytes(value[HEADER_AT:header_end])
-        _check(value, header, bytes(value[header_end:signature_end]))
+        return _checked_header(value)
     except DamagedData:
         return None
-    return header
 
 
 def stored_header(value: memoryview) -> RecordHeader:
     """Only the header of a stored value, so that judging versions never touches the ciphertext's pages."""
+    return RecordHeader.decode(_checked_header(value))
+
+
+def _checked_header(value: memoryview) -> bytes:
     header_end, signature_end = _ends(value)
-    header = bytes(value[HEADER_AT:header_end])
-    _check(value, header, bytes(value[header_end:signature_end]))
-    return RecordHeader.decode(header)
-
-
-def _check(value: memoryview, header: bytes, signature: bytes) -> None:
-    if _CHECK.unpack_from(value, _SIZES.size)[0] != _checksum(header, signature):
+    if _CHECK.unpack_from(value, _SIZES.size)[0] != zlib.crc32(value[HEADER_AT:signature_end]):
         raise DamagedData("the header of a stored record has changed on the disk")
+    return bytes(value[HEADER_AT:header_end])
 
 
 def _checksum(header: bytes, signature: bytes) -> int:

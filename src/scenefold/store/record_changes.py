@@ -248,8 +248,8 @@ def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, put: Put,
     present = _present(value) if value is not None else None
     result = judges(record, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
-        keep_record(transaction, tally, spot, record, put.debtors)
-        return replace(result, has_changed=True)
+        keep_record(transaction, tally, spot, record, value, put.debtors)
+        return PutResult(result.outcome, result.current, result.location, has_changed=True, over_wreck=result.over_wreck)
     return result
 
 

@@ -44,8 +44,9 @@ def sealed(table: str, key: bytes, value: bytes) -> bytes:
 
 def opened(table: str, key: bytes, stored: memoryview) -> memoryview:
     """The value in what stands on the disk; StoreDamaged if that was never written there."""
-    value = stored[: -_CHECK.size]
-    if len(stored) < _CHECK.size or _CHECK.unpack(stored[-_CHECK.size :])[0] != _checksum(table, key, value):
+    end = len(stored) - _CHECK.size
+    value = stored[:end]
+    if end < 0 or _CHECK.unpack_from(stored, end)[0] != _checksum(table, key, value):
         raise damaged(f"{_name(key)} in the table {table!r} of the store has changed on the disk")
     return value
 
