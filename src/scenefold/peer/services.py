@@ -106,7 +106,7 @@ class PeerServices:
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
         self._replication = Replication(line.parts, roster, routing)
-        data = DataService(world, store, peers, scenes, line, lease, routing, me)
+        data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
         sharing = Sharing(store, line, cluster_log, own, roster)
@@ -209,6 +209,8 @@ class PeerServices:
         async with trio.open_nursery() as nursery:
             await nursery.start(context.gossip.run)
             await nursery.start(context.range_datagrams.run)
+            # Nor one that does not know what of that counts.
+            await nursery.start(self._replication.run)
             for priority in Priority:
                 newcomers = self._newcomers if priority is Priority.HIGH else None
                 listen = partial(
@@ -217,7 +219,6 @@ class PeerServices:
                 await nursery.start(listen)
             await nursery.start(context.cluster_log.run)
             await nursery.start(context.line.run)
-            await nursery.start(self._replication.run)
             for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run, *self._background):
                 nursery.start_soon(service)
             nursery.start_soon(self._watch_load)

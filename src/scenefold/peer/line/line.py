@@ -22,7 +22,7 @@ from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import Giving
 from scenefold.peer.line.holding import Handover
 from scenefold.peer.line.keeper import Keeper
-from scenefold.peer.line.parts import KnownScenes, Parts
+from scenefold.peer.line.parts import Keeping, KnownScenes, Parts
 from scenefold.peer.line.receiving import Receiving
 from scenefold.peer.line.settling import Settling
 from scenefold.peer.line.strays import Strays
@@ -79,6 +79,7 @@ class Line:
             Gate(),
             Settling(world.clock),
             Budget(world.clock, transfer_bytes_per_s),
+            Keeping(store.merge),
         )
         self._giving = Giving(self._parts)
         self._receiving = Receiving(self._parts)

@@ -20,11 +20,13 @@ from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
 from scenefold.peer.line.settling import Settling
+from scenefold.peer.line.unsettled import Unsettled
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
+from scenefold.peer.records.copying import NotKept
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.timing import T_WAIT_S
-from scenefold.store import Store
+from scenefold.store import Put, PutResult, Store
 from scenefold.wire import HandoverReply
 from scenefold.world import World, first_of
 
@@ -32,6 +34,17 @@ from scenefold.world import World, first_of
 class KnownScenes(Protocol):
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene: ...
     def everyone(self) -> Sequence[KnownScene]: ...
+
+
+class Merge(Protocol):
+    async def __call__(self, puts: Sequence[Put], /) -> Sequence[PutResult | NotKept]: ...
+
+
+@dataclass(slots=True)
+class Keeping:
+    """How verified copies are taken into this node's own arc, so that those who hold copies get them, too; set by replication."""
+
+    merge: Merge
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +64,8 @@ class Parts:
     gate: Gate
     settling: Settling
     budget: Budget
+    keeping: Keeping
+    unsettled: Unsettled = field(default_factory=Unsettled)
     events: Counter[str] = field(default_factory=Counter)
 
     def require_lease(self) -> None:

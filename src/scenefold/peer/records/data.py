@@ -11,6 +11,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Lease, Owners
 from scenefold.peer.peers import Peers
+from scenefold.peer.records.copying import Copying, OneCopy
 from scenefold.peer.records.ranges import Ranges
 from scenefold.peer.records.reads import Reads
 from scenefold.peer.records.writes import Writes
@@ -24,11 +25,22 @@ class DataService:
     """The owner's side of every read and write."""
 
     def __init__(
-        self, world: World, store: Store, peers: Peers, scenes: Scenes, line: Holdings, lease: Lease, routing: Owners, me: NodeId
+        self,
+        world: World,
+        store: Store,
+        peers: Peers,
+        scenes: Scenes,
+        line: Holdings,
+        lease: Lease,
+        routing: Owners,
+        me: NodeId,
+        copying: Copying | None = None,
     ) -> None:
-        self.writes = Writes(world, store, scenes, line, lease, routing, me)
-        self.reads = Reads(store, peers, scenes, line, lease, routing, me)
-        self.ranges = Ranges(store, scenes, line, lease)
+        """`copying`: None where every space has one copy."""
+        copying = copying or OneCopy(store)
+        self.writes = Writes(world, store, scenes, line, lease, routing, me, copying)
+        self.reads = Reads(store, peers, scenes, line, lease, routing, me, copying)
+        self.ranges = Ranges(store, scenes, line, lease, copying)
 
     def register(self, handlers: Handlers) -> None:
         self.writes.register(handlers)

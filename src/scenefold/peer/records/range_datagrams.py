@@ -98,7 +98,8 @@ class RangeDatagrams:
 
     async def _answer(self, question: QueryRange, sender: NodeId) -> None:
         try:
-            answer = await self._ranges.answer(question, ANSWER_LOCATIONS_MAX, ask=False)
+            # Who asks so asks again by himself, and a few who wait would hold up all others.
+            answer = await self._ranges.answer(question, ANSWER_LOCATIONS_MAX, ask=False, patience_s=0.0)
         except Refused as refusal:
             answer = range_rejection(question, refusal.reason)
         packet = _with_id(answer, question.request_id)

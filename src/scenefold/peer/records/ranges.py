@@ -6,12 +6,15 @@ That nothing lies somewhere is a claim as well, so it needs a lease; without one
 
 from __future__ import annotations
 
+import trio
+
 from scenefold.base.limits import RANGE_LOCATIONS_MAX
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import wanted_place
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import LOOKS_MAX, Holdings, Lease
+from scenefold.peer.records.copying import TOLD_S_MAX, Copying
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import RangeAnswer, Store
 from scenefold.wire import Packet, QueryRange, RejectRange, ReturnRange
@@ -20,19 +23,24 @@ from scenefold.wire import Packet, QueryRange, RejectRange, ReturnRange
 class Ranges:
     """The owner's side of range queries."""
 
-    def __init__(self, store: Store, scenes: Scenes, line: Holdings, lease: Lease) -> None:
+    def __init__(self, store: Store, scenes: Scenes, line: Holdings, lease: Lease, copying: Copying) -> None:
         self._store = store
         self._scenes = scenes
         self._line = line
         self._lease = lease
+        self._copying = copying
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(QueryRange, self._on_query)
 
     async def answer(
-        self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX, *, ask: bool = True, asker: str = ""
+        self, packet: QueryRange, limit: int = RANGE_LOCATIONS_MAX, *, ask: bool = True, asker: str = "", patience_s: float = TOLD_S_MAX
     ) -> ReturnRange | RejectRange:
-        """At most `limit` locations; Refused (19) for a shadow, and if nobody knows the scene, or without `ask` this node does not."""
+        """At most `limit` locations; Refused (19) for a shadow, and if nobody knows the scene, or without `ask` this node does not.
+
+        `patience_s`: for what is unsettled.
+        """
+        until = trio.current_time() + patience_s
         known = await self._scenes.known(packet.scene, ask=ask, asker=asker)
         known.check_no_shadow(packet.space, "list")
         for _ in range(LOOKS_MAX):
@@ -41,10 +49,11 @@ class Ranges:
                 return range_rejection(packet, RejectReason.OUTSIDE_BOUNDS)
             arc = self._line.arc
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
+            is_settled = await self._copying.list_settled(packet.scene, packet.space, answer.covered, until)
             if self._line.arc is not arc:
                 # What was given away may have been deleted while we looked, also if an equal arc is ours again.
                 continue
-            stale = not self._lease.holds()
+            stale = not (is_settled and self._lease.holds())
             locations, objects = self._decided_here(answer)
             if stale and not locations:
                 return range_rejection(packet, RejectReason.NOT_READY)

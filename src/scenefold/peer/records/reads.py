@@ -23,6 +23,7 @@ from scenefold.crypto import Record, RecordPlace, wanted_place
 from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.holdings import LOOKS_MAX, Holdings, Lease, Owners, no_lease, other_candidates, silent_owner
 from scenefold.peer.peers import Peers
+from scenefold.peer.records.copying import TOLD_S_MAX, Copying
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Spot, Store
 from scenefold.wire import DAMAGED_RECORD, EmptyData, GetData, GetMany, GetManyReply, Packet, RecordBytes, RecordKey, ReturnData
@@ -47,7 +48,9 @@ class Found(NamedTuple):
 class Reads:
     """The owner's side of every read, and the way to it for all others."""
 
-    def __init__(self, store: Store, peers: Peers, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId) -> None:
+    def __init__(
+        self, store: Store, peers: Peers, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId, copying: Copying
+    ) -> None:
         self._store = store
         self._peers = peers
         self._scenes = scenes
@@ -55,6 +58,7 @@ class Reads:
         self._lease = lease
         self._owners = owners
         self._me = me
+        self._copying = copying
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(GetData, self._on_get)
@@ -65,8 +69,10 @@ class Reads:
         found: list[RecordBytes | None] = []
         stale = False
         room = BULK_BYTES_MAX
+        # However many batches there are: what is unsettled is waited for once.
+        until = trio.current_time() + TOLD_S_MAX
         for start in range(0, len(keys), READ_BATCH):
-            batch = await self._read_batch(scene, keys[start : start + READ_BATCH], position, forward=forward)
+            batch = await self._read_batch(scene, keys[start : start + READ_BATCH], position, until, forward=forward)
             stale = stale or batch.stale
             for record in batch.records:
                 room -= _size_of(record)
@@ -75,7 +81,7 @@ class Reads:
                 found.append(record)
         return Found(found, stale)
 
-    async def _read_batch(self, scene: SceneId, keys: Sequence[RecordKey], position: int, *, forward: bool) -> Found:
+    async def _read_batch(self, scene: SceneId, keys: Sequence[RecordKey], position: int, until: float, *, forward: bool) -> Found:
         found: dict[RecordKey, RecordBytes | None] = {}
         by_candidates: dict[tuple[NodeId, ...], list[RecordKey]] = {}
         own = [key for key in keys if self._line.owns(_home_of(key))]
@@ -84,7 +90,7 @@ class Reads:
                 by_candidates.setdefault(other_candidates(self._owners, _home_of(key), self._me), []).append(key)
         if by_candidates and not forward:
             raise Refused(RejectReason.NOT_MY_LOCATION, "the location belongs to another node")
-        stale = await self._read_own(scene, own, found)
+        stale = await self._read_own(scene, own, found, until)
 
         async def fetch(candidates: tuple[NodeId, ...], theirs: Sequence[RecordKey]) -> None:
             nonlocal stale
@@ -97,7 +103,7 @@ class Reads:
         await _all_at_once([partial(fetch, candidates, theirs) for candidates, theirs in by_candidates.items()])
         return Found([found[key] for key in keys], stale)
 
-    async def _read_own(self, scene: SceneId, keys: Sequence[RecordKey], found: dict[RecordKey, RecordBytes | None]) -> bool:
+    async def _read_own(self, scene: SceneId, keys: Sequence[RecordKey], found: dict[RecordKey, RecordBytes | None], until: float) -> bool:
         """Read what is ours into `found`; True if it may be stale."""
         if not keys:
             return False
@@ -105,6 +111,7 @@ class Reads:
         for _ in range(LOOKS_MAX):
             arc = self._line.arc
             records = await self._store.read(spots)
+            is_settled = await self._copying.records_settled(spots, records, until)
             if self._line.arc is arc:
                 break
             if not all(self._line.owns(_home_of(key)) for key in keys):
@@ -118,7 +125,7 @@ class Reads:
             if record is None and not leased:
                 raise no_lease()
             found[key] = _as_bytes(record)
-        return not leased
+        return not (leased and is_settled)
 
     async def _ask_in_turn(self, candidates: tuple[NodeId, ...], request: GetMany) -> GetManyReply:
         """The answer of the first that has one; the first refusal if none has, rather than nonsense."""

@@ -7,7 +7,7 @@ being given away takes no writes for the moment of its last copy; they wait, but
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack
 
 import trio
@@ -19,6 +19,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Lease, Owners, other_owner
+from scenefold.peer.records.copying import Copying, NotKept
 from scenefold.peer.records.verification import KnownScene, epochs_of, home_of, verify_all
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Outcome, Put, PutResult, Store
@@ -41,7 +42,9 @@ FROZEN_S_MAX = 2.0
 class Writes:
     """The owner's side of every write."""
 
-    def __init__(self, world: World, store: Store, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId) -> None:
+    def __init__(
+        self, world: World, store: Store, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId, copying: Copying
+    ) -> None:
         self._world = world
         self._store = store
         self._scenes = scenes
@@ -49,6 +52,7 @@ class Writes:
         self._lease = lease
         self._owners = owners
         self._me = me
+        self._copying = copying
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(ProposeData, self._on_propose)
@@ -76,7 +80,7 @@ class Writes:
                     outcomes[index] = _outcome(items[index], verdict.reason)
                 else:
                     puts.append((index, verdict))
-        results = await self._store_all([put for _, put in puts])
+        results = await self._store_all([put for _, put in puts], scenes)
         for (index, _), result in zip(puts, results, strict=True):
             outcomes[index] = self._judged(items[index], result)
         return [outcome for outcome in outcomes if outcome is not None]
@@ -110,8 +114,8 @@ class Writes:
         except Refused as refusal:
             return _outcome(item, refusal.reason)
 
-    async def _store_all(self, puts: Sequence[Put]) -> list[PutResult | RejectReason]:
-        """Store while nothing of it is frozen; BUSY for all if that lasts too long."""
+    async def _store_all(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene]) -> list[PutResult | NotKept | RejectReason]:
+        """Store while nothing of it is frozen; BUSY for all if that lasts too long. Where a space has copies, return once enough have it."""
         if not puts:
             return []
         async with AsyncExitStack() as stack:
@@ -121,12 +125,16 @@ class Writes:
                 await stack.enter_async_context(self._line.writing(places, anywhere=len(places) < len(puts)))
             if patience.cancelled_caught:
                 return [RejectReason.BUSY] * len(puts)
+            if any(any(known.layouts.values()) for known in scenes.values()):
+                return list(await self._copying.put(puts, scenes))
             return list(await self._store.put(puts))
 
-    def _judged(self, item: PutItem, result: PutResult | RejectReason) -> PutOutcome:
+    def _judged(self, item: PutItem, result: PutResult | NotKept | RejectReason) -> PutOutcome:
         """What is said of a result at this very moment: without a lease nothing that a later owner could contradict."""
         if isinstance(result, RejectReason):
             return _outcome(item, result)
+        if isinstance(result, NotKept):
+            return PutOutcome(result.reason, item.location, result.node)
         if result.outcome is Outcome.NOT_OWNED:
             return self._not_ours(item, home_of(item))
         if not self._lease.holds():

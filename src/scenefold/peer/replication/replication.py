@@ -11,6 +11,7 @@ from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
 from scenefold.peer.replication.placing import Placing
+from scenefold.peer.replication.spreading import Spreading
 from scenefold.peer.routing import Routing
 
 
@@ -24,6 +25,7 @@ class Replication:
         self._routing = routing
         self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), HoldingReads(parts))
         self.placing = Placing(parts, roster)
+        self.spreading = Spreading(parts, roster, self.placing)
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
@@ -34,4 +36,5 @@ class Replication:
         """Everything that goes on by itself, until cancelled."""
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self.placing.run)
+            await nursery.start(self.spreading.run)
             task_status.started()

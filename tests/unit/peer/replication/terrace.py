@@ -137,8 +137,9 @@ class Home(House):
     def others(self, world: World, line: Line) -> list[Any]:
         parts = line.parts
         self.replication = Replication(parts, self.roster, self.routing)
+        copying = self.replication.spreading
         self.data = DataService(
-            world, parts.store, self.peers, cast(Any, parts.scenes), line, parts.lease, cast(Any, self.routing), self.node
+            world, parts.store, self.peers, cast(Any, parts.scenes), line, parts.lease, cast(Any, self.routing), self.node, copying
         )
         replication = SimpleNamespace(register=self.replication.register) if self.street.is_quiet else self.replication
         return [replication, self.data]

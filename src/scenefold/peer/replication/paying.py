@@ -1,0 +1,143 @@
+"""Debts are paid from the disk: what a holder is owed and nobody waits for (specs/20-copies.md, Writes).
+
+One walk over all debts picks those of one holder, reads the records and sends them, within the budget that all moving of data shares.
+Another one follows as long as something was left: who is owed most is away, or was. A debt to a node that is no holder of its
+place, or of a place that is not this node's, is forgotten: whoever comes to hold the place is compared with its owner.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from enum import Enum
+from typing import Protocol
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.crypto import Record
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.replication.lane import ASK_S_MAX, BATCH_BYTES_MAX, HEARD_S, RECORD_BYTES, Lane, item_of
+from scenefold.store.debts import Debt
+from scenefold.store.versions import version_of
+from scenefold.wire import CopiesStored, HandItem, Member, StoreCopies
+from scenefold.world import Priority
+
+PAGE = 256
+READ_BATCH = 32
+"""Records read at a time: 2 MiB of the largest."""
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Due(Enum):
+    """What is to be done about a debt to one node."""
+
+    PAY = 1
+    FORGET = 2
+    SENT = 3
+    """It is on its way already."""
+    LATER = 4
+    """It is not known yet who holds what."""
+
+
+class Ledger(Protocol):
+    """What paying asks of who judges (spreading.py)."""
+
+    def member_at(self, node: NodeId) -> Member | None: ...
+
+    def is_alive(self, node: NodeId) -> bool: ...
+
+    def due(self, debt: Debt, lane: Lane) -> Due: ...
+
+    def has_got(self, member: Member, debt: Debt) -> None:
+        """It has this durably."""
+        ...
+
+
+class Paying:
+    """To one holder. `run` it in one task."""
+
+    def __init__(self, parts: Parts, ledger: Ledger, lane: Lane) -> None:
+        self._parts = parts
+        self._ledger = ledger
+        self._lane = lane
+        self._node = lane.node
+        self._pauses = Pauses(parts.world)
+
+    async def run(self) -> None:
+        # What is unsettled since before the start is sent first.
+        unsettled = self._parts.unsettled
+        await unsettled.until(lambda: unsettled.is_read)
+        while True:
+            await self._lane.behind()
+            while not self._may_walk():
+                await self._parts.world.clock.sleep(HEARD_S)
+            self._lane.is_behind = False
+            try:
+                left = await self._walk()
+            except (Refused, Unreachable, PeerFault) as problem:
+                _log.debug("debts to %s stay for now: %s", address_of(self._node), problem)
+                left = 1
+            if left:
+                self._lane.fall_behind()
+                await self._pauses.wait()
+            else:
+                self._pauses.reset()
+
+    def _may_walk(self) -> bool:
+        # Of one that is no member any more debts are forgotten.
+        member = self._ledger.member_at(self._node)
+        return member is None or (self._ledger.is_alive(self._node) and not self._lane.is_down)
+
+    async def _walk(self) -> int:
+        """Pay all that can be paid; how many are left."""
+        left, cursor = 0, None
+        while self._parts.store.owed.get(self._node):
+            page = await self._parts.store.debts(cursor, PAGE)
+            owed = [debt for debt in page.debts if self._node in debt.nodes]
+            dues = [(debt, self._ledger.due(debt, self._lane)) for debt in owed]
+            await self._parts.store.paid([(debt.spot, debt.version, self._node) for debt, due in dues if due is Due.FORGET])
+            left += sum(due is Due.LATER for _, due in dues)
+            to_pay = [debt for debt, due in dues if due is Due.PAY]
+            for start in range(0, len(to_pay), READ_BATCH):
+                left += await self._pay(to_pay[start : start + READ_BATCH])
+            cursor = page.after
+            if cursor is None:
+                break
+        return left
+
+    async def _pay(self, debts: Sequence[Debt]) -> int:
+        member = self._ledger.member_at(self._node)
+        if member is None:
+            return len(debts)
+        records = await self._parts.store.read([debt.spot for debt in debts])
+        found: list[tuple[Debt, HandItem]] = []
+        left = size = 0
+        for debt, record in zip(debts, records, strict=True):
+            if not isinstance(record, Record):
+                # It has rotted: whoever has it whole may heal it.
+                left += record is not None
+            elif version_of(record.header_bytes) == debt.version:
+                item = item_of(debt.spot, record)
+                if found and size + len(item.ciphertext) + RECORD_BYTES > BATCH_BYTES_MAX:
+                    left += await self._send(member, found, size)
+                    found, size = [], 0
+                found.append((debt, item))
+                size += len(item.ciphertext) + RECORD_BYTES
+        return left + (await self._send(member, found, size) if found else 0)
+
+    async def _send(self, member: Member, found: Sequence[tuple[Debt, HandItem]], size: int) -> int:
+        await self._parts.budget.take(size)
+        packet = StoreCopies(self._parts.own.member, tuple(item for _, item in found))
+        reply = await self._parts.peers.ask(self._node, Priority.LOW, packet, CopiesStored, ASK_S_MAX)
+        if len(reply.reasons) != len(found):
+            raise PeerFault("a holder answered for another number of records", where=address_of(self._node))
+        if self._ledger.member_at(self._node) != member:
+            raise Unreachable("the holder has another incarnation now", where=address_of(self._node))
+        taken = [debt for (debt, _), reason in zip(found, reply.reasons, strict=True) if reason == 0]
+        for debt in taken:
+            self._ledger.has_got(member, debt)
+        self._parts.events["debts paid"] += len(taken)
+        await self._parts.store.paid([(debt.spot, debt.version, self._node) for debt in taken])
+        return len(found) - len(taken)

@@ -1,0 +1,233 @@
+"""What is written here comes to all who hold copies of it, and counts once enough of them have it (specs/20-copies.md, Writes).
+
+The owner stores a record together with who is still to get it, sends it to all of them at once (lane.py), and waits for as many as
+the rules ask for (judging.py). What is not settled by then stays unsettled: nobody is told of it before it is, and it is sent on.
+What is settled and not everywhere is a debt that is paid beside all else (paying.py).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import RecordPlace, object_of
+from scenefold.peer.copies.placement import Layout
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.unsettled import Pending, first_unsettled, name_of
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.records.copying import TOLD_S_MAX, NotKept
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication.beginning import Beginning
+from scenefold.peer.replication.judging import Judging
+from scenefold.peer.replication.lane import item_of
+from scenefold.peer.replication.settling import Settled
+from scenefold.store import Outcome, Put, PutResult, Spot
+from scenefold.store.versions import version_of
+from scenefold.world import QuietLog
+
+ANSWER_S_MAX = 10.0
+"""How long a write waits for its holders, all in all."""
+PENDING_MAX = 65_536
+"""Versions that are unsettled at a time; beyond it nothing more is taken."""
+
+Keep = Callable[[Sequence[Put], Sequence[Sequence[NodeId]]], Awaitable[list[PutResult]]]
+
+_Space = tuple[SceneId, SpaceId]
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Places(Protocol):
+    """Who holds copies of what (placing.py)."""
+
+    def check(self, scene: KnownScene, space: SpaceId, /) -> None:
+        """Refused (22) if so few nodes may hold copies of the space that no write can count."""
+        ...
+
+    async def ensure_placed(self, layout: Layout, /) -> None:
+        """Return once every place of the arc has holders. Refused (16) if that takes long."""
+        ...
+
+
+class _Wait(NamedTuple):
+    """The answer to this put waits for these. `is_stored`: else it only speaks of what is there."""
+
+    which: int
+    pendings: Sequence[Pending]
+    is_stored: bool
+
+
+class Spreading:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, roster: Roster, places: Places) -> None:
+        self._parts = parts
+        self._judging = Judging(parts, roster)
+        self._places = places
+        self._unsettled = parts.unsettled
+        self._settled = Settled(parts.unsettled, self._judging.layout_of)
+        self.records_settled = self._settled.records
+        self.list_settled = self._settled.listed
+        self._quiet = QuietLog(_log, logging.INFO)
+        parts.keeping.merge = self.merge
+
+    async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        """Send, pay and judge until cancelled. Started when it is known what may not be told: before anybody can ask."""
+        beginning = Beginning(self._parts, self._judging)
+        beginning.begin()
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._judging.run)
+            nursery.start_soon(beginning.run)
+            task_status.started()
+
+    def doubt(self, arc: Arc) -> None:
+        """Nobody knows who has what there, as of a gap: it is unsettled until each place satisfies both rules by who is sound."""
+        self._judging.doubt(arc)
+
+    async def put(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene]) -> list[PutResult | NotKept]:
+        """Store verified records of clients, and return once they are settled, or will not be soon."""
+        return await self._keep(puts, scenes, self._parts.store.put, wait=True)
+
+    async def merge(self, puts: Sequence[Put], *, wait: bool = True) -> list[PutResult | NotKept]:
+        """Take verified copies into this node's own arc, like puts. Without `wait` they may be unsettled on return."""
+        scenes = {scene: await self._parts.scenes.known(scene) for scene in sorted({put.record.header.scene for put in puts})}
+        return await self._keep(puts, scenes, self._parts.store.merge, wait=wait)
+
+    async def _keep(
+        self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], keep: Keep, *, wait: bool
+    ) -> list[PutResult | NotKept]:
+        until = trio.current_time() + ANSWER_S_MAX
+        refused = await self._place(puts, scenes)
+        outcomes: dict[int, PutResult | NotKept] = {}
+        kept: list[tuple[int, Put, Pending | None]] = []
+        for index, put in enumerate(puts):
+            planned = self._planned(put, scenes[put.record.header.scene], refused)
+            if isinstance(planned, NotKept):
+                outcomes[index] = planned
+            else:
+                kept.append((index, put, planned))
+        # From here to the store's queue nothing is awaited: whoever becomes a holder after this look is compared after it.
+        for _, _, pending in kept:
+            if pending is not None:
+                self._unsettled.add(pending)
+        debtors = [() if pending is None else tuple(pending.debtors) for _, _, pending in kept]
+        with trio.CancelScope(shield=True):
+            # Cancelled half-way, nobody would know whether there is anything to settle.
+            results = await keep([put for _, put, _ in kept], debtors) if kept else []
+        waits: list[_Wait] = []
+        for (index, put, pending), result in zip(kept, results, strict=True):
+            outcomes[index] = result
+            if pending is not None:
+                waits += self._stored(index, put, pending, result)
+        if wait:
+            await self._wait(waits, until, outcomes)
+        return [outcomes[index] for index in range(len(puts))]
+
+    # ------------------------------------------------------------------------------------------ before it is stored
+
+    async def _place(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene]) -> dict[_Space, NotKept]:
+        """Have holders for all places; in which spaces none can count, and why."""
+        refused: dict[_Space, NotKept] = {}
+        unplaced: dict[_Space, Layout] = {}
+        spaces: set[_Space] = set()
+        for put in puts:
+            header = put.record.header
+            space = header.scene, header.space
+            layout = scenes[header.scene].layouts.get(header.space, ())
+            if layout:
+                spaces.add(space)
+                rule = self._judging.rule_at(layout, _spot(put))
+                if rule is None or not rule.is_placed:
+                    unplaced[space] = layout
+        for space in sorted(spaces):
+            try:
+                self._places.check(scenes[space[0]], space[1])
+                if space in unplaced:
+                    await self._places.ensure_placed(unplaced[space])
+            except Refused as refusal:
+                self._say("no holders", f"writes are refused: {refusal}")
+                refused[space] = NotKept(refusal.reason, self._parts.own.me)
+        return refused
+
+    def _planned(self, put: Put, known: KnownScene, refused: Mapping[_Space, NotKept]) -> Pending | NotKept | None:
+        """What is to become of it: None if it has one copy; NotKept if it is known before that it would not be settled."""
+        record = put.record
+        header = record.header
+        layout = known.layouts.get(header.space, ())
+        if not layout:
+            return None
+        if (header.scene, header.space) in refused:
+            return refused[header.scene, header.space]
+        spot = _spot(put)
+        rule = self._judging.rule_at(layout, spot)
+        nothing_stored = NotKept(RejectReason.NOT_READY, self._parts.own.me)
+        if rule is None or not rule.is_placed or len(self._unsettled) >= PENDING_MAX:
+            return nothing_stored
+        wanted = known.needed[header.space]
+        if not self._judging.could_settle(rule, wanted):
+            missing = [target.node for target in rule.targets if not self._judging.is_alive(target.node)]
+            self._say("too few", f"writes are refused, since too few of who holds copies are there; {_names(missing)}")
+            return nothing_stored
+        return Pending(spot, version_of(record.header_bytes), layout, wanted, frozenset(rule.debtors), {rule.me}, len(record.ciphertext))
+
+    # ------------------------------------------------------------------------------------------- once it is stored
+
+    def _stored(self, index: int, put: Put, pending: Pending, result: PutResult) -> list[_Wait]:
+        """The store has judged it: send it, or find out what its answer has to wait for."""
+        if result.outcome is Outcome.STORED and result.has_changed:
+            where = result.location or put.at
+            if where is not None:
+                pending.spot = Spot(pending.spot.place._replace(location=where), pending.spot.object)
+            pending.item = item_of(pending.spot, put.record)
+            self._judging.send(pending)
+            return [_Wait(index, [pending], is_stored=True)]
+        self._unsettled.drop(pending)
+        others = self._unsettled.of(name_of(pending.spot))
+        match result.outcome:
+            case Outcome.STORED:
+                # The same again: what was said of it the first time nobody knows here.
+                return [_Wait(index, [other for other in others if other.version == pending.version], is_stored=True)]
+            case Outcome.STALE | Outcome.EXISTS:
+                return [_Wait(index, others, is_stored=False)]
+            case _:
+                return []
+
+    async def _wait(self, waits: Sequence[_Wait], until: float, outcomes: dict[int, PutResult | NotKept]) -> None:
+        told_until = min(until, trio.current_time() + TOLD_S_MAX)
+        for wait in waits:
+            late = await first_unsettled(wait.pendings, until if wait.is_stored else told_until)
+            if late is not None:
+                outcomes[wait.which] = self._given_up(late) if wait.is_stored else NotKept(RejectReason.NOT_READY, NodeId(0))
+        # All at once, at the end: what was settled first may have gone to another owner while the others were waited for.
+        for wait in waits:
+            if any(not self._parts.keeper.holding.owns(pending.home) for pending in wait.pendings):
+                outcomes[wait.which] = NotKept(RejectReason.NOT_READY, NodeId(0))
+
+    def _given_up(self, pending: Pending) -> NotKept:
+        # Its bytes are read again when somebody takes them.
+        pending.item = None
+        self._parts.events["not settled in time"] += 1
+        rule = self._judging.rule_at(pending.layout, pending.spot)
+        missing = [] if rule is None else [target.node for target in rule.targets if target not in pending.have]
+        self._say("unsettled", f"what was written is not acknowledged, since too few have it after {ANSWER_S_MAX:g} s; {_names(missing)}")
+        return NotKept(RejectReason.NOT_READY, missing[0] if missing else NodeId(0))
+
+    def _say(self, kind: str, text: str) -> None:
+        self._quiet.say(self._parts.world.clock.now(), "copies", kind, text)
+
+
+def _spot(put: Put) -> Spot:
+    """Where it belongs; of an object the store says where it lies."""
+    header = put.record.header
+    return Spot(RecordPlace(header.scene, header.space, header.location), object_of(header))
+
+
+def _names(nodes: Sequence[NodeId]) -> str:
+    return "missing: " + (", ".join(map(address_of, nodes)) or "somebody that could be placed")
