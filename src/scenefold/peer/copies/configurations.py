@@ -88,10 +88,12 @@ class Configurations:
         return self if after.segments == self.segments else after
 
     def confirm(self, word: Word) -> Configurations:
-        """A holder has durably what it was told."""
-        return self._each(
-            lambda found: found.confirm(self.me, word.holder, _confirmed(found, word)) if _covers(word.scope, found) else found
-        )
+        """A holder has durably what it was told. Of a segment it may have been told a part."""
+        inside, outside = _cut(self.segments, word.scope)
+        after = [found.confirm(self.me, word.holder, _confirmed(found, word)) for found in inside]
+        if all(new is old for new, old in zip(after, inside, strict=True)):
+            return self
+        return self._with([*outside, *after], self.number)
 
     def met(self, word: Word, highest: int) -> Configurations:
         """A holder has met a number that is not below the one it was told: what it has not confirmed is said again, above that."""

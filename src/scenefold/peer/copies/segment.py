@@ -79,6 +79,18 @@ class Segment:
         """To whom every write is sent: whoever is a holder, or is made one."""
         return [member for member in self._known(me) if self.wanted(member, me) is not None]
 
+    def counted_on(self, me: Member) -> set[Member]:
+        """Who may be counted among those that have a record: whoever is a holder, or was one and may not know yet that it is none."""
+        confirmed = dict(self.confirmed)
+        members = {
+            member
+            for found in self.configurations
+            if not self.is_closed(found, me)
+            for member in found.members
+            if confirmed.get(member, 0) <= found.number
+        }
+        return (members | set(self.holders(me))) - {me}
+
     def wanted(self, member: Member, me: Member) -> Entry | None:
         """What a node is to keep here; None: nothing."""
         active, change = self.active(me), self.change
@@ -86,7 +98,7 @@ class Segment:
             return None
         if active is not None and member in active.members:
             return Entry(self.layout, self.arc, active.number, active.members, active.needed, whole=True)
-        if change is not None and (active is None or member in change.holders):
+        if change is not None and (member in change.holders or (active is None and member in self._known(me))):
             # Before an owner's first configuration all whom it has inherited go on under it, so that they are over for what was.
             members = (me, *change.holders)
             return Entry(self.layout, self.arc, change.number, members, min(change.needed, len(members)), whole=False)

@@ -12,6 +12,7 @@ from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.spreading import Spreading
+from scenefold.peer.replication.telling import Telling
 from scenefold.peer.routing import Routing
 
 
@@ -25,6 +26,7 @@ class Replication:
         self._routing = routing
         self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), HoldingReads(parts))
         self.placing = Placing(parts, roster)
+        self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
 
     def register(self, handlers: Handlers) -> None:
@@ -36,5 +38,6 @@ class Replication:
         """Everything that goes on by itself, until cancelled."""
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self.placing.run)
+            nursery.start_soon(self.telling.run)
             await nursery.start(self.spreading.run)
             task_status.started()

@@ -69,6 +69,13 @@ def test_new_holders_are_filled_first_and_answer_once_they_have_everything() -> 
     assert only(tell(found)).is_idle(P)
 
 
+def test_nobody_is_told_to_hold_what_was_placed_elsewhere() -> None:
+    found = Configurations(P).place(ONE, [(arc(0, 99), (A, B))], 2).place(TWO, [(arc(0, 49), (A,)), (arc(50, 99), (C,))], 2)
+    told = {word.holder: [(entry.layout, entry.arc) for entry in word.entries] for word in found.untold() if word.scope == arc(0, 99)}
+    assert told[B] == [(ONE, arc(0, 99))]
+    assert told[A] == [(ONE, arc(0, 99)), (TWO, arc(0, 49))]
+
+
 def test_who_owes_too_much_keeps_a_configuration_from_becoming_active() -> None:
     found = compare(tell(Configurations(P).place(ONE, [(arc(0, 99), (A, B))], 2)))
     assert found.activate(lambda _: [{A}, {A, B}]).segments == found.segments

@@ -1,0 +1,125 @@
+"""If one fails, nobody is made a holder, a holder never hears of it, or it is for ever waited for who is gone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.copies.segment import GONE
+from scenefold.peer.replication.telling_words import members_of, untold
+from scenefold.peer.timing import T_WAIT_S
+from scenefold.world.sim import run_simulated
+from unit.peer.replication.terrace import SCENE, SPACE, THIRDS, THRICE, Home, Terrace
+
+
+async def until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
+    with trio.move_on_after(seconds):
+        while not condition():  # noqa: ASYNC110 - services tell nobody how far they are
+            await trio.sleep(0.1)
+        return
+    raise AssertionError("it has not come to that")
+
+
+def is_told(home: Home) -> bool:
+    """Whether it has placed all of its arc, and everybody has confirmed what it holds."""
+    found = home.copies.configurations
+    return bool(found.segments) and home.replication.placing._is_placed(THIRDS) and not untold(found)
+
+
+def holders(home: Home) -> set[int]:
+    return {member.node - home.street.homes[0].node for member in members_of(home.copies.configurations)}
+
+
+def test_holders_are_placed_and_told_before_there_is_a_record() -> None:
+    async def main() -> None:
+        terrace = Terrace(4)
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await until(lambda: all(map(is_told, terrace.homes)))
+            for home in terrace.homes:
+                for segment in home.copies.configurations.segments:
+                    wanted = segment.holders(home.member)
+                    assert len(wanted) == 2
+                    for other in terrace.homes:
+                        entry = other.copies.custody.at(THIRDS, segment.arc.first)
+                        assert (entry is not None and entry.owner == home.member) == (other.member in wanted)
+            placing = terrace.homes[0].replication.placing
+            arc = terrace.homes[0].living.arc
+            assert arc is not None
+            assert placing.segment_of(SCENE, THRICE, arc.first) is not None
+            assert placing.segment_of(SCENE, SPACE, arc.first) is None
+            assert (placing.needed_of(SCENE, THRICE), placing.needed_of(SCENE, SPACE)) == (2, 1)
+            await placing.ensure_placed(THIRDS)
+            await placing.ensure_placed(())
+            assert not placing.shortages
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=200.0, wall_s_max=120.0)
+
+
+@pytest.mark.expect_log("the connection was cut|had no owner any more|was reset by the peer")
+def test_a_removed_holder_is_replaced_and_counted_out_once_its_leases_are_over() -> None:
+    async def main() -> None:
+        terrace = Terrace(4)
+        first = terrace.homes[0]
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await until(lambda: all(map(is_told, terrace.homes)))
+            gone = next(number for number in sorted(holders(first)) if number)
+            member = terrace.homes[gone].member
+            terrace.homes[gone].stays_down = True
+            terrace.homes[gone].crash()
+            terrace.remove(gone)
+            removed_at = terrace.net.now
+            found = first.copies.configurations.segments
+
+            def is_without() -> bool:
+                return not any(member in segment.change.holders for segment in first.copies.configurations.segments if segment.change)
+
+            assert found
+            assert not is_without()
+            await until(is_without, 3.0)
+            await until(
+                lambda: (
+                    not any(
+                        segment.bound_of(member) < GONE
+                        for segment in first.copies.configurations.segments
+                        if member in segment._known(first.member)
+                    )
+                )
+            )
+            assert terrace.net.now - removed_at >= T_WAIT_S * 0.9
+            await until(lambda: not untold(first.copies.configurations))
+            nursery.cancel_scope.cancel()
+
+    run_simulated(2, main, virtual_s_max=300.0, wall_s_max=120.0)
+
+
+def test_a_blacklist_that_forbids_too_many_is_said() -> None:
+    async def main() -> None:
+        terrace = Terrace(3)
+        first = terrace.homes[0]
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await until(lambda: all(map(is_told, terrace.homes)))
+            own, placing = first.own, first.replication.placing
+            assert own is not None
+            own.blacklist = Blacklist(1, (AddressPrefix(terrace.homes[1].node, ADDRESS_BITS),))
+            await until(lambda: THIRDS in placing.shortages)
+            assert str(placing.shortages[THIRDS]).startswith("2 of the 3 nodes")
+            placing.check(SCENE, THRICE)
+            own.blacklist = Blacklist(2, tuple(AddressPrefix(home.node, ADDRESS_BITS) for home in terrace.homes[1:]))
+            await until(lambda: placing.shortages[THIRDS].possible == 1)
+            with pytest.raises(Refused) as refused:
+                placing.check(SCENE, THRICE)
+            assert refused.value.reason is RejectReason.TOO_FEW_COPIES
+            assert first.address in str(refused.value)
+            placing.check(SCENE, SPACE)
+            nursery.cancel_scope.cancel()
+
+    run_simulated(3, main, virtual_s_max=200.0, wall_s_max=120.0)
