@@ -40,6 +40,8 @@ def run_(
     transfer: Annotated[int, whole(1, 2**63 - 1, env_var="SCENEFOLD_TRANSFER")] = 64 * 1024 * 1024,
     remove_after: Annotated[float, Parameter(env_var="SCENEFOLD_REMOVE_AFTER", validator=Number(gte=13, lte=86_400 * 365))] = 120.0,
     blacklist: Annotated[PrefixesOption | None, Parameter(env_var="SCENEFOLD_BLACKLIST")] = None,
+    scrub_days: Annotated[float, Parameter(env_var="SCENEFOLD_SCRUB_DAYS", validator=Number(gt=0, lte=3650))] = 30.0,
+    scrub: Annotated[int, whole(1, 2**63 - 1, env_var="SCENEFOLD_SCRUB")] = 16 * 1024 * 1024,
     join_at: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
     balance: Annotated[bool, Parameter(env_var="SCENEFOLD_BALANCE")] = True,
     log_level: Literal["debug", "info", "warning", "error"] = "info",
@@ -71,6 +73,10 @@ def run_(
         Seconds that a node must be silent before this one has it removed from the cluster.
     blacklist
         Addresses of nodes that must not hold copies of this node's data, or prefixes such as 10.1.2.0/24: those in the same rack, say. They are added to what stands on its blacklist already.
+    scrub_days
+        Days of running in which the node reads all of its records again, to find what has rotted on its disk.
+    scrub
+        Bytes a second that this may take at most; then it takes longer.
     join_at
         Where a newcomer stands on the line: "loaded", beside the fullest node, of which it gets half, 64 MiB at first; "random"; or a location in hexadecimal, 8 for the middle of the line.
     balance
@@ -95,6 +101,8 @@ def run_(
         transfer_bytes_per_s=transfer,
         remove_after_s=remove_after,
         blacklist=() if blacklist is None else blacklist.all,
+        scrub_days=scrub_days,
+        scrub_bytes_per_s=scrub,
         join_place=place,
         balance=balance,
     )

@@ -24,6 +24,7 @@ from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.scenes import Scenes
+from scenefold.peer.scrub import Scrub
 from scenefold.peer.settings import NodeSettings
 from scenefold.store import Store
 from scenefold.world import Links, World
@@ -58,6 +59,8 @@ class NodeContext:
     enrolment: Enrolment
     balancer: Balancer
     draining: Draining
+    scrub: Scrub
+    """Reads all records again and again; whoever repairs listens to it."""
     gossip: Gossip
     range_datagrams: RangeDatagrams
     discovery: Discovery

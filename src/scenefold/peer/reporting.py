@@ -81,6 +81,7 @@ class Moment:
     rays_per_second: int
     events: Mapping[str, int]
     balance: Mapping[str, Any]
+    scrub: Mapping[str, Any] = field(default_factory=dict)
     blacklist: Blacklist = field(default_factory=Blacklist)
     signs: Sequence[Mapping[str, Any]] = ()
 
@@ -118,6 +119,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "peers": [_peer_document(node, roster, moment.now) for node in registry.order if node != moment.member.node],
         "events": dict(sorted(moment.events.items())),
         "balance": dict(moment.balance),
+        "scrub": dict(moment.scrub),
         "blacklist": list(map(str, moment.blacklist.prefixes)),
         "blacklist_version": moment.blacklist.version,
         "signs": list(moment.signs),
@@ -218,6 +220,7 @@ class Reporting:
                 TURNED_AWAY: context.world.network.turned_away,
             },
             balance=context.balancer.report(),
+            scrub=context.scrub.progress(statistics.bytes).document(),
             blacklist=context.own.blacklist,
             signs=context.gossip.signs.documents(now),
         )

@@ -48,6 +48,7 @@ from scenefold.peer.reporting import Reporting
 from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.makers import check_decider
 from scenefold.peer.scene_log.scenes import Scenes
+from scenefold.peer.scrub import Pace, Scrub
 from scenefold.peer.settings import NodeSettings
 from scenefold.store import Store
 from scenefold.store.statistics import capacity_of
@@ -122,6 +123,7 @@ class PeerServices:
             has_lease=lease.holds,
             may_order=may_order,
         )
+        scrub = Scrub(world.clock, store, Pace(settings.scrub_days, settings.scrub_bytes_per_s))
         self._blacklist = OwnBlacklist(store, own, settings.blacklisted, may_order=may_order)
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
@@ -163,6 +165,7 @@ class PeerServices:
             enrolling.share_authority,
             renewal.run,
             discovery.run,
+            scrub.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
         self._is_seed = settings.address in seeds
@@ -187,6 +190,7 @@ class PeerServices:
             enrolment=enrolment,
             balancer=balancer,
             draining=draining,
+            scrub=scrub,
             gossip=gossip,
             range_datagrams=RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges),
             discovery=discovery,

@@ -17,6 +17,10 @@ from scenefold.peer.timing import REMOVE_AFTER_S, T_WAIT_S
 SEED_WAIT_S = 30.0
 """A seed that is being started beside us needs a few seconds; one that is silent for longer is not there."""
 THREADS_MAX = 1_024
+SCRUB_DAYS = 30.0
+SCRUB_DAYS_MAX = 3_650.0
+SCRUB_BYTES_PER_S = 16 * 1024 * 1024
+"""A tenth of what a slow disk reads."""
 TRANSFER_BYTES_PER_S = 64 * 1024 * 1024
 """Of handovers and strays together: half of a gigabit link, so that reads and writes keep the other half."""
 
@@ -40,7 +44,8 @@ class NodeSettings:
 
     `capacity_bytes`: what the node may store, 0: what the disk holds. `remove_after_s`: nobody is removed who was heard
     within this time. `transfer_bytes_per_s`: bound on moving data. `blacklist`: addresses, and prefixes of some, of nodes
-    that must not hold copies of this node's data. `balance`: whether this node moves its bounds by itself.
+    that must not hold copies of this node's data. `scrub_days`: in this time all records are read again, unless that needs more
+    than `scrub_bytes_per_s`. `balance`: whether this node moves its bounds by itself.
     """
 
     profile_folder: Path
@@ -54,6 +59,8 @@ class NodeSettings:
     remove_after_s: float = REMOVE_AFTER_S
     transfer_bytes_per_s: int = TRANSFER_BYTES_PER_S
     blacklist: tuple[str, ...] = ()
+    scrub_days: float = SCRUB_DAYS
+    scrub_bytes_per_s: int = SCRUB_BYTES_PER_S
     join_place: Place = "loaded"
     balance: bool = True
     log_format: Literal["console", "json"] = "console"
@@ -68,6 +75,10 @@ class NodeSettings:
             raise UsageFault(f"removal after {self.remove_after_s:g} s", remedy=f"give at least {T_WAIT_S:g}, the time that a lease lasts")
         if self.transfer_bytes_per_s < 1:
             raise UsageFault(f"transfers of {self.transfer_bytes_per_s} bytes a second", remedy="give at least 1")
+        if not 0 < self.scrub_days <= SCRUB_DAYS_MAX:
+            raise UsageFault(f"a scrub of {self.scrub_days:g} days", remedy=f"give more than 0, and {SCRUB_DAYS_MAX:g} at most")
+        if self.scrub_bytes_per_s < 1:
+            raise UsageFault(f"a scrub of {self.scrub_bytes_per_s} bytes a second", remedy="give at least 1")
         if len(self.blacklist) > BLACKLIST_MAX:
             raise UsageFault(f"a blacklist of {len(self.blacklist)} entries", remedy=f"give {BLACKLIST_MAX} at most")
 
