@@ -21,6 +21,7 @@ from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.context import NodeContext
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Handover, Side
+from scenefold.peer.line.rightful import rightful
 from scenefold.peer.membership.roster import Roster
 from scenefold.store import StoreStatistics
 from scenefold.store.statistics import Counts, capacity_of
@@ -193,7 +194,7 @@ class Reporting:
         line, load = context.line, context.own.load
         handovers = line.open_handovers()
         pieces = {handover.id: await context.store.arc_totals(handover.piece) for _, handover in handovers}
-        strays = await context.store.strays(line.kept, None, STRAYS_COUNTED_MAX)
+        strays = await context.store.strays(await rightful(line.parts), None, STRAYS_COUNTED_MAX)
         statistics = await context.store.statistics()
         now = context.world.clock.now()
         self._memory.note_handovers(handovers, now)

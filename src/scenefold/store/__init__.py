@@ -13,7 +13,7 @@ from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.store import Store, open_store
 from scenefold.store.versions import RangeSum, version_of
-from scenefold.store.walking import Entry, Manifest, Weighed
+from scenefold.store.walking import Entry, Manifest, Rightful, Weighed
 
 __all__ = [
     "Counts",
@@ -30,6 +30,7 @@ __all__ = [
     "RangeAnswer",
     "RangeSum",
     "Rate",
+    "Rightful",
     "Spot",
     "Store",
     "StoreDamaged",

@@ -35,7 +35,7 @@ from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.sealing import SealedEnvironment
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts, room_beside
-from scenefold.store.walking import Entry, Manifest, Weighed
+from scenefold.store.walking import Entry, Manifest, Rightful, Weighed
 from scenefold.store.writer import GroupWriter
 from scenefold.world.ports import Environment, World
 from scenefold.world.tasks import background_tasks
@@ -100,12 +100,12 @@ class Store(ComparingStore, OwingStore):
         return await self._writer.submit(SlideObjects(tuple(parts), limit))
 
     async def parted(self, piece: Arc) -> int:
-        """How many node-managed records lie in the piece and have their home elsewhere, or the other way about."""
+        """How many node-managed records of this node's arc lie in the piece and have their home elsewhere in it, or the other way about."""
         return await self._view(walking.parted, piece)
 
-    async def misplaced(self, kept: Sequence[Arc], limit: int) -> list[Entry]:
-        """Node-managed records in these arcs whose homes lie outside of them, at most `limit`."""
-        return await self._view(walking.misplaced, kept, limit)
+    async def misplaced(self, rightful: Rightful, limit: int) -> list[Entry]:
+        """Node-managed records that lie where records lie by right, though their homes do not, at most `limit`."""
+        return await self._view(walking.misplaced, rightful, limit)
 
     async def get_many(self, places: Sequence[RecordPlace]) -> list[Record | None]:
         """The records at these places, None where there is none. DamagedData if one is not what was stored."""
@@ -154,9 +154,9 @@ class Store(ComparingStore, OwingStore):
         """
         return await self._view(walking.manifest, [where] if isinstance(where, Arc) else where, after, limit)
 
-    async def strays(self, kept: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
-        """Likewise the records that lie in none of these arcs."""
-        return await self._view(walking.manifest, walking.outside(kept), after, limit)
+    async def strays(self, rightful: Rightful, after: bytes | None, limit: int) -> Manifest:
+        """Likewise the records that lie elsewhere than by right."""
+        return await self._view(walking.strays, rightful, after, limit)
 
     async def weigh(self, arc: Arc, bytes_wanted: int, *, from_right: bool) -> Weighed:
         """How far from one side of the arc `bytes_wanted` reach, at least."""

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from typing import NamedTuple
 
-from scenefold.base.cover import without
 from scenefold.base.errors import DamagedData
-from scenefold.base.location import WHOLE_LINE, Arc, Location
+from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.crypto import RecordPlace
+from scenefold.store.holding import read_arc
 from scenefold.store.layout import (
     OBJECTS_END,
     RECORDS,
@@ -74,18 +75,59 @@ class Weighed(NamedTuple):
 
 def outside(pieces: Iterable[Arc]) -> list[Arc]:
     """The rest of the line, in order."""
-    rest = [WHOLE_LINE]
-    for piece in pieces:
-        rest = [part for arc in rest for part in without(arc, piece)]
-    return rest
+    rest: list[Arc] = []
+    begin: Location | None = FIRST
+    for piece in sorted(pieces, key=lambda piece: piece.first):
+        if begin is None:
+            break
+        if piece.first > begin:
+            rest.append(Arc(begin, Location.from_number(piece.first.number - 1)))
+        if piece.last >= begin:
+            begin = piece.last.next()
+    return rest if begin is None else [*rest, Arc(begin, LAST)]
+
+
+class Rightful:
+    """Where records lie by right: in some arcs whatever space they are of, and in others those of one space alone."""
+
+    def __init__(self, kept: Sequence[Arc], held: Mapping[SpaceAddress, Sequence[Arc]] | None = None) -> None:
+        self.kept = kept
+        self.held = held or {}
+        self._outside: dict[SpaceAddress | None, list[Arc]] = {}
+
+    def outside(self, space: SpaceAddress) -> list[Arc]:
+        """Where its strays lie: in order, apart from each other."""
+        more = self.held.get(space)
+        known = space if more else None
+        if known not in self._outside:
+            self._outside[known] = outside([*self.kept, *(more or ())])
+        return self._outside[known]
+
+    def is_stray(self, space: SpaceAddress, home: Location) -> bool:
+        pieces = self.outside(space)
+        index = bisect_right(pieces, home, key=lambda piece: piece.first) - 1
+        return index >= 0 and home in pieces[index]
+
+
+def strays(transaction: ReadTransaction, rightful: Rightful, after: bytes | None, limit: int) -> Manifest:
+    """Of the first `limit` >= 1 records that lie elsewhere than by right, behind the cursor, those whose homes do, too."""
+    found = _listed(transaction, _keys(transaction, rightful.outside, after=after), limit)
+    # An object may lie beside a place of ours that is its home: it slides.
+    entries = [entry for entry in found.entries if not entry.object or rightful.is_stray(entry.place[:2], entry.home)]
+    damaged = [spot for spot in found.damaged if not spot.object or rightful.is_stray(spot.place[:2], spot.home)]
+    return Manifest(entries, found.cursor, tuple(damaged))
 
 
 def manifest(transaction: ReadTransaction, pieces: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
     """The first `limit` >= 1 entries in the pieces (ascending, apart from each other) behind the cursor."""
+    return _listed(transaction, entry_keys(transaction, pieces, after=after), limit)
+
+
+def _listed(transaction: ReadTransaction, keys: Iterator[bytes], limit: int) -> Manifest:
     entries: list[Entry] = []
     damaged: list[Spot] = []
     looked_at, seen = None, 0
-    for key in islice(entry_keys(transaction, pieces, after=after), limit):
+    for key in islice(keys, limit):
         looked_at, seen = key, seen + 1
         value = transaction.get(RECORDS, key)
         assert value is not None
@@ -99,11 +141,12 @@ def manifest(transaction: ReadTransaction, pieces: Sequence[Arc], after: bytes |
     return Manifest(entries, looked_at if seen == limit else None, tuple(damaged))
 
 
-def misplaced(transaction: ReadTransaction, kept: Sequence[Arc], limit: int) -> list[Entry]:
-    """Objects that lie in these arcs though their homes do not, at most `limit`; damaged ones stay where they are."""
+def misplaced(transaction: ReadTransaction, rightful: Rightful, limit: int) -> list[Entry]:
+    """Objects that lie where records of their space lie by right, though their homes do not, at most `limit`; damaged ones stay where they are."""
     entries: list[Entry] = []
     for spot, home in displaced(transaction):
-        if len(entries) < limit and any(spot.place.location in arc for arc in kept) and not any(home in arc for arc in kept):
+        space = spot.place[:2]
+        if len(entries) < limit and rightful.is_stray(space, home) and not rightful.is_stray(space, spot.place.location):
             value = transaction.get(RECORDS, record_key(*spot))
             assert value is not None
             with suppress(DamagedData):
@@ -112,16 +155,25 @@ def misplaced(transaction: ReadTransaction, kept: Sequence[Arc], limit: int) -> 
 
 
 def parted(transaction: ReadTransaction, piece: Arc) -> int:
-    """How many objects have either their place or their home in the piece, and not both."""
-    return sum((spot.place.location in piece) != (home in piece) for spot, home in displaced(transaction))
+    """How many objects have either their place or their home in the piece, and not both. Only those count that this node decides about."""
+    arc = read_arc(transaction)
+    if arc is None:
+        return 0
+    return sum((spot.place.location in piece) != (home in piece) for spot, home in displaced(transaction) if home in arc)
 
 
 def entry_keys(transaction: ReadTransaction, pieces: Sequence[Arc], *, after: bytes | None = None) -> Iterator[bytes]:
     """Keys of the records in the pieces, space by space."""
+    return _keys(transaction, lambda _: pieces, after=after)
+
+
+def _keys(
+    transaction: ReadTransaction, pieces_of: Callable[[SpaceAddress], Sequence[Arc]], *, after: bytes | None = None
+) -> Iterator[bytes]:
     for space in spaces(transaction):
         if after is not None and space < space_of(after):
             continue
-        for piece in pieces:
+        for piece in pieces_of(space):
             first, last = _ends(space, piece)
             if after is not None and after >= last:
                 continue

@@ -8,7 +8,7 @@ import pytest
 
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
 from scenefold.crypto import EXPECTS_NOTHING, RecordPlace, wanted_place
-from scenefold.store import Outcome, Put, Spot, Store
+from scenefold.store import Outcome, Put, Rightful, Spot, Store
 from unit.store.samples import SCENE, SPACE, arc, managed, object_id, put, whole_store, world
 
 
@@ -142,10 +142,10 @@ async def test_a_copy_of_an_object_makes_no_second_one(tmp_path: Path) -> None:
         assert result.outcome is Outcome.STALE
         assert await store.digests([spot(1, here), spot(1, elsewhere)]) == [newest.header.digest, None]
         assert (await store.statistics()).records == 1
-        assert [entry.spot for entry in await store.misplaced([arc(4000, 6000)], 9)] == []
+        assert [entry.spot for entry in await store.misplaced(Rightful([arc(4000, 6000)]), 9)] == []
         [result] = await store.merge([Put(newest, at=elsewhere)])
-        assert [entry.spot for entry in await store.misplaced([arc(4000, 6000)], 9)] == [spot(1, elsewhere)]
-        assert await store.misplaced([arc(4000, 6000), Arc(home, home)], 9) == []
+        assert [entry.spot for entry in await store.misplaced(Rightful([arc(4000, 6000)]), 9)] == [spot(1, elsewhere)]
+        assert await store.misplaced(Rightful([arc(4000, 6000), Arc(home, home)]), 9) == []
 
 
 async def listing(store: Store) -> list[tuple[Location, bytes]]:

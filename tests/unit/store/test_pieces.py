@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -10,13 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData
+from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, LAST, WHOLE_LINE, Arc, Location
-from scenefold.crypto import EXPECTS_NOTHING, HEADER_BYTES
-from scenefold.store import Counts, LmdbDisk, Manifest, Outcome, Put, Spot, Store
-from scenefold.store.layout import RECORDS, TABLES, record_key
+from scenefold.crypto import EXPECTS_NOTHING, HEADER_BYTES, wanted_place
+from scenefold.store import Counts, LmdbDisk, Manifest, Outcome, Put, Rightful, Spot, Store
+from scenefold.store.layout import RECORDS, TABLES, SpaceAddress, record_key
 from scenefold.store.walking import outside
 from scenefold.world.ports import WriteTransaction
-from unit.store.samples import SCENE, SPACE, arc, managed, place, put, record, whole_store, world
+from unit.store.samples import SCENE, SPACE, arc, managed, object_id, place, put, record, whole_store, world
 
 STORED_BYTES = 64 + 8 + HEADER_BYTES + 64
 LOADED = arc(0, 60)
@@ -77,10 +79,10 @@ async def test_strays_are_what_lies_outside(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(number, space=space) for space in (2, 3) for number in range(0, 100, 10)])
 
-        async def strays(*kept: Arc) -> list[int]:
+        async def strays(*kept: Arc, held: dict[SpaceAddress, Sequence[Arc]] | None = None) -> list[int]:
             numbers, cursor = [], None
             while True:
-                entries, cursor, _ = await store.strays(kept, cursor, 3)
+                entries, cursor, _ = await store.strays(Rightful(kept, held), cursor, 3)
                 numbers += [entry.place.location.number for entry in entries if entry.place.space == 2]
                 if cursor is None:
                     return numbers
@@ -89,6 +91,29 @@ async def test_strays_are_what_lies_outside(tmp_path: Path) -> None:
         assert await strays(arc(20, 60), arc(70, 80), arc(0, 0)) == [10, 90]
         assert await strays() == list(range(0, 100, 10))
         assert await strays(WHOLE_LINE) == []
+        this, other = (SCENE, SpaceId(2)), (SCENE, SpaceId(3))
+        assert await strays(arc(20, 60), held={other: [WHOLE_LINE]}) == [0, 10, 70, 80, 90]
+        assert await strays(arc(20, 60), held={this: [arc(0, 5), arc(61, 80)]}) == [10, 90]
+        assert await strays(held={this: [WHOLE_LINE]}) == []
+
+
+async def test_an_object_belongs_where_its_home_is_and_not_where_it_lies(tmp_path: Path) -> None:
+    this = SCENE, SPACE
+    async with whole_store(world(), tmp_path) as store:
+        await store.put_holding(None, b"")
+        home, elsewhere = wanted_place(object_id(1)), Location.from_number(5)
+        await store.merge([Put(managed(1), at=elsewhere)])
+
+        async def found(kept: Sequence[Arc], held: Sequence[Arc]) -> tuple[int, int]:
+            rightful = Rightful(kept, {this: held})
+            return len((await store.strays(rightful, None, 9)).entries), len(await store.misplaced(rightful, 9))
+
+        there, here = Arc(home, home), Arc(elsewhere, elsewhere)
+        assert await found([], []) == (1, 0)
+        assert await found([], [there]) == (0, 0), "held at another place than its own"
+        assert await found([here], []) == (0, 1), "in the way of what is this node's"
+        assert await found([here], [there]) == (0, 0)
+        assert await store.parted(here) == 0, "this node does not decide about it"
 
 
 async def test_weighing_from_both_sides(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from scenefold.peer.balance.takers import Takers
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
-from scenefold.store.walking import Manifest
+from scenefold.store.walking import Manifest, Rightful
 from scenefold.wire import DrainNode, NodeReport, RemoveNode, pack_value
 from scenefold.world import QuietLog, World
 
@@ -49,7 +49,7 @@ class NodeDrained(Exception):
 class Keeps(Scales, Protocol):
     """What is asked of the store."""
 
-    async def strays(self, kept: Sequence[Arc], after: bytes | None, limit: int) -> Manifest: ...
+    async def strays(self, rightful: Rightful, after: bytes | None, limit: int) -> Manifest: ...
     async def put_note(self, name: str, value: bytes) -> None: ...
     async def get_note(self, name: str) -> bytes | None: ...
 
@@ -201,7 +201,7 @@ class Draining:
         return found
 
     async def _has_records(self) -> bool:
-        manifest = await self._store.strays([], None, 1)
+        manifest = await self._store.strays(Rightful(()), None, 1)
         return bool(manifest.entries)
 
     # ------------------------------------------------------------------------------------------------------ doing

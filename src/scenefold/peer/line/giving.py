@@ -23,6 +23,7 @@ from scenefold.peer.line.gate import Touched
 from scenefold.peer.line.holding import Handover, Holding, Step, describe, handover_id
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.line.rightful import NO_COPIES, layout_of
 from scenefold.peer.line.rules import neighbour_on
 from scenefold.store import Counts
 from scenefold.wire import ClaimRange, DropHandover, HandoverReply, OfferRange
@@ -205,6 +206,8 @@ class Giving:
             if await self._parts.store.parted(handover.piece):
                 # One of which the home was taken has come to lie on the other side meanwhile: it slides first.
                 return False
+            if self._parts.unsettled.within(handover.piece):  # Its receiver knows nothing of who has what.
+                return False
             await copier.copy(only=touched.pieces, hurry=True)
             # Once more, since a receiver whose disk was wiped or rolled back meanwhile has answered for what it has no more.
             await self._ask_to_note(handover, Counts())
@@ -265,7 +268,8 @@ class Giving:
                     return
                 manifest = await self._parts.store.manifest(handover.piece, cursor, DELETE_BATCH)
                 theirs = [entry for entry in manifest.entries if entry.home in handover.piece and not holding.owns(entry.home)]
-                gone = [(entry.spot, entry.digest) for entry in theirs]
+                # What has copies this node may be about to hold: it stays, as a stray until it is told so.
+                gone = [(entry.spot, entry.digest) for entry in theirs if await layout_of(self._parts, *entry.place[:2]) == NO_COPIES]
                 if gone:
                     await self._parts.store.remove(gone)
             cursor = manifest.cursor

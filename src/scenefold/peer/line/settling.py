@@ -15,8 +15,9 @@ PIECES_MAX = 64
 class Settling:
     """Which pieces of the line came when. Nothing of it survives a restart, so a start counts as receipt of everything."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, seconds: float = SETTLING_S) -> None:
         self._clock = clock
+        self._lasting_s = seconds * CLOCK_MARGIN
         self._received: list[tuple[Arc, float]] = [(WHOLE_LINE, clock.now())]
 
     def note(self, piece: Arc) -> None:
@@ -30,10 +31,10 @@ class Settling:
     def settles_in_s(self, arc: Arc) -> float:
         """Seconds until everything in the arc has settled; 0 if it has."""
         times = [at for piece, at in self._received if piece.intersection(arc) is not None]
-        return max(0.0, max(times) + settling_s() - self._clock.now()) if times else 0.0
+        return max(0.0, max(times) + self._lasting_s - self._clock.now()) if times else 0.0
 
     def _forget(self) -> None:
-        oldest = self._clock.now() - settling_s()
+        oldest = self._clock.now() - self._lasting_s
         self._received = [(arc, at) for arc, at in self._received if at > oldest]
 
 

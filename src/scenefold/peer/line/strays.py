@@ -1,7 +1,10 @@
 """Records that lie where they no longer belong are brought home, slowly (specs/12-line.md, Strays).
 
 A stray is deleted here only after the owner of its place has answered for it, as that version or a newer one. Whoever
-owns a place takes it like a put: under its lease, in its arc, behind the gate that handovers freeze.
+owns a place takes it like a put: under its lease, in its arc, behind the gate that handovers freeze. It answers for none that lies
+where its copies belong: whoever brings it then does not know yet what it holds.
+
+What lies in a piece that has just left is let alone for a while if it is of a space with copies: who gave a piece often is to hold it.
 
 What cannot be written on a full disk (to delete is to write) is left for a later look, and holds up nothing else.
 """
@@ -14,15 +17,18 @@ from contextlib import contextmanager
 
 import trio
 
+from scenefold.base.cover import without
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
-from scenefold.peer.handlers import Handlers, Senders
+from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.copying import hand_item
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import spot_of_item, verified
+from scenefold.peer.line.rightful import NO_COPIES, layout_of, rightful
+from scenefold.peer.line.settling import Settling
 from scenefold.peer.records.verification import home_of
 from scenefold.store import Entry, Outcome, Put, Spot
 from scenefold.wire import HandItem, HandRecords, Packet, PutManyReply, PutOutcome, SceneMode
@@ -33,6 +39,8 @@ BATCH_RECORDS = 32
 ASK_S_MAX = 30.0
 PAUSE_S_MIN = 1.0
 PAUSE_S_MAX = 60.0
+LEFT_S = 60.0
+"""For the new owner of a piece to say that its giver holds copies of it."""
 GATE_S_MAX = 2.0
 """For a place to thaw; the sender comes back later."""
 
@@ -46,6 +54,8 @@ class Strays:
         self._parts = parts
         self.left = 0
         self._damaged = 0
+        self._kept: list[Arc] = []
+        self._left_lately = Settling(parts.world.clock, LEFT_S)
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(HandRecords, self._on_hand, senders=Senders.NODES)
@@ -72,14 +82,14 @@ class Strays:
         silent: set[NodeId] = set()
         cursor: bytes | None = None
         while True:
-            holding = self._parts.keeper.holding
+            self._note_left()
             first = cursor is None
-            manifest = await self._parts.store.strays(holding.kept, cursor, BATCH_RECORDS)
+            manifest = await self._parts.store.strays(await rightful(self._parts), cursor, BATCH_RECORDS)
             cursor = manifest.cursor
             found = [*manifest.entries, *(await self._misplaced() if first else ())]
             seen += len(found)
             await self._discard(manifest.damaged)
-            for owner, entries in self._by_owner(found):
+            for owner, entries in self._by_owner([entry for entry in found if not await self._waits(entry)]):
                 if owner in silent:
                     continue
                 try:
@@ -99,7 +109,24 @@ class Strays:
             if holding.arc is not None and not holding.handovers and await self._parts.store.parted(holding.arc):
                 with self._as_far_as_there_is_room():
                     await self._parts.store.slide([holding.arc])
-            return await self._parts.store.misplaced(holding.kept, BATCH_RECORDS)
+            return await self._parts.store.misplaced(await rightful(self._parts), BATCH_RECORDS)
+
+    def _note_left(self) -> None:
+        """Which pieces have left since the last look."""
+        kept = self._parts.keeper.holding.kept
+        for piece in self._kept:
+            gone = [piece]
+            for other in kept:
+                gone = [left for part in gone for left in without(part, other)]
+            for part in gone:
+                self._left_lately.note(part)
+        self._kept = kept
+
+    async def _waits(self, entry: Entry) -> bool:
+        """Whether it may well be told that this node holds it."""
+        if not self._left_lately.settles_in_s(Arc(entry.home, entry.home)):
+            return False
+        return await layout_of(self._parts, *entry.place[:2]) != NO_COPIES
 
     def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
         owners: dict[NodeId, list[Entry]] = {}
@@ -115,6 +142,7 @@ class Strays:
 
     async def _bring_home(self, owner: NodeId, entries: Sequence[Entry]) -> int:
         parts = self._parts
+        custody = parts.keeper.copies.custody
         found = await parts.store.read([entry.spot for entry in entries])
         rotten = [entry.spot for entry, record in zip(entries, found, strict=True) if isinstance(record, DamagedData)]
         self._damaged += len(rotten)
@@ -127,8 +155,12 @@ class Strays:
         request = HandRecords(tuple(hand_item(entry, record) for entry, record in whole))
         reply = await parts.peers.ask(owner, Priority.LOW, request, PutManyReply, ASK_S_MAX)
         taken = [entry for (entry, _), outcome in zip(whole, reply.outcomes, strict=False) if outcome.reason == 0]
-        async with parts.keeper.unchanging() as holding:
-            gone = [(entry.spot, entry.digest) for entry in taken if not any(entry.home in piece for piece in holding.kept)]
+        async with parts.keeper.unchanging():
+            now = await rightful(parts)
+            # Whoever was made a holder since the owner was asked holds what lies here already, of whatever layout its space is by now.
+            new = [held for held in parts.keeper.copies.custody.entries if held not in custody.entries]
+            strays = [entry for entry in taken if now.is_stray(entry.place[:2], entry.home)]
+            gone = [(entry.spot, entry.digest) for entry in strays if not any(entry.home in held.arc for held in new)]
             if gone:
                 await parts.store.remove(gone)
         parts.events["brought home"] += len(gone)
@@ -138,9 +170,10 @@ class Strays:
         """Delete damaged records that are not ours: nobody would take them, and they would be looked at for ever."""
         if not spots:
             return
-        async with self._parts.keeper.unchanging() as holding:
+        async with self._parts.keeper.unchanging():
+            now = await rightful(self._parts)
             with self._as_far_as_there_is_room():
-                strays = [spot for spot in spots if not any(spot.place.location in piece for piece in holding.kept)]
+                strays = [spot for spot in spots if now.is_stray(spot.place[:2], spot.home)]
                 gone = await self._parts.store.discard(strays)
                 self._parts.events["damaged strays discarded"] += gone
 
@@ -157,18 +190,27 @@ class Strays:
 
     # -------------------------------------------------------------------------------------------------- handler
 
-    async def _on_hand(self, packet: HandRecords, _peer: str) -> Packet:
+    async def _on_hand(self, packet: HandRecords, peer: str) -> Packet:
         verdicts = await verified(self._parts, packet.items)
         outcomes: list[PutOutcome] = []
         for item, verdict in zip(packet.items, verdicts, strict=True):
             try:
                 if isinstance(verdict, Refused):
                     raise verdict
+                await self._check_no_holder(item, peer)
                 await self._take(item, verdict)
                 outcomes.append(PutOutcome(0, item.location, NodeId(0)))
             except Refused as refusal:
                 outcomes.append(PutOutcome(int(refusal.reason), item.location, self._parts.own.me))
         return PutManyReply(tuple(map(self._still_so, packet.items, outcomes)))
+
+    async def _check_no_holder(self, item: HandItem, peer: str) -> None:
+        """Refused (13) if who brings it is counted on to have it: it would delete a copy, not a stray."""
+        layout = await layout_of(self._parts, item.scene, item.space)
+        copies, node = self._parts.keeper.copies.configurations, node_of(peer)
+        segment = None if layout is None else copies.at(layout, home_of(item))
+        if segment is not None and any(member.node == node for member in segment.counted_on(copies.me)):
+            raise Refused(RejectReason.BUSY, "it lies by right where it comes from", remedy="let the owner say so")
 
     def _still_so(self, item: HandItem, outcome: PutOutcome) -> PutOutcome:
         """What is said of an item at this very moment: while later ones waited, the place or the lease may have gone."""

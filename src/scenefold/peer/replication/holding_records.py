@@ -21,8 +21,9 @@ from scenefold.peer.copies.versions import told_sum, told_version
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import verified
+from scenefold.peer.line.rightful import layout_of
 from scenefold.peer.records.verification import epochs_of, home_of
-from scenefold.peer.replication.holding_rules import layout_of, require_member, require_sender
+from scenefold.peer.replication.holding_rules import require_member, require_sender
 from scenefold.store import Outcome, Put, RangeSum, Spot
 from scenefold.store.versions import sum_of
 from scenefold.wire import (

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SceneId, SpaceId, address_of
+from scenefold.base.ids import address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.handlers import node_of
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
@@ -47,14 +46,6 @@ def require_none_own(own: Arc | None, scope: Arc) -> None:
     """Refused (16) if some of it is this node's own: then one of the two is behind."""
     if own is not None and own.intersection(scope) is not None:
         raise _not_ready("a part of the place is this node's own")
-
-
-async def layout_of(parts: Parts, scene: SceneId, space: SpaceId) -> Layout | None:
-    """Where copies of a space belong, as far as this node knows by itself; None for what is unknown, and for shadows."""
-    try:
-        return (await parts.scenes.known(scene, ask=False)).layouts.get(space)
-    except Refused:
-        return None
 
 
 def _not_ready(what: str) -> Refused:

@@ -25,7 +25,7 @@ from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.ends import Side, touches, without
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.store.statistics import Counts
-from scenefold.store.walking import Entry, Manifest, Weighed
+from scenefold.store.walking import Entry, Manifest, Rightful, Weighed
 from scenefold.wire import AddNode, LogEntry, Packet, RemoveNode, Status
 from scenefold.world import World
 from unit.peer.logs_made import add, folded, found, member, node, record, secrets_of
@@ -145,8 +145,8 @@ class House:
     async def statistics(self) -> Any:
         return SimpleNamespace(records=len(self.sizes), bytes=self.used, disk_used_bytes=self.used, disk_total_bytes=self.capacity)
 
-    async def strays(self, kept: Sequence[Arc], after: bytes | None, limit: int) -> Manifest:
-        strays = [place for place in sorted(self.sizes) if not any(place in arc for arc in kept)]
+    async def strays(self, rightful: Rightful, after: bytes | None, limit: int) -> Manifest:
+        strays = [place for place in sorted(self.sizes) if not any(place in arc for arc in rightful.kept)]
         entries = [Entry(RecordPlace(SceneId(1), SpaceId(1), place), b"", bytes(32), self.sizes[place]) for place in strays[:limit]]
         return Manifest(entries, None)
 

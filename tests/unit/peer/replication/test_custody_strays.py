@@ -1,0 +1,147 @@
+"""If one fails, a copy is deleted as if it were a stray, or a stray stays for ever as if it were a copy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import trio
+
+from scenefold.base.location import Arc, Location
+from scenefold.peer.copies.configurations import Configurations
+from scenefold.peer.copies.segment import Segment
+from scenefold.peer.line import Side
+from scenefold.peer.line.strays import LEFT_S
+from scenefold.store import Put
+from scenefold.wire import Configuration, Member
+from unit.peer.replication.holders import arc_of, entrust, entry, play, send, some_places, tell
+from unit.peer.replication.terrace import SPACE, THIRDS, Home, Terrace, object_record, record_at
+
+LONG_S = LEFT_S + 70.0
+"""Strays are looked for after a minute at the latest; for some time after a start those of spaces with copies are let alone."""
+
+
+async def count_on(owner: Home, members: tuple[Member, ...], number: int = 5) -> None:
+    """Have the owner believe that they hold all of its arc."""
+    segment = Segment(THIRDS, arc_of(owner), (Configuration(number, members, 2),))
+    configurations = Configurations(owner.member, number, (segment,))
+    await owner.living.parts.keeper.change_copies(lambda copies, _: replace(copies, configurations=configurations))
+
+
+def test_copies_in_custody_stay_and_all_else_comes_home() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = await entrust(terrace)
+        spots = some_places(owner, 4)
+        name = bytes(spots[3])[:16]
+        assert await send(owner, holder, *map(record_at, spots), object_record(name)) == (0,) * 5
+        await holder.store.merge([Put(record_at(place, space=SPACE)) for place in spots])
+        foreign = some_places(terrace.homes[2], 3)
+        await holder.store.merge([Put(record_at(place)) for place in foreign])
+        await trio.sleep(LONG_S)
+        assert holder.places() == set(spots)
+        assert len(terrace.homes[1].stored()) == 5, "and the object"
+        assert owner.places(SPACE) == set(spots)
+        assert terrace.homes[2].places() == set(foreign)
+        assert (await holder.living.remaining()).strays == 0
+
+    play(story)
+
+
+def test_what_is_held_no_more_comes_home() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = await entrust(terrace)
+        spots = some_places(owner, 4)
+        assert await send(owner, holder, *map(record_at, spots)) == (0,) * 4
+        assert (await tell(owner, holder, 6)).reason == 0
+        await trio.sleep(LONG_S)
+        assert (holder.places(), owner.places()) == (set(), set(spots))
+
+    play(story)
+
+
+def test_of_a_space_that_is_unknown_nothing_is_given_up_where_anything_is_held() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = await entrust(terrace)
+        spots = some_places(owner, 4)
+        assert await send(owner, holder, *map(record_at, spots)) == (0,) * 4
+        holder.scenes = {}
+        await trio.sleep(LONG_S)
+        assert holder.places() == set(spots)
+
+    play(story)
+
+
+def test_who_does_not_know_yet_that_it_holds_a_place_deletes_nothing_there() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, other = terrace.homes
+        spots = some_places(owner, 4)
+        await holder.store.merge([Put(record_at(place)) for place in spots])
+        await count_on(owner, (owner.member, holder.member, other.member))
+        await trio.sleep(LONG_S)
+        assert holder.places() == set(spots)
+        await count_on(owner, (owner.member, other.member))
+        await trio.sleep(LONG_S)
+        assert (holder.places(), owner.places()) == (set(), set(spots))
+
+    play(story)
+
+
+def test_who_is_told_to_hold_what_it_was_about_to_delete_keeps_it() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = terrace.homes
+        spots = some_places(owner, 4)
+        ask = holder.peers.ask
+
+        async def late(*details: Any) -> Any:
+            reply = await ask(*details)
+            if not holder.copies.custody.entries:
+                await entrust(terrace)
+            return reply
+
+        holder.peers.ask = late  # type: ignore[method-assign]
+        await holder.store.merge([Put(record_at(place)) for place in spots])
+        await trio.sleep(LONG_S)
+        assert owner.places() == set(spots), "it was asked"
+        assert holder.places() == set(spots)
+
+    play(story)
+
+
+def test_a_giver_keeps_what_has_copies_until_it_is_told_what_it_holds() -> None:
+    async def story(terrace: Terrace) -> None:
+        giver, receiver, _ = terrace.homes
+        spots = some_places(giver, 8)
+        for space in (terrace.space, SPACE):
+            await giver.store.put([Put(record_at(place, space=space)) for place in spots])
+        middle, last = spots[4], arc_of(giver).last
+        await trio.sleep(LONG_S)
+        piece = Arc(middle, last)
+        await giver.living.give(Side.RIGHT, piece, why="a test")
+        await trio.sleep(LEFT_S / 2)
+        assert not giver.living.open_handovers()
+        assert giver.places(SPACE) == set(spots[:4])
+        assert giver.places() == set(spots), "all of it"
+        members = receiver.member, giver.member
+        assert (await tell(receiver, giver, 9, entry(9, Arc(middle, spots[5]), members), scope=piece)).reason == 0
+        held = {place for place in spots[4:] if place <= spots[5]}
+        await trio.sleep(LONG_S)
+        assert giver.places() == {*spots[:4], *held}
+        assert receiver.places() >= set(spots[4:])
+
+    play(story, seconds=1000.0)
+
+
+def test_an_object_that_lies_beside_its_home_is_a_copy_too_and_blocks_no_handover() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = await entrust(terrace)
+        name = bytes(some_places(owner, 3)[1])[:16]
+        # As a giver has it whose arc has come back in part.
+        beside = some_places(holder, 4)[3]
+        await holder.store.merge([Put(object_record(name), at=beside)])
+        await trio.sleep(LONG_S)
+        assert [spot.place.location for spot in holder.spots(object_record(name).header.space)] == [beside]
+        arc = arc_of(holder)
+        await holder.living.give(Side.RIGHT, Arc(Location.from_number(beside.number - 1), arc.last), why="a test")
+        assert len(holder.spots(object_record(name).header.space)) == 1
+
+    play(story, seconds=1000.0)
