@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.copies_calm import is_held, wrong_copies
 from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside
 from scenefold.simulation.lineage import tiling_problems
 from scenefold.store.layout import location_of
@@ -44,7 +45,8 @@ def unrest(cluster: Cluster) -> list[Unrest]:
         return wrong
     for slot, node in cluster.nodes.items():
         wrong += _leftovers(cluster, node, is_member=slot in members)
-    return wrong or _tables(cluster)
+    wrong = wrong or _tables(cluster)
+    return wrong or [Unrest(laws.COPIED_AGAIN, *what) for what in wrong_copies(cluster, members)]
 
 
 def _member(cluster: Cluster, node: Node) -> list[Unrest]:
@@ -75,7 +77,8 @@ def _leftovers(cluster: Cluster, node: Node, *, is_member: bool) -> list[Unrest]
     if has_open_handover(node.disk):
         wrong.append(Unrest(laws.CONVERGED, f"a handover of n{node.slot} is open", (node.slot,)))
     # A rotten record cannot be offered to anybody; it lies where it rotted.
-    strays = [key for key in keys_outside(node.disk, arc) if not cluster.watch.rot.has(node.slot, key)]
+    outside = keys_outside(node.disk, arc)
+    strays = [key for key in outside if not (cluster.watch.rot.has(node.slot, key) or is_held(cluster, node.disk, key))]
     if strays:
         where = location_of(strays[0]).hex()[:8]
         wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}, the first at {where}…", (node.slot,)))

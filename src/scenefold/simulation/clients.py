@@ -12,7 +12,9 @@ from scenefold.client.scene import Scene
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.scene.log import Decider
+from scenefold.simulation.copying import KEPT_NAMES, KEPT_OBJECTS, Copying, Rule
 from scenefold.simulation.recording import Recorder, WatchedLinks
+from scenefold.simulation.watch import Watch
 from scenefold.world import World, open_links
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.keyring import KeptScene
@@ -57,6 +59,19 @@ class Client:
         self.calls = calls
         self.scenes = scenes
         self.scene: Scene | None = None
+
+
+async def keep_copies(scene: Scene, copying: Copying, watch: Watch) -> None:
+    """Make the spaces whose records have copies, and say to the judge what holds for them."""
+    options = {"dimensions": 1, "copies": copying.copies, "copies_min": copying.least}
+    for number, name in KEPT_NAMES.items():
+        await scene.create_space(name, space_id=number, node_managed=number == KEPT_OBJECTS, **options)  # type: ignore[arg-type]
+    found = await scene.spaces()
+    for number in KEPT_NAMES:
+        shadows = sorted((space for space in found if space.parent == number), key=lambda space: space.id)
+        watch.keeping.rules[scene.id, number] = Rule(tuple(space.offset for space in shadows), copying.least)
+    watch.keeping.racks = copying.racks
+    watch.tell(None, "{}", copying)
 
 
 @asynccontextmanager

@@ -23,6 +23,7 @@ from scenefold.peer.balance.draining import NodeDrained
 from scenefold.peer.enrolment.enrolment import IdentityRenewed
 from scenefold.simulation import laws
 from scenefold.simulation.acknowledged import see_acknowledged
+from scenefold.simulation.copying import Copying, rack_of
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.judged import see_judged
 from scenefold.simulation.logs import hear_bugs
@@ -51,8 +52,9 @@ def secrets_of(seed: int, name: str) -> MemberSecrets:
     return MemberSecrets(key_of(seed, name), SealingKey(hashlib.sha256(f"{seed} sealing key of {name}".encode()).digest()))
 
 
-def address_of_slot(slot: int) -> str:
-    return f"10.0.{(slot + 1) >> 8}.{(slot + 1) & 255}"
+def address_of_slot(slot: int, racks: int = 0) -> str:
+    room = rack_of(slot, racks) + 1 if racks else 0
+    return f"10.{room}.{(slot + 1) >> 8}.{(slot + 1) & 255}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,8 @@ class Habits:
     """Settings of all nodes of a run that are not what people have. None: as they are."""
 
     remove_after_s: float | None = REMOVE_AFTER_S
+    copying: Copying | None = None
+    """None: every space has one copy."""
 
 
 HABITS = Habits()
@@ -86,6 +90,8 @@ class Node:
     """Its last life ended over that."""
     told_to_leave: bool = False
     """Somebody asked it to leave at least once; it remembers that over restarts and new incarnations."""
+    is_lost: bool = False
+    """It will never run again."""
     has_left: bool = False
     """It was drained and is switched off, until somebody starts it again as a newcomer."""
     left: trio.Event = field(default_factory=trio.Event)
@@ -120,7 +126,7 @@ class Cluster:
         self._running: dict[int, Node] = {}
         self._nursery = nursery
         for slot in range(founders + spares):
-            address = address_of_slot(slot)
+            address = address_of_slot(slot, 0 if habits.copying is None else habits.copying.racks)
             node = Node(slot, address, node_id_of(address), secrets_of(net.seed, f"n{slot}"), SimDisk())
             node.gone.set()
             self.nodes[slot] = node
@@ -135,11 +141,16 @@ class Cluster:
             cluster_id=hashlib.sha256(f"{net.seed} cluster".encode()).digest()[:16],
             ports=net.ports,
             seeds=tuple(node.address for node in list(self.nodes.values())[:3]),
-            credentials=tuple(node.credential for node in self.nodes.values()),
-            founders=tuple(ids[:founders]),
+            credentials=tuple(sorted((node.credential for node in self.nodes.values()), key=lambda one: one.node_id)),
+            founders=tuple(sorted(ids[:founders])),
             voters=(ids[0],),
             log_key=self._log_key.public,
         )
+
+    @property
+    def founding(self) -> list[Node]:
+        """Those that were there from the beginning."""
+        return [self.nodes[slot] for slot in range(len(self.facts.founders))]
 
     @property
     def voter(self) -> Node:
@@ -159,7 +170,7 @@ class Cluster:
     def start(self, slot: int) -> None:
         """Let the node run, and run again whenever it ends by itself."""
         node = self.nodes[slot]
-        if not node.is_wanted:
+        if not node.is_wanted and not node.is_lost:
             node.is_wanted, node.has_left = True, False
             node.starts += 1
             self._nursery.start_soon(self._live, node, node.starts, name=f"n{slot}")
@@ -238,7 +249,9 @@ class Cluster:
 
     def _settings(self, node: Node) -> NodeSettings:
         settings = NodeSettings(profile_folder=Path("/profile"), address=node.address, data_folder=DATA_FOLDER, memory_bytes=1 << 30)
-        remove_after_s = self.habits.remove_after_s
+        remove_after_s, copying = self.habits.remove_after_s, self.habits.copying
+        if copying is not None and copying.racks:
+            settings = replace(settings, blacklist=(copying.prefix_of(node.slot),))
         return settings if remove_after_s is None else replace(settings, remove_after_s=remove_after_s)
 
     def _judge_end(self, node: Node, ends: list[BaseException], *, came_up: bool) -> str:

@@ -23,6 +23,8 @@ class Lost(NamedTuple):
     left: tuple[Version, ...]
     newest: Version | None
     """None: not known, since it had rotted before."""
+    or_nothing: bool = True
+    """Whether nothing may be there from now on; else one of those that are left is."""
 
 
 def newest(disks: Iterable[Disk], place: Place) -> Version | None:

@@ -12,16 +12,33 @@ from scenefold.crypto import RecordPlace
 from scenefold.crypto.record_header import version_key
 from scenefold.peer.cluster_log.lives import Lives, note_of, unpack_granted, unpack_lives
 from scenefold.peer.cluster_log.own_life import NOTE as LIVES_NOTE
+from scenefold.peer.copies.copies import Copies
+from scenefold.peer.copies.copies_note import decode_copies
 from scenefold.peer.line.holding import Handover, Step
 from scenefold.peer.line.holding_note import decode_holding
 from scenefold.simulation.history import Place, Version
-from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, location_of, object_of, record_key, space_of, spot_of, stored_header
+from scenefold.store.layout import (
+    HOLDING,
+    IDENTITY,
+    NOTES,
+    OBJECTS,
+    RECORDS,
+    location_of,
+    object_key,
+    object_of,
+    record_key,
+    space_of,
+    spot_of,
+    stored_header,
+)
 from scenefold.store.sealing import opened
 from scenefold.wire import Member
 
 _ARC = b"arc"
 _NOTE = b"note"
 _INCARNATION = b"incarnation"
+_COPIES = b"copies"
+_NODE = b"node"
 
 
 class Disk(Protocol):
@@ -29,6 +46,7 @@ class Disk(Protocol):
 
     def peek(self, table: str, /) -> Mapping[bytes, bytes]: ...
     def written(self, table: str, /) -> Mapping[bytes, bytes]: ...
+    def replaced(self, table: str, /) -> list[tuple[bytes, bytes | None]]: ...
 
 
 def _kept(disk: Disk, table: str, key: bytes) -> bytes | None:
@@ -112,7 +130,7 @@ def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:
     for key, value in disk.peek(RECORDS).items():
         if arc is not None and spot_of(key).home not in arc:
             continue
-        version = _version(value)
+        version = version_in(value)
         if version is not None:
             found[place_of(key)] = version
     return found
@@ -121,12 +139,34 @@ def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:
 def version_at(disk: Disk, place: Place, location: Location) -> Version | None:
     """The readable version of one record at a location."""
     value = disk.peek(RECORDS).get(_key_at(place, location))
-    return None if value is None else _version(value)
+    return None if value is None else version_in(value)
 
 
 def key_of_place(place: Place) -> bytes:
     """The key of a record that has a place of its own."""
     return _key_at(place, Location(place.location))
+
+
+def found_at(disk: Disk, place: Place) -> Version | None:
+    """The readable version of one record, wherever on the line an object lies."""
+    location = place.home
+    if place.is_object:
+        stored = disk.peek(OBJECTS).get(object_key(SceneId(place.scene), SpaceId(place.space), place.location))
+        if stored is not None:
+            location = Location(stored[:LOCATION_BYTES])
+    return version_at(disk, place, location)
+
+
+def copies_of(disk: Disk) -> Copies | None:
+    """What the disk's node keeps about copies; None if nothing, or another incarnation's."""
+    note, incarnation = _kept(disk, HOLDING, _COPIES), incarnation_of(disk)
+    node = _kept(disk, IDENTITY, _NODE)
+    if not note or incarnation is None or not node:
+        return None
+    try:
+        return decode_copies(note, Member(NodeId(int.from_bytes(node, "big")), incarnation))
+    except DamagedData:
+        return None
 
 
 def _key_at(place: Place, location: Location) -> bytes:
@@ -153,7 +193,8 @@ def place_of(key: bytes) -> Place:
     return Place(scene, space, object_of(key) or location_of(key))
 
 
-def _version(value: bytes) -> Version | None:
+def version_in(value: bytes) -> Version | None:
+    """Of a stored record; None if that cannot be read."""
     try:
         header = stored_header(memoryview(value))
     except DamagedData:

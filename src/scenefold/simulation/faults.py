@@ -41,6 +41,10 @@ class Kind(Enum):
     KILL_IN_HANDOVER = "kill during handover"
     REPLAY = "replayed datagrams"
     LIAR = "lying node"
+    LOST_NODES = "lost nodes"
+    LOST_RACK = "lost rack"
+    ROT_ON_SEVERAL = "rot on several nodes"
+    CUT_IN_REPAIR = "partition in repair"
 
 
 VOTER = 0
@@ -62,6 +66,12 @@ class Whom(Enum):
     ONE = "one"
     NO_VOTER = "no voter"
     """One slot, but never the voter: with one voter for now, its disk is the cluster's log."""
+    SEVERAL = "several"
+    """Two slots or more."""
+    COPIES = "fewer than copies"
+    """One slot or more, never the voter, and never as many as a space with copies has."""
+    RACK = "rack"
+    """All slots of a rack, which is not the voter's."""
     SPARE = "spare"
     """A spare of its own, that no other fault starts."""
 
@@ -79,6 +89,8 @@ class Shape:
     """Of lasting nearly as long as it may, from early on."""
     moves_members: bool = False
     """Whether the fault is one of membership, and left out of the workload `data`."""
+    of_copies: bool = False
+    """Whether it is only for runs that keep copies."""
 
 
 KINDS: dict[Kind, Shape] = {
@@ -132,6 +144,12 @@ KINDS: dict[Kind, Shape] = {
         "what it lies in: reads, acknowledgements, handovers, statuses, tables, headers; above 6 in all",
         long_odds=0.3,
     ),
+    Kind.LOST_NODES: Shape(0.6, Whom.COPIES, (0.5, 20), (0, 1), "above 0.6 for ever; else they come back empty", of_copies=True),
+    Kind.LOST_RACK: Shape(
+        0.5, Whom.RACK, (0.5, 20), (0, 1), "above 0.6 for ever; below 0.3 they come back with their disks, else empty", of_copies=True
+    ),
+    Kind.ROT_ON_SEVERAL: Shape(0.5, Whom.SEVERAL, (0, 0), (1, 4), "records on each", of_copies=True),
+    Kind.CUT_IN_REPAIR: Shape(0.6, Whom.GROUP, (2, 30), of_copies=True),
 }
 
 
@@ -148,7 +166,7 @@ class Fault:
     def __str__(self) -> str:
         span = f"{self.begin_s:6.2f} s" + (f" to {self.end_s:6.2f} s" if self.end_s > self.begin_s else " " * 12)
         shape = KINDS[self.kind]
-        who = {Whom.ALL: "", Whom.GROUP: "{} from all others", Whom.PAIR: "{}"}.get(shape.whom, "{}")
+        who = {Whom.ALL: "", Whom.GROUP: "{} from all others"}.get(shape.whom, "{}")
         names = (" and " if shape.whom is Whom.PAIR else ", ").join(f"n{slot}" for slot in self.slots)
         much = f"{self.amount:.4g} ({shape.meaning})" if shape.meaning else ""
         return f"{span}  {self.kind.value:<21} {who.format(names):<22} {much}".rstrip()

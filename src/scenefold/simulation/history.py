@@ -104,6 +104,8 @@ class Loss:
     why: str = ""
     at_s: float = 0.0
     newest: Version | None = None
+    or_nothing: bool = True
+    """False: what is there then is one of `left`, the lowest of which is with somebody who is asked."""
 
 
 @dataclass(frozen=True, slots=True)

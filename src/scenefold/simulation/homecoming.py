@@ -35,7 +35,7 @@ class Homecoming:
 
     def owes(self, losses: Iterable[Lost], counting: Mapping[int, custody.Disk]) -> None:
         """The owners of these places have lost them. `counting`: what lies on each disk, and is not about to be deleted rightly."""
-        for place, _, _ in losses:
+        for place, *_ in losses:
             self._forget(place)
             for slot, disk in counting.items():
                 version = disk.get(place)

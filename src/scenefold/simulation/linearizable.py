@@ -128,7 +128,7 @@ def _effects(step: _Step, state: State) -> Iterator[State]:
         case Loss():
             if state is not None and step.newest is not None and state.order > step.newest.order:
                 return
-            if state is not None:
+            if state is not None and step.or_nothing:
                 yield None
             yield from (version for version in step.left if version != state)
         case Write():

@@ -32,7 +32,7 @@ class LinkFaults:
     async def befall(self, fault: Fault) -> None:
         """Make it happen now."""
         match fault.kind:
-            case Kind.PARTITION:
+            case Kind.PARTITION | Kind.CUT_IN_REPAIR:
                 await self._partition(fault)
             case Kind.RESET:
                 await self._reset(fault)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from scenefold.simulation.copying import Copying, draw_copying
 from scenefold.simulation.faults import Kind, Schedule
 from scenefold.simulation.story import Violation
 from scenefold.simulation.weather import STORM_S, Climate, draw
@@ -31,6 +32,13 @@ class Order:
     keep: tuple[int, ...] | None = None
     """Of the schedule that the seed draws, only the faults with these numbers, from 0; None: all."""
     trace_file: str | None = None
+    copies: bool = False
+    """Whether some spaces have copies, and nodes and racks may be lost for ever."""
+
+    @property
+    def copying(self) -> Copying | None:
+        """How copies are kept, if any are."""
+        return draw_copying(self.seed) if self.copies else None
 
     @property
     def schedule(self) -> Schedule:
@@ -41,7 +49,14 @@ class Order:
     @property
     def climate(self) -> Climate:
         mostly = self.workload == "members"
-        return Climate(self.nodes, members=self.workload != "data", mostly_members=mostly, storm_s=self.storm_s, kinds=self.kinds)
+        return Climate(
+            self.nodes,
+            members=self.workload != "data",
+            mostly_members=mostly,
+            storm_s=self.storm_s,
+            kinds=self.kinds,
+            copying=self.copying,
+        )
 
     @property
     def replay(self) -> str:
@@ -49,6 +64,8 @@ class Order:
         words = [f"python -m scenefold.simulation --nodes {self.nodes} --replay {self.seed}"]
         if self.workload != "all":
             words.append(f"--workload {self.workload}")
+        if self.copies:
+            words.append("--copies")
         if self.storm_s != STORM_S:
             words.append(f"--seconds {self.storm_s:g}")
         if self.kinds:

@@ -74,7 +74,9 @@ class Recorder:
         self.refused: deque[PutItem] = deque(maxlen=REFUSED_MAX)
         """What clients were refused although it expected something: the last ones, for whoever wants to offer them again."""
         self.places: dict[tuple[int, int], set[bytes]] = {}
-        self._offered: dict[Place, set[bytes]] = {}
+        self.told: Callable[[str, Place, Version], None] = lambda _who, _place, _version: None
+        """Called with what a client has read, and who it is."""
+        self._offered: dict[Place, dict[bytes, Version]] = {}
         self._now = now
         self._tell = tell
 
@@ -93,7 +95,7 @@ class Recorder:
     def offered(self, item: PutItem) -> tuple[Place, Version]:
         """A record leaves a client."""
         place, version = named(item)
-        self._offered.setdefault(place, set()).add(version.digest)
+        self._offered.setdefault(place, {})[version.digest] = version
         self.places.setdefault((item.scene, item.space), set()).add(place.location)
         return place, version
 
@@ -142,8 +144,11 @@ class Recorder:
                 self.strange.append((place, f"{who} is given what is no record of this place, and nobody lied"))
                 continue
             digest = None if record is None else RecordHeader.decode(record.header).digest
-            if digest is not None and digest not in self._offered.get(place, ()):
+            version = None if digest is None else self._offered.get(place, {}).get(digest)
+            if digest is not None and version is None:
                 self.strange.append((place, f"{who} reads {digest.hex()[:6]}, which nobody wrote there"))
+            if version is not None and not stale:
+                self.told(who, place, version)
             if not stale:
                 self.histories.add(place, Read(begin, end, digest, who, self._now()))
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")

@@ -6,6 +6,7 @@ import trio
 
 from scenefold.peer.balance.draining import DRAINED
 from scenefold.peer.cluster_log.registered import NO_INCARNATION, Removal
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.timing import REMOVE_AFTER_S as DEFAULT_REMOVE_AFTER_S
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster
@@ -22,6 +23,8 @@ async def watch_removals(cluster: Cluster) -> None:
     position = 0
     while True:
         context = cluster.voter.context
+        if context is not None and cluster.watch.keeping.rules:
+            cluster.watch.keeping.registered(_members(cluster, context.cluster_log.registry))
         if context is not None and context.cluster_log.registry.position > position:
             registry = context.cluster_log.registry
             for removal in registry.removed.values():
@@ -31,11 +34,16 @@ async def watch_removals(cluster: Cluster) -> None:
         await trio.sleep(LOOK_S)
 
 
+def _members(cluster: Cluster, registry: Registry) -> frozenset[Holder]:
+    registered = [known for node in registry.order if (known := registry.current(node)) is not None]
+    return frozenset(Holder(cluster.slot_of(known.node), known.incarnation) for known in registered)
+
+
 def _removed(cluster: Cluster, removal: Removal) -> None:
     slot, watch, now = cluster.slot_of(removal.member.node), cluster.watch, cluster.net.now
     watch.tell(slot, "is removed ({}): {}", removal.member.incarnation.hex()[:8], removal.reason)
     watch.counts["removals"] += 1
-    watch.lineage.gone(Holder(slot, removal.member.incarnation))
+    watch.removed(slot, removal.member.incarnation)
     node = cluster.nodes[slot]
     if removal.reason == DRAINED and node.told_to_leave:
         return

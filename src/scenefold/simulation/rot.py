@@ -42,6 +42,10 @@ class Rot:
         values = self._values.get(place_of(key))
         return values is not None and self._disks[slot].peek(RECORDS).get(key) in values
 
+    def is_at(self, slot: int, place: Place) -> bool:
+        """Whether a disk's copy of a record is rotten now."""
+        return place in self._values and any(copy.place == place for copy in self.on(slot))
+
     def copies(self) -> Iterator[RottenCopy]:
         """All that there are now, in the order of slots and places."""
         for slot in self._disks:

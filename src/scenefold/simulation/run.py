@@ -13,6 +13,7 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import AsyncExitStack, ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import trio
@@ -22,8 +23,8 @@ from scenefold.scene.layout import META
 from scenefold.simulation import laws
 from scenefold.simulation.asking import Asker
 from scenefold.simulation.calm import Unrest, unrest
-from scenefold.simulation.clients import Client, MemoryKeyring, open_client, secrets_of
-from scenefold.simulation.cluster import Cluster, key_of
+from scenefold.simulation.clients import Client, MemoryKeyring, keep_copies, open_client, secrets_of
+from scenefold.simulation.cluster import HABITS, Cluster, key_of
 from scenefold.simulation.faults import Schedule
 from scenefold.simulation.final import judge_histories, read_everything
 from scenefold.simulation.leaving import drain
@@ -36,7 +37,7 @@ from scenefold.simulation.speed import quick_headers, quick_packets, remembered_
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
 from scenefold.simulation.weather import spares_of
-from scenefold.simulation.workload import CLIENTS, Tally, Worker, client_name, draw_places
+from scenefold.simulation.workload import CLIENTS, SINGLE, WITH_COPIES, Tally, Worker, client_name, draw_places
 from scenefold.world import open_links
 from scenefold.world.sim import SimNet, Trace, run_simulated
 
@@ -95,7 +96,8 @@ class _Drama:
         """Everything, from founding to judging."""
         async with trio.open_nursery() as nursery:
             spares = max(spares_of(self._schedule, self._order.nodes), default=self._order.nodes - 1) + 1 - self._order.nodes
-            cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery)
+            habits = HABITS if self._order.copying is None else replace(HABITS, copying=self._order.copying)
+            cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery, habits)
             for slot in range(self._order.nodes):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)
@@ -110,12 +112,14 @@ class _Drama:
 
     async def _open_clients(self, stack: AsyncExitStack, cluster: Cluster) -> list[Client]:
         keyring, writer = MemoryKeyring(), key_of(self._order.seed, "the writer")
-        clients = []
+        clients: list[Client] = []
         for number in range(CLIENTS):
             name = client_name(number)
             opening = open_client(name.partition(":")[2], self._net.world(name), cluster.facts, keyring, writer, cluster.watch.recorder)
             client = await stack.enter_async_context(opening)
             client.scene = await client.scenes.open_or_create("simulated")
+            if not clients and self._order.copying is not None:
+                await keep_copies(client.scene, self._order.copying, cluster.watch)
             clients.append(client)
         return clients
 
@@ -140,7 +144,7 @@ class _Drama:
                 storm.end()
                 faults.cancel_scope.cancel()
             for slot, node in cluster.nodes.items():
-                if node.born.is_set() and not node.is_wanted and not node.has_left:
+                if node.born.is_set() and not node.is_wanted and not node.has_left and not node.is_lost:
                     await node.gone.wait()
                     cluster.start(slot)
             await trio.sleep(AFTERMATH_S)
@@ -155,7 +159,8 @@ class _Drama:
 
     def _worker(self, cluster: Cluster, client: Client, scene: Scene) -> Worker:
         nonsense = _nonsense_heard(cluster, client)
-        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally, nonsense)
+        pairs = WITH_COPIES if self._order.copies else SINGLE
+        return Worker(client.name, scene, self._places, self._order.seed, self._order.workload, self._tally, nonsense, pairs)
 
     async def _settle(self, cluster: Cluster, clients: list[Client]) -> None:
         """Wait for quiet, read everything, judge."""

@@ -16,9 +16,10 @@ import trio
 from scenefold.peer.line.holding import Handover, Step
 from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.copies_faults import CopiesFaults
 from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.disks import handovers_of
-from scenefold.simulation.faults import HANDOVER_STEPS, Fault, Kind
+from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, Fault, Kind
 from scenefold.simulation.hostile import HostileFaults
 from scenefold.simulation.link_faults import LinkFaults
 from scenefold.simulation.overlaps import Overlaps
@@ -50,6 +51,7 @@ class Storm:
         self._disks = DiskFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._links = LinkFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over, clients)
+        self._copies = CopiesFaults(cluster, self._begins, lambda: self._is_over, self._links, nursery)
         self._weather: dict[Fault, Weather] = {}
         self._burdens: Overlaps[tuple[int, Kind]] = Overlaps()
         self._wait_for_handover: list[Fault] = []
@@ -83,6 +85,8 @@ class Storm:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
                 self._wait_for_handover.append(fault)
+            case kind if KINDS[kind].of_copies:
+                await self._copies.befall(fault)
             case Kind.REPLAY | Kind.LIAR:
                 await self._hostile.befall(fault)
             case kind if kind in _POINTS:

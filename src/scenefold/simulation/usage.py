@@ -43,7 +43,9 @@ def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Na
         _check_writable(parser, options.trace)
     if options.faults and options.workload == "data" and all(KINDS[kind].moves_members for kind in options.faults):
         parser.error("--workload data leaves all of these --faults out")
-    asked = options.nodes, options.workload, options.mutant, options.seconds, options.faults, options.keep, options.trace
+    if not options.copies and (lonely := [kind.value for kind in options.faults if KINDS[kind].of_copies]):
+        parser.error(f"--faults: {', '.join(lonely)}: only with --copies")
+    asked = options.nodes, options.workload, options.mutant, options.seconds, options.faults, options.keep, options.trace, options.copies
     orders = [Order(seed, *asked) for seed in seeds]
     if options.keep is not None and max(options.keep, default=-1) >= (known := len(replace(orders[0], keep=None).schedule)):
         parser.error(f"--keep names a fault that this seed does not have: it has {known}, from 0")
@@ -70,6 +72,7 @@ def _parser() -> Parser:
         default="all",
         help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too",
     )
+    parser.add_argument("--copies", action="store_true", help="some spaces have copies, and nodes and racks are lost for ever")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--jobs", type=number(int, 1, JOBS_MAX), default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--mutant", choices=sorted(MUTANTS), metavar="NAME", help=f"break the product first: {', '.join(sorted(MUTANTS))}")

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Protocol
 
 from scenefold.base.location import Arc, Location
 from scenefold.simulation import laws
+from scenefold.simulation.answers import Answer, Owner, problems_of
 from scenefold.simulation.custody import Lost, is_held, lost_by_change, lost_to_claimer, versions_of
 from scenefold.simulation.disks import (
     Disk,
@@ -26,10 +26,10 @@ from scenefold.simulation.disks import (
     place_of,
     receivers_of,
     records_of,
-    version_at,
 )
 from scenefold.simulation.history import Loss, Place, Return, Version
 from scenefold.simulation.homecoming import Homecoming
+from scenefold.simulation.keeping import Keeping
 from scenefold.simulation.lies import Manner
 from scenefold.simulation.lineage import Gain, Holder, Lineage, Piece, Way
 from scenefold.simulation.moves import Moves
@@ -40,14 +40,6 @@ from scenefold.simulation.story import Story, Violation
 from scenefold.wire import Member
 
 VIOLATIONS_MAX = 50
-
-
-class Owner(Protocol):
-    """What the observer asks of a running node."""
-
-    def owns(self, location: Location) -> bool: ...
-
-    def has_lease(self) -> bool: ...
 
 
 class Watch:
@@ -76,6 +68,8 @@ class Watch:
         self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
         self.rot = Rot(disks)
         self.homecoming = Homecoming(disks, lambda place: self._owner_of(place.home), self.recorder.lies, self.violated)
+        self.keeping = Keeping(disks, now, self._owner_of, self.rot.is_at, self.violated)
+        self.recorder.told = self.keeping.read
         self._replaced: set[Holder] = set()
 
     # ---------------------------------------------------------------------------------------------------- telling
@@ -123,7 +117,8 @@ class Watch:
         if (backup := incarnation_of(self._disks[slot])) is not None:
             self.put_back[slot] = backup
         counting = {other: self._sound(other, counted(disk, taken)) for other, disk in self._disks.items()}
-        losses = lost_by_change(before, counting, self._records())
+        single = {place: version for place, version in before.items() if not self.keeping.has(place)}
+        losses = [*lost_by_change(single, counting, self._records()), *self.keeping.gone(slot, incarnation, before)]
         self._lost(losses, f"n{slot} {why}")
         self.homecoming.replaced(slot, before, counting)
         self.homecoming.owes(losses, counting)
@@ -138,6 +133,10 @@ class Watch:
         place = place_of(key)
         self.rot.add(slot, key)
         self.homecoming.rotted(place)
+        if self.keeping.has(place):
+            self._lost(self.keeping.rotted(slot, place, before.get(place)), f"damaged on n{slot}")
+            self._look_at_rot()
+            return
         disks = self._records()
         owner, rotten = self._owner_of(place.home), before.get(place)
         if owner in (None, slot) or has_open_handover(self._disks[slot]) or not is_held(disks[owner], place, rotten):
@@ -159,8 +158,8 @@ class Watch:
 
     def _lost(self, losses: Iterable[Lost], why: str) -> None:
         histories = self.recorder.histories
-        for place, left, best in losses:
-            histories.add(place, Loss(histories.moment(), left, why, self._now(), best))
+        for place, left, best, or_nothing in losses:
+            histories.add(place, Loss(histories.moment(), left, why, self._now(), best, or_nothing))
             names = ", ".join(version.digest.hex()[:6] for version in left) or "nothing"
             self.story.tell(self._now(), None, "may be lost, {}; disks still hold {}", why, names, location=place.location)
             self.counts["records at stake"] += 1
@@ -175,7 +174,16 @@ class Watch:
         if holding != before:
             self._holding_changed(slot, disk, before, holding)
         self.homecoming.committed(slot)
+        self._lost(self.keeping.committed(slot), f"gone with a copy that leaves n{slot}")
         self._look_at_rot()
+
+    def removed(self, slot: int, incarnation: bytes) -> None:
+        """The log removes a node: of whatever it holds copies of, it is not asked any more."""
+        self.lineage.gone(Holder(slot, incarnation))
+        if incarnation == incarnation_of(self._disks[slot]):
+            losses = self.keeping.gone(slot, incarnation, self.records(slot))
+            self._lost(losses, f"n{slot} is removed")
+            self.homecoming.owes(losses, {other: counted(disk) for other, disk in self._disks.items()} if losses else {})
 
     def _holding_changed(
         self, slot: int, disk: Disk, before: tuple[bytes | None, bytes | None], holding: tuple[bytes | None, bytes | None]
@@ -261,7 +269,7 @@ class Watch:
         self.counts[gain.way.value] += 1
         if gain.way is Way.ADOPTION:
             disks = self._records(gain.arc)
-            places = {place for disk in disks.values() for place in disk}
+            places = {place for disk in disks.values() for place in disk if not self.keeping.has(place)}
             losses = lost_to_claimer(disks, slot, places)
             self._lost(losses, f"n{slot} adopts its place")
             counting = {other: counting_of(self._disks[other], found, places) for other, found in disks.items()}
@@ -275,25 +283,9 @@ class Watch:
 
     def acknowledges(self, slot: int, place: Place, version: Version, location: Location) -> None:
         """A node is about to answer that a record is durable at a location."""
-        node, home = self._running.get(slot), place.home
-        name = f"{location.hex()[:8]}… {version.digest.hex()[:6]}"
-        if node is not None and not (node.owns(home) and node.has_lease()):
-            what = "has no lease" if node.owns(home) else "does not own it"
-            self.violated(laws.RIGHT_TO_ANSWER, f"n{slot} acknowledges {name} and {what}", location=location, slots=(slot,))
-        if Holder(slot, incarnation_of(self._disks[slot]) or b"") in self._replaced:
-            words = f"n{slot} acknowledges {name}, and its disk is a backup of what it was"
-            self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
-        arc = arc_of(self._disks[slot])
-        if arc is None or home not in arc:
-            words = f"n{slot} acknowledges {name} outside of its durable arc"
-            self.violated(laws.RIGHT_TO_ANSWER, words, location=location, slots=(slot,))
-        # A stray of which the owner has another copy, elsewhere in its arc, is acknowledged for that one.
-        stored = version_at(self._disks[slot], place, location) or self.records(slot).get(place)
-        # What rotted between the commit and the answer was durable, and its loss stands in its history already.
-        has_rotted = stored is None and any(copy.place == place for copy in self.rot.on(slot))
-        if not has_rotted and (stored is None or stored.order < version.order):
-            self.violated(laws.DURABLE, f"n{slot} acknowledges {name}, which its disk does not hold", location=location, slots=(slot,))
-        for other, owner in self._running.items():
-            if other != slot and owner.owns(home) and owner.has_lease():
-                words = f"n{slot} acknowledges {name} while n{other} could"
-                self.violated(laws.ONE_OWNER, words, location=location, slots=(slot, other))
+        holder = Holder(slot, incarnation_of(self._disks[slot]) or b"")
+        has_rotted = any(copy.place == place for copy in self.rot.on(slot))
+        answer = Answer(slot, place, version, location, is_replaced=holder in self._replaced, has_rotted=has_rotted)
+        for law, words, slots in problems_of(answer, self._disks[slot], lambda: self.records(slot).get(place), self._running):
+            self.violated(law, words, location=location, slots=slots)
+        self.keeping.acknowledged(slot, place, version)

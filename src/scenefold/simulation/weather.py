@@ -10,6 +10,7 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from scenefold.simulation.copying import Copying, rack
 from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, TAKEN, VOTER, Fault, Kind, Schedule, Shape, Whom
 
 STORM_S = 42.0
@@ -42,7 +43,7 @@ class Climate:
     """What a schedule is drawn for: `members` False leaves joins, drains and their interruptions out; `mostly_members` has
     little else than these, and crashes.
 
-    `kinds`: none but these, and each of them; (): any, of which each seed lacks some.
+    `kinds`: none but these, and each of them; (): any, of which each seed lacks some. `copying`: how copies are kept, if any are.
     """
 
     nodes: int
@@ -50,12 +51,13 @@ class Climate:
     mostly_members: bool = False
     storm_s: float = STORM_S
     kinds: tuple[Kind, ...] = ()
+    copying: Copying | None = None
 
 
 def draw(seed: int, climate: Climate) -> Schedule:
     """The schedule of a seed."""
     dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}{'/mostly' if climate.mostly_members else ''}")
-    allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
+    allowed = [kind for kind, shape in KINDS.items() if not shape.of_copies and (kind in climate.kinds or not climate.kinds)]
     allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
     kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(_odds(kind, climate), dice))]
     if climate.mostly_members and not climate.kinds:
@@ -68,12 +70,23 @@ def draw(seed: int, climate: Climate) -> Schedule:
     dice.shuffle(kinds)
     spares = iter(range(climate.nodes, climate.nodes + SPARES_MAX))
     faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
+    if climate.copying is not None:
+        faults += _of_copies(seed, climate, spares)
     return tuple(sorted(faults, key=lambda fault: (fault.begin_s, fault.kind.value, fault.slots)))
 
 
 def spares_of(schedule: Schedule, nodes: int) -> list[int]:
     """The slots that a schedule starts beside the founders."""
     return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes})
+
+
+def _of_copies(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:
+    """What comes on top where copies are kept, with dice of its own: everything else in the seed stays as it is without them."""
+    dice = random.Random(f"weather of copies/{seed}/{climate.nodes}")
+    kinds = [kind for kind, shape in KINDS.items() if shape.of_copies and (kind in climate.kinds or not climate.kinds)]
+    kinds = [kind for kind in kinds for _ in range(1 if climate.kinds else _times(KINDS[kind].odds, dice))]
+    faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
+    return [fault for fault in faults if fault.slots]
 
 
 def _odds(kind: Kind, climate: Climate) -> float:
@@ -106,7 +119,7 @@ def _fault(kind: Kind, shape: Shape, climate: Climate, dice: random.Random, spar
     if kind is Kind.KILL_IN_HANDOVER:
         # It lies in wait for a handover from here on; `end_s` only says for how long the node stays down.
         begin_s = QUIET_START_S
-    slots, amount = _slots(shape.whom, climate.nodes, dice, spares), _amount(shape, dice)
+    slots, amount = _slots(shape.whom, climate, dice, spares), _amount(shape, dice)
     if kind is Kind.ONE_WAY and is_long:
         # The voter gives nodes up, so a long cut keeps it from hearing one that all others hear.
         slots = next(slot for slot in slots if slot != VOTER), VOTER
@@ -123,7 +136,16 @@ def _amount(shape: Shape, dice: random.Random) -> float:
     return float(dice.randint(int(low), int(high)))
 
 
-def _slots(whom: Whom, nodes: int, dice: random.Random, spares: Iterator[int]) -> tuple[int, ...]:
+def _slots(whom: Whom, climate: Climate, dice: random.Random, spares: Iterator[int]) -> tuple[int, ...]:
+    nodes, copying = climate.nodes, climate.copying
+    if copying is not None and whom is Whom.COPIES:
+        size = dice.randint(1, min(copying.copies - 1, nodes - 1))
+        return tuple(sorted(dice.sample(range(1, nodes), size)))
+    if copying is not None and whom is Whom.RACK:
+        # Without racks nobody is hit.
+        return rack(dice.randrange(1, copying.racks), copying.racks, nodes) if copying.racks else ()
+    if whom is Whom.SEVERAL:
+        return tuple(sorted(dice.sample(range(nodes), dice.randint(2, nodes))))
     if whom is Whom.ALL:
         return ()
     if whom is Whom.SPARE:

@@ -7,12 +7,14 @@ and others; a wider set gives handovers something to carry. What an act is, and 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
+from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
 from scenefold.client.managed import ManagedPlace
@@ -21,8 +23,10 @@ from scenefold.client.sealing import Opened
 from scenefold.client.space import ABSENT
 from scenefold.client.wishes import Wish
 from scenefold.scene.layout import META, RENDERS
+from scenefold.simulation.copying import KEPT, KEPT_OBJECTS
 from scenefold.simulation.outcome import Workload
 
+Key = tuple[SpaceId, Location]
 CLIENTS = 4
 ACT_S_MAX = 8.0
 """A user gives up; what was sent may still happen."""
@@ -65,8 +69,8 @@ class Places:
 
     hot: tuple[Location, ...]
     wide: tuple[Location, ...]
-    objects: list[ManagedPlace] = field(default_factory=list)
-    """Records of which the nodes chose the places, and where they were. All clients share them, as they do places."""
+    objects: dict[SpaceId, list[ManagedPlace]] = field(default_factory=lambda: defaultdict(list))
+    """Records of which the nodes chose the places, by space, and where they were. All clients share them, as they do places."""
 
 
 def draw_places(seed: int, nodes: int) -> Places:
@@ -100,17 +104,32 @@ class Tally:
     """All that anybody wrote, and where; MANAGED where the nodes chose."""
 
 
+SINGLE = ((META, RENDERS),)
+"""A space in which records have places, and one in which the nodes choose them: what a client works in at a time."""
+WITH_COPIES = (*SINGLE, (KEPT, KEPT_OBJECTS))
+
+
 class Worker:
     """One client at work on one scene."""
 
     def __init__(
-        self, name: str, scene: Scene, places: Places, seed: int, workload: Workload, tally: Tally, nonsense: Callable[[], int]
+        self,
+        name: str,
+        scene: Scene,
+        places: Places,
+        seed: int,
+        workload: Workload,
+        tally: Tally,
+        nonsense: Callable[[], int],
+        pairs: Sequence[tuple[SpaceId, SpaceId]] = SINGLE,
     ) -> None:
         """`nonsense`: how many answers of lying nodes this client was given; then it may say so, and believe none of it."""
         self._name = name
         self._access = scene.access
-        self._space = scene.space(META)
-        self._renders = scene.space(RENDERS).managed
+        self._scene = scene
+        self._pairs = pairs
+        self._in = pairs[0]
+        """Where this act is."""
         self._objects_seen: dict[bytes, bytes] = {}
         """The digest of what this client wrote last to an object."""
         self._places = places
@@ -118,9 +137,9 @@ class Worker:
         self._pause_s = PAUSE_S[workload]
         self._tally = tally
         self._nonsense = nonsense
-        self._newest: dict[Location, tuple[Opened, int]] = {}
+        self._newest: dict[Key, tuple[Opened, int]] = {}
         """What was read last at a place, and how often the client had noticed there that it was led back."""
-        self._seen: dict[Location, bytes | None] = {}
+        self._seen: dict[Key, bytes | None] = {}
         """The digest last seen at a place; None: nothing was there."""
 
     async def run(self, stop: trio.Event) -> None:
@@ -128,6 +147,8 @@ class Worker:
         acts, weights = list(_ACTS), list(_ACTS.values())
         while not stop.is_set():
             await trio.sleep(self._dice.random() * 2 * self._pause_s)
+            if len(self._pairs) > 1:
+                self._in = self._dice.choice(self._pairs)
             await self.act(self._dice.choices(acts, weights)[0])
 
     async def act(self, act: str) -> None:
@@ -165,10 +186,10 @@ class Worker:
             case "put over":
                 await self._put_over(place)
             case "delete":
-                self._seen.pop(place, None)
+                self._seen.pop(self._key(place), None)
                 # Where it has deleted something itself, nothing is nothing less.
-                self._newest.pop(place, None)
-                await self._space.delete(place)
+                self._newest.pop(self._key(place), None)
+                await self._scene.space(self._in[0]).delete(place)
             case "get":
                 await self._get([place])
             case "get many":
@@ -185,9 +206,9 @@ class Worker:
                 await self._do_managed(act)
 
     async def _do_managed(self, act: str) -> None:
-        known, dice = self._places.objects, self._dice
+        known, dice, managed = self._places.objects[self._in[1]], self._dice, self._scene.space(self._in[1]).managed
         if act == "put managed" or not known:
-            stored = await self._renders.put(self._payload_of(MANAGED))
+            stored = await managed.put(self._payload_of(MANAGED))
             known.append(stored.place)
             self._objects_seen[stored.place.object] = stored.digest
             return
@@ -196,63 +217,69 @@ class Worker:
         match act:
             case "replace managed":
                 expect = self._objects_seen.pop(place.object, None) if dice.random() < 0.5 else None
-                stored = await self._renders.replace(place, self._payload_of(MANAGED), expect=expect)
+                stored = await managed.replace(place, self._payload_of(MANAGED), expect=expect)
                 self._objects_seen[place.object] = stored.digest
             case "delete managed":
                 self._objects_seen.pop(place.object, None)
-                await self._renders.delete(place)
+                await managed.delete(place)
             case "list managed":
-                async for _ in self._renders.query(deleted=True):
+                async for _ in managed.query(deleted=True):
                     pass
             case _:
-                payloads = await self._renders.get([place, *dice.sample(known, min(2, len(known)))])
+                payloads = await managed.get([place, *dice.sample(known, min(2, len(known)))])
                 if any(payload is not None and (MANAGED, payload) not in self._tally.written for payload in payloads):
                     self._tally.wrong.append(f"{self._name}: get: an object that nobody wrote")
 
     async def _put_over(self, place: Location) -> None:
         """Replace what was last seen there."""
-        if self._seen.get(place) is None:
+        key = self._key(place)
+        if self._seen.get(key) is None:
             await self._get([place])
-        await self._put(place, self._seen.get(place) or ABSENT)
+        await self._put(place, self._seen.get(key) or ABSENT)
 
     async def _list(self, first: Location, last: Location) -> None:
-        async for _ in self._space.query(first, last, deleted=True):
+        async for _ in self._scene.space(self._in[0]).query(first, last, deleted=True):
             pass
 
     async def _put(self, place: Location, expect: bytes | None) -> None:
-        self._seen.pop(place, None)
-        (placed,) = await self._access.put([Wish(META, place, self._payload_of(place), expect)])
+        key = self._key(place)
+        self._seen.pop(key, None)
+        (placed,) = await self._access.put([Wish(*key, self._payload_of(place), expect)])
         if not placed.reason:
-            self._seen[place] = placed.digest
+            self._seen[key] = placed.digest
 
     async def _put_many(self, places: list[Location], sizes: tuple[int, ...]) -> None:
         for place in places:
-            self._seen.pop(place, None)
-        await self._access.put([Wish(META, place, self._payload_of(place, sizes)) for place in places])
+            self._seen.pop(self._key(place), None)
+        await self._access.put([Wish(*self._key(place), self._payload_of(place, sizes)) for place in places])
 
     async def _get(self, places: list[Location]) -> None:
-        found = await self._access.get([(META, place) for place in places])
-        for place, record in zip(places, found, strict=True):
-            self._seen[place] = None if record is None else record.digest
-            self._check_noticed(place, record)
+        keys = [self._key(place) for place in places]
+        found = await self._access.get(keys)
+        for key, place, record in zip(keys, places, found, strict=True):
+            self._seen[key] = None if record is None else record.digest
+            self._check_noticed(key, record)
             if record is not None and not record.deleted and (place, record.payload) not in self._tally.written:
                 self._tally.wrong.append(f"{self._name}: get: what nobody wrote there")
 
-    def _check_noticed(self, place: Location, record: Opened | None) -> None:
-        """Who is given less than it has read before must notice: while there is one copy, that is all that it can do."""
-        noticed = self._access.setbacks.of((META, place))
-        before, noticed_before = self._newest.get(place, (None, 0))
+    def _key(self, place: Location) -> Key:
+        return self._in[0], place
+
+    def _check_noticed(self, key: Key, record: Opened | None) -> None:
+        """Who is given less than it has read before must notice: where there is one copy, that is all that it can do."""
+        noticed = self._access.setbacks.of(key)
+        before, noticed_before = self._newest.get(key, (None, 0))
         if record is not None:
-            self._newest[place] = record, noticed
+            self._newest[key] = record, noticed
         elif before is not None:
-            del self._newest[place]
+            del self._newest[key]
         if before is None or noticed > noticed_before:
             return
-        if record is None and self._access.setbacks.ends_deleted((META, place)):
+        if record is None and self._access.setbacks.ends_deleted(key):
             # A read within another operation (before a write, in a list) has met a deletion meanwhile.
             return
         if before.version > record.version if record is not None else not before.deleted:
-            self._tally.wrong.append(f"{self._name}: get: less than it has read before at {place.hex()[:8]}…, and does not notice")
+            self._tally.wrong.append(f"{self._name}: get: less than it has read before at {key[1].hex()[:8]}…, and does not notice")
 
     def _payload_of(self, place: bytes, sizes: tuple[int, ...] = PAYLOAD_BYTES) -> bytes:
         payload = self._payload(sizes)

@@ -18,7 +18,7 @@ from scenefold.simulation.disks import place_of, records_of
 from scenefold.simulation.history import Loss, Place, Version
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.watch import Watch
-from scenefold.store.layout import HOLDING, IDENTITY, RECORDS, pack_record, record_key
+from scenefold.store.layout import HOLDING, IDENTITY, OBJECTS, RECORDS, pack_record, record_key
 from scenefold.store.sealing import sealed
 from scenefold.wire import Member
 
@@ -39,8 +39,9 @@ class Machine:
     """A disk, and a node that answers as it is told to."""
 
     def __init__(self, slot: int) -> None:
-        self.tables: dict[str, dict[bytes, bytes]] = {RECORDS: {}, HOLDING: {}, IDENTITY: {}}
+        self.tables: dict[str, dict[bytes, bytes]] = {RECORDS: {}, OBJECTS: {}, HOLDING: {}, IDENTITY: {}}
         self.tables[IDENTITY] = {b"incarnation": sealed(IDENTITY, b"incarnation", member(slot).incarnation)}
+        self.last_commit: list[tuple[bytes, bytes | None]] = []
         self.lease = True
         self.holding = Holding()
 
@@ -48,6 +49,9 @@ class Machine:
         return self.tables[table]
 
     written = peek
+
+    def replaced(self, table: str, /) -> list[tuple[bytes, bytes | None]]:
+        return self.last_commit if table == RECORDS else []
 
     def owns(self, location: Location) -> bool:
         return self.holding.owns(location)

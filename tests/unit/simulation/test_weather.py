@@ -6,22 +6,26 @@ from collections import Counter
 
 import pytest
 
+from scenefold.simulation.copying import Copying, rack
 from scenefold.simulation.faults import KINDS, VOTER, Fault, Kind, Whom
 from scenefold.simulation.outcome import WORKLOADS, Order
 from scenefold.simulation.weather import FAULTS_MIN, LONG_S, MEMBERSHIP, Climate, draw, spares_of
 from scenefold.simulation.workload import PAUSE_S
 
 FIVE = Climate(5)
+KEEPING = Climate(5, copying=Copying(3, 2, 3))
+ALONE = [kind for kind in Kind if not KINDS[kind].of_copies]
+"""Kinds of storms in which every record lies on one disk."""
 
 
 def test_a_thousand_seeds_have_five_hundred_of_each_kind_with_room_to_spare() -> None:
     counts = Counter(fault.kind for seed in range(1000) for fault in draw(seed, FIVE))
-    assert {kind: counts[kind] for kind in Kind if counts[kind] < 600} == {}
+    assert {kind: counts[kind] for kind in ALONE if counts[kind] < 600} == {}
 
 
 def test_each_kind_is_missing_in_a_quarter_of_all_seeds() -> None:
     there = Counter(kind for seed in range(1000) for kind in {fault.kind for fault in draw(seed, FIVE)})
-    assert {kind: there[kind] for kind in Kind if there[kind] > 750} == {}
+    assert {kind: there[kind] for kind in ALONE if there[kind] > 750} == {}
 
 
 def test_a_seed_is_a_schedule() -> None:
@@ -97,5 +101,30 @@ def test_any_size_can_be_drawn(nodes: int) -> None:
 
 def test_a_fault_reads_like_a_sentence() -> None:
     lines = {fault.kind: str(fault) for seed in range(30) for fault in draw(seed, FIVE)}
-    assert set(lines) == set(Kind)
+    assert set(lines) == set(ALONE)
     assert all(kind.value in line for kind, line in lines.items())
+
+
+def test_with_copies_a_seed_has_all_that_it_has_without_and_often_more() -> None:
+    counts = Counter[Kind]()
+    for seed in range(300):
+        more = set(draw(seed, KEEPING)) - set(draw(seed, FIVE))
+        assert len(draw(seed, KEEPING)) == len(draw(seed, FIVE)) + len(more)
+        assert all(KINDS[fault.kind].of_copies for fault in more)
+        counts.update({fault.kind for fault in more})
+    assert set(counts) == {kind for kind in Kind if KINDS[kind].of_copies}
+    assert min(counts.values()) > 100 and max(counts.values()) < 225
+
+
+def test_fewer_nodes_are_lost_at_once_than_there_are_copies_or_a_rack_and_never_the_voter() -> None:
+    for seed in range(300):
+        for fault in draw(seed, KEEPING):
+            if KINDS[fault.kind].whom is Whom.COPIES:
+                assert 1 <= len(fault.slots) <= 2 and VOTER not in fault.slots
+            if KINDS[fault.kind].whom is Whom.RACK:
+                assert fault.slots in (rack(1, 3, 5), rack(2, 3, 5))
+
+
+def test_who_stands_in_no_rack_loses_none() -> None:
+    schedules = [draw(seed, Climate(5, copying=Copying(2, 2, 0))) for seed in range(100)]
+    assert not any(fault.kind is Kind.LOST_RACK for schedule in schedules for fault in schedule)

@@ -165,6 +165,10 @@ class SimDisk:
         sound = self.rotten(table)
         return ChainMap(sound, dict(self.peek(table))) if sound else self.peek(table)
 
+    def replaced(self, table: str) -> list[tuple[bytes, bytes | None]]:
+        """What the last commit changed in a table: the keys, each with what was there before (None: nothing)."""
+        return [(key, before) for folder in self._folders.values() for name, key, before in folder.last_commit if name == table]
+
     def rotten(self, table: str) -> dict[bytes, bytes]:
         """The values that have rotted and are still there, as they were written."""
         return {

@@ -1,0 +1,86 @@
+"""After the storm: does each record lie where the rules say, and nowhere else? (specs/17-simulation.md, Laws: as many copies again)
+
+Read off true disks. Where copies belong is computed here anew from arcs and racks, and not asked of nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scenefold.base.location import Arc
+from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.copying import holders
+from scenefold.simulation.disks import Disk, arc_of, copies_of, records_of
+from scenefold.simulation.history import Place, Version
+from scenefold.store.layout import DEBTS, space_of, spot_of
+
+Wrong = tuple[str, tuple[int, ...]]
+"""In words, and on which slots."""
+
+
+def is_held(cluster: Cluster, disk: Disk, key: bytes) -> bool:
+    """Whether a record lies on a disk by custody: held for its owner."""
+    rule = cluster.watch.keeping.rules.get(space_of(key))
+    copies = None if rule is None else copies_of(disk)
+    if rule is None or copies is None:
+        return False
+    home = spot_of(key).home
+    return any(entry.layout == rule.layout and home in entry.arc for entry in copies.custody.entries)
+
+
+def wrong_copies(cluster: Cluster, members: set[int]) -> Iterator[Wrong]:
+    """Everything that is not as it should be; the members' arcs tile the line."""
+    if not cluster.watch.keeping.rules:
+        return
+    nodes = [cluster.nodes[slot] for slot in sorted(members)]
+    for node in nodes:
+        yield from _unsettled(node)
+    yield from _misplaced(cluster, nodes)
+
+
+def _unsettled(node: Node) -> Iterator[Wrong]:
+    owed = len(node.disk.peek(DEBTS))
+    if owed:
+        yield f"n{node.slot} still owes copies of {owed} records", (node.slot,)
+    copies = copies_of(node.disk)
+    if copies is None:
+        return
+    if copies.unrecovered:
+        yield f"n{node.slot} still recovers {_span(copies.unrecovered[0])}", (node.slot,)
+    me = copies.configurations.me
+    for segment in copies.configurations.segments:
+        if not segment.is_idle(me):
+            untold = ", ".join(str(member.node) for member in segment.untold(me))
+            state = "changes" if segment.change is not None else f"has not told {untold}" if untold else "has no configuration of its own"
+            yield f"n{node.slot} {state} in {_span(segment.arc)}", (node.slot,)
+            return
+
+
+def _misplaced(cluster: Cluster, nodes: list[Node]) -> Iterator[Wrong]:
+    keeping, rot, copying = cluster.watch.keeping, cluster.watch.rot, cluster.habits.copying
+    arcs = {node.node_id: arc for node in nodes if (arc := arc_of(node.disk)) is not None}
+    found: dict[Place, dict[int, Version]] = {}
+    for node in nodes:
+        for place, version in records_of(node.disk).items():
+            if keeping.has(place):
+                found.setdefault(place, {})[node.slot] = version
+    for place, versions in sorted(found.items()):
+        owner = next(node for node in arcs if place.home in arcs[node])
+        slot = cluster.slot_of(owner)
+        forbidden = () if copying is None else copying.forbidden_to(slot)
+        rule = keeping.rules[place.scene, place.space]
+        wanted = {slot, *map(cluster.slot_of, holders(rule, place.home, owner, arcs, forbidden))}
+        best = max(versions.values(), key=lambda version: version.order)
+        # A copy that has rotted is not known to have before it is read.
+        lacking = [other for other in sorted(wanted) if versions.get(other) != best and not rot.is_at(other, place)]
+        beside = sorted(versions.keys() - wanted)
+        if lacking or beside:
+            name = f"{best.digest.hex()[:6]} of {place.location.hex()[:8]}… in space {place.space}, which n{slot} owns"
+            words = [f"is not on {', '.join(f'n{other}' for other in lacking)}"] if lacking else []
+            words += [f"is on {', '.join(f'n{other}' for other in beside)} for no reason"] if beside else []
+            yield f"{name}, {', and '.join(words)}", tuple(sorted({slot, *lacking, *beside}))
+            return
+
+
+def _span(arc: Arc) -> str:
+    return f"{arc.first.hex()[:8]}… to {arc.last.hex()[:8]}…"

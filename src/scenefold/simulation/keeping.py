@@ -1,0 +1,198 @@
+"""Copies on the true disks: enough of them before anything is told, and none gone that is needed (specs/17-simulation.md, Copies).
+
+A version is *told* once a node has acknowledged it or a client has read it: then it must lie on as many disks as its space asks for.
+From then on a copy leaves a disk only if the place's owner has that version or a newer one, and enough disks do. So a told version is
+lost only with that many disks: a disk that is gone (lost, put back, or its node's incarnation removed) is a *witness* of all that lay on it.
+Versions that never lay on enough disks to be told are excused by nothing, and need not be: nobody has heard of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
+
+from scenefold.base.location import Location
+from scenefold.simulation import laws
+from scenefold.simulation.copying import Rule, rack_of
+from scenefold.simulation.custody import Lost
+from scenefold.simulation.disks import Disk, found_at, incarnation_of, place_of, version_in
+from scenefold.simulation.history import Place, Version
+from scenefold.simulation.lineage import Holder
+from scenefold.store.layout import RECORDS
+
+RECENT_S = 60.0
+"""So long nodes may count on a disk that is gone: until its node is removed, and that is known and waited for."""
+
+Violated = Callable[[str, str, bytes, tuple[int, ...]], None]
+IsRotten = Callable[[int, Place], bool]
+
+
+class Witness(NamedTuple):
+    """What lay on a disk that is gone, or has rotted there, and since when it is gone."""
+
+    version: Version
+    at_s: float
+
+
+class Keeping:
+    """Of a run that keeps copies. Without `rules` it has nothing to judge."""
+
+    def __init__(
+        self,
+        disks: Mapping[int, Disk],
+        now: Callable[[], float],
+        owner_of: Callable[[Location], int | None],
+        is_rotten: IsRotten,
+        violated: Violated,
+    ) -> None:
+        self.rules: dict[tuple[int, int], Rule] = {}
+        """By scene and space; all others have one copy."""
+        self.racks = 0
+        self.members: frozenset[Holder] = frozenset()
+        """Who is registered, as the voter last said."""
+        self._fewest = 0
+        self._disks = disks
+        self._now = now
+        self._owner_of = owner_of
+        self._is_rotten = is_rotten
+        self._violated = violated
+        self._told: dict[Place, Version] = {}
+        self._witnesses: dict[Place, dict[int, Witness]] = {}
+        """By slot: a machine that loses one disk after the other is one witness."""
+        self._gone: set[Holder] = set()
+
+    def has(self, place: Place) -> bool:
+        """Whether there are to be copies of what lies there."""
+        return (place.scene, place.space) in self.rules
+
+    def registered(self, members: frozenset[Holder]) -> None:
+        """The log says so. Where fewer nodes are left than a space asks for, all that there are is enough."""
+        self.members = members
+        self._fewest = min(self._fewest or len(members), len(members))
+
+    def needed(self, place: Place) -> int:
+        return min(self.rules[place.scene, place.space].needed, self._fewest or 1)
+
+    # ------------------------------------------------------------------------------------------------------ telling
+
+    def acknowledged(self, slot: int, place: Place, version: Version) -> None:
+        """A node is about to answer that this is stored: none of the disks that count may be one that it forbids."""
+        if not self.has(place):
+            return
+        self._tell(place, version)
+        held = self._held(place, version)
+        allowed = {other for other in held if other == slot or not self.racks or rack_of(other, self.racks) != rack_of(slot, self.racks)}
+        if len(allowed) < self.needed(place):
+            beside = "" if allowed == held else f", and n{slot} forbids {_names(held - allowed)}"
+            words = f"n{slot} acknowledges {_name(place, version)} with {_names(allowed)} only{beside}; {self.needed(place)} must have it"
+            self._violated(laws.COPIED, words, place.location, (slot, *sorted(held)))
+
+    def read(self, who: str, place: Place, version: Version) -> None:
+        """A client is told by an owner, or by enough holders, that this is there."""
+        if not self.has(place):
+            return
+        self._tell(place, version)
+        held = self._held(place, version)
+        if len(held) < self.needed(place):
+            words = f"{who} reads {_name(place, version)}, which lies on {_names(held)} only; {self.needed(place)} must have it"
+            self._violated(laws.COPIED, words, place.location, tuple(sorted(held)))
+
+    def _tell(self, place: Place, version: Version) -> None:
+        told = self._told.get(place)
+        if told is None or told.order < version.order:
+            self._told[place] = version
+
+    def _held(self, place: Place, version: Version) -> set[int]:
+        """The disks that have this or something newer, and those that had it a while ago and are gone."""
+        found = {slot for slot, disk in self._disks.items() if _is_newer(found_at(disk, place), version)}
+        since = self._now() - RECENT_S
+        witnesses = self._witnesses.get(place, {}).items()
+        return found | {
+            slot
+            for slot, witness in witnesses
+            if witness.version.order >= version.order and (witness.at_s > since or self._is_rotten(slot, place))
+        }
+
+    # ------------------------------------------------------------------------------------------------------ leaving
+
+    def committed(self, slot: int) -> list[Lost]:
+        """Something has become durable on a disk: of what was told, nothing may have left it that is needed. What is lost by that."""
+        if not self.rules:
+            return []
+        losses = []
+        for key, before in self._disks[slot].replaced(RECORDS):
+            if before is None or (told := self._told.get(place := place_of(key))) is None:
+                continue
+            if _is_newer(version_in(before), told) and not _is_newer(found_at(self._disks[slot], place), told):
+                self._leaves(slot, place, told)
+                losses += self._lost(place)
+        return losses
+
+    def _leaves(self, slot: int, place: Place, version: Version) -> None:
+        held, owner = self._held(place, version), self._owner_of(place.home)
+        if len(held) < self.needed(place) or owner not in (None, *held):
+            beside = "" if owner in (None, *held) else f", and not on n{owner}, which owns the place"
+            words = f"{_name(place, version)} leaves n{slot}, and lies on {_names(held)} only{beside}; {self.needed(place)} must have it"
+            self._violated(laws.KEPT, words, place.location, (slot, *sorted(held)))
+
+    # ------------------------------------------------------------------------------------------------------- losses
+
+    def gone(self, slot: int, incarnation: bytes | None, before: Mapping[Place, Version]) -> list[Lost]:
+        """A disk is gone, or its node's incarnation is removed: what of it cannot be asked for."""
+        if not self.rules or incarnation is None or (holder := Holder(slot, incarnation)) in self._gone:
+            return []
+        self._gone.add(holder)
+        return self._witnessed(slot, {place: version for place, version in before.items() if self.has(place)})
+
+    def rotted(self, slot: int, place: Place, version: Version | None) -> list[Lost]:
+        """One copy cannot be read any more."""
+        if not self.has(place) or version is None:
+            return []
+        return self._witnessed(slot, {place: version})
+
+    def _witnessed(self, slot: int, versions: Mapping[Place, Version]) -> list[Lost]:
+        for place, version in versions.items():
+            found = self._witnesses.setdefault(place, {})
+            before = found.get(slot)
+            highest = version if before is None else max(before.version, version, key=lambda known: known.order)
+            found[slot] = Witness(highest, self._now())
+        return [lost for place in sorted(versions) for lost in self._lost(place)]
+
+    def _lost(self, place: Place) -> list[Lost]:
+        """The highest version that was on as many disks as must be gone for that, if no member has it or a newer one."""
+        gone = sorted((witness.version for witness in self._witnesses.get(place, {}).values()), key=lambda version: version.order)
+        needed = self.needed(place)
+        if len(gone) < needed:
+            return []
+        highest = gone[-needed]
+        there = {slot: version for slot in self._disks if (version := self._sound(slot, place)) is not None}
+        alive = [version for slot, version in there.items() if self._counts(slot)]
+        best = max(alive, default=None, key=lambda version: version.order)
+        if _is_newer(best, highest):
+            return []
+        # What is written from here on needs witnesses of its own.
+        self._told.pop(place, None)
+        self._witnesses.pop(place)
+        left = {version for version in there.values() if best is None or version.order >= best.order}
+        return [Lost(place, tuple(sorted(left, key=lambda version: version.order)), highest, best is None)]
+
+    def _sound(self, slot: int, place: Place) -> Version | None:
+        return None if self._is_rotten(slot, place) else found_at(self._disks[slot], place)
+
+    def _counts(self, slot: int) -> bool:
+        """Whether a disk's node is asked what lies there."""
+        holder = Holder(slot, incarnation_of(self._disks[slot]) or b"")
+        return holder in self.members and holder not in self._gone
+
+
+def _is_newer(version: Version | None, than: Version) -> bool:
+    """This version, or a newer one."""
+    return version is not None and version.order >= than.order
+
+
+def _name(place: Place, version: Version) -> str:
+    return f"{version.digest.hex()[:6]} of {place.location.hex()[:8]}… in space {place.space}"
+
+
+def _names(slots: Iterable[int]) -> str:
+    return ", ".join(f"n{slot}" for slot in sorted(slots)) or "no disk"

@@ -1,0 +1,155 @@
+"""If this fails, a record may be told that lies on too few disks, or lose copies that are needed, and the judge says nothing; or it blames who is right."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenefold.simulation import laws
+from scenefold.simulation.copying import Rule
+from scenefold.simulation.disks import records_of
+from scenefold.simulation.history import Loss
+from scenefold.simulation.keeping import RECENT_S
+from scenefold.simulation.lineage import Holder
+from scenefold.store.layout import RECORDS
+from unit.simulation.test_watch import HERE, PLACE, SCENE, SPACE, Stage, member, record, version
+
+OWNER = 1
+
+
+def stage_with(*slots: int, needed: int = 2, racks: int = 0, seq: int = 1) -> Stage:
+    """The record lies on these disks; machine 1 owns its place."""
+    stage = Stage()
+    stage.watch.keeping.rules[SCENE, SPACE] = Rule((HERE, HERE), needed)
+    stage.watch.keeping.racks = racks
+    stage.watch.keeping.registered(frozenset(Holder(slot, member(slot).incarnation) for slot in stage.machines))
+    for slot in slots:
+        stage.machines[slot].store(record(seq))
+    return stage
+
+
+def told(stage: Stage) -> Stage:
+    stage.watch.acknowledges(OWNER, PLACE, version(1), HERE)
+    assert stage.laws == []
+    return stage
+
+
+def drops(stage: Stage, slot: int) -> None:
+    """A commit in which the copy leaves a disk."""
+    machine = stage.machines[slot]
+    machine.last_commit = list(machine.tables[RECORDS].items())
+    machine.tables[RECORDS] = {}
+    stage.watch.committed(slot)
+
+
+def loses(stage: Stage, slot: int) -> None:
+    """The disk is gone; an empty one, of another incarnation, takes its place."""
+    before = records_of(stage.machines[slot])
+    stage.machines[slot].tables[RECORDS] = {}
+    stage.watch.disk_replaced(slot, before, member(slot).incarnation, "is lost")
+
+
+def losses(stage: Stage) -> list[Loss]:
+    return [event for event in stage.watch.recorder.histories.of(PLACE) if isinstance(event, Loss)]
+
+
+@pytest.mark.parametrize(("slots", "right"), [((1,), False), ((1, 2), True), ((0, 1, 2), True)])
+def test_what_is_told_is_on_as_many_disks_as_it_must(slots: tuple[int, ...], right: bool) -> None:
+    by_node, by_reader = stage_with(*slots), stage_with(*slots)
+    by_node.watch.acknowledges(OWNER, PLACE, version(1), HERE)
+    by_reader.watch.recorder.told("c", PLACE, version(1))
+    assert by_node.laws == by_reader.laws == ([] if right else [laws.COPIED])
+
+
+def test_a_disk_that_the_owner_forbids_does_not_count() -> None:
+    stage = stage_with(0, 1, racks=1)
+    stage.watch.acknowledges(OWNER, PLACE, version(1), HERE)
+    assert stage.laws == [laws.COPIED]
+    assert stage_with(0, 1, racks=2) and told(stage_with(0, 1, racks=2))
+
+
+def test_fewer_nodes_than_must_hold_it_are_enough() -> None:
+    stage = stage_with(1)
+    stage.watch.keeping.registered(frozenset({Holder(1, member(1).incarnation)}))
+    told(stage)
+
+
+def test_a_disk_that_was_lost_a_moment_ago_counts_and_later_does_not() -> None:
+    for after_s, right in ((RECENT_S / 2, True), (RECENT_S * 2, False)):
+        stage = stage_with(1, 2)
+        loses(stage, 2)
+        stage.now = after_s
+        stage.watch.acknowledges(OWNER, PLACE, version(1), HERE)
+        assert stage.laws == ([] if right else [laws.COPIED])
+
+
+def test_a_copy_may_leave_if_enough_are_left_and_the_owner_has_one() -> None:
+    stage = told(stage_with(0, 1, 2))
+    drops(stage, 2)
+    assert stage.laws == []
+    drops(stage, 0)
+    assert stage.laws == [laws.KEPT]
+
+
+def test_a_copy_may_not_leave_if_the_owner_has_none() -> None:
+    stage = told(stage_with(0, 1, 2))
+    drops(stage, OWNER)
+    assert stage.laws == [laws.KEPT]
+
+
+def test_what_was_never_told_may_leave() -> None:
+    stage = stage_with(0, 1, 2)
+    drops(stage, 0)
+    drops(stage, 1)
+    assert stage.laws == []
+
+
+def test_what_lies_on_a_disk_that_is_left_is_not_lost() -> None:
+    stage = told(stage_with(0, 1, 2))
+    loses(stage, 0)
+    loses(stage, 1)
+    assert losses(stage) == []
+    loses(stage, 2)
+    assert [(loss.newest, loss.or_nothing) for loss in losses(stage)] == [(version(1), True)]
+
+
+def test_what_was_on_too_few_disks_to_be_told_is_excused_by_nothing() -> None:
+    stage = stage_with(0, 2)
+    stage.machines[OWNER].store(record(2))
+    loses(stage, OWNER)
+    assert losses(stage) == []
+
+
+def test_an_older_version_on_a_disk_that_is_left_must_be_there() -> None:
+    stage = stage_with(1, 2, seq=2)
+    stage.machines[0].store(record(1))
+    loses(stage, 1)
+    loses(stage, 2)
+    assert [(loss.newest, loss.left, loss.or_nothing) for loss in losses(stage)] == [(version(2), (version(1),), False)]
+
+
+def test_who_is_removed_is_not_asked_and_may_bring_it_back() -> None:
+    stage = told(stage_with(1, 2))
+    loses(stage, OWNER)
+    assert losses(stage) == []
+    stage.watch.removed(2, member(2).incarnation)
+    assert [(loss.newest, loss.left, loss.or_nothing) for loss in losses(stage)] == [(version(1), (version(1),), True)]
+
+
+def test_one_machine_that_loses_two_disks_is_one_witness() -> None:
+    stage = told(stage_with(1, 2))
+    loses(stage, 2)
+    stage.machines[2].store(record(1))
+    stage.watch.keeping.gone(2, b"another", records_of(stage.machines[2]))
+    stage.machines[2].tables[RECORDS] = {}
+    drops(stage, OWNER)
+    assert losses(stage) == []
+
+
+def test_what_is_written_after_a_loss_needs_witnesses_of_its_own() -> None:
+    stage = told(stage_with(1, 2, seq=1))
+    for slot in (1, 2):
+        loses(stage, slot)
+    assert len(losses(stage)) == 1
+    stage.machines[0].store(record(1))
+    stage.watch.keeping.gone(0, member(0).incarnation, records_of(stage.machines[0]))
+    assert len(losses(stage)) == 1
