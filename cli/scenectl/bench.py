@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App
 
-from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, size_text, table
+from scenectl.copies import CopiesOption, MinCopiesOption
+from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
 from scenectl.values import (
     HD_QUARTER,
     ONE_AND_FIVE,
     ColourOption,
     NodeCountsOption,
-    PortPair,
     PortsOption,
     SizeOption,
     cluster_ports,
     whole,
 )
+from scenefold.base.limits import COPIES_DEFAULT
 
 app = App(name="bench", help="Measure, as the project's own documentation does.", help_format="plaintext")
 
@@ -57,36 +57,43 @@ def curve(
 @app.command
 def store(
     *,
-    records: Annotated[int, whole(1, 1_000_000)] = 1000,
-    record_bytes: Annotated[int, whole(1, 60 * 1024)] = 60 * 1024,
     nodes: Annotated[int | None, whole(1, 127)] = None,
+    copies: CopiesOption = COPIES_DEFAULT,
+    min_copies: MinCopiesOption | None = None,
+    mib: Annotated[int, whole(1, 1 << 20)] = 64,
+    small_records: Annotated[int, whole(1, 1 << 24)] = 4096,
+    seconds: Annotated[int, whole(1, 3600)] = 120,
     ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Measure durable writes and reads through the whole path: sealed, signed, sent, verified, stored, and back.
 
-    Example: scenectl bench store --records 1000 --nodes 3
+    Example: scenectl bench store --nodes 5 --copies 3 --mib 256
 
     Parameters
     ----------
-    records
-        Number of records.
-    record_bytes
-        Payload of each.
     nodes
         Nodes of the cluster that is started when no profile is given; by default 3.
+    copies
+        How many nodes shall hold each record.
+    min_copies
+        How many must hold a record before it counts as written; by default 2, or as many as there are copies.
+    mib
+        MiB of records of 60 KiB.
+    small_records
+        Number of records of 8 KiB.
+    seconds
+        Most that each of the four measurements may take; what was done until then counts.
     ports
-        Their ports, LOW,HIGH; by default 17349,17350.
+        Ports of the nodes, LOW,HIGH; by default 17349,17350.
     """
+    from scenectl.bench_store import StoreBench, bench_store, bench_text
     from scenectl.running import run
 
     check_own_cluster("scenectl bench store", output.profile, {"--nodes": (nodes, ""), "--ports": (ports, "SCENEFOLD_PORTS")})
-    result = run(_measure_store, output.profile, 3 if nodes is None else nodes, ports, records, record_bytes)
-    rows = [
-        ("write", f"{result['write_records_per_second']:,}", size_text(result["write_bytes_per_second"]) + "/s"),
-        ("read", f"{result['read_records_per_second']:,}", size_text(result["read_bytes_per_second"]) + "/s"),
-    ]
-    emit(output, result, table(("direction", "records/s", "payload"), rows))
+    bench = StoreBench(mib=mib, small_records=small_records, copies=copies, min_copies=min_copies, seconds=seconds)
+    result = run(bench_store, bench, output.profile, 3 if nodes is None else nodes, cluster_ports(ports))
+    emit(output, result, bench_text(result))
 
 
 @app.command
@@ -219,42 +226,3 @@ def render(
     with Progress(quiet=output.json) as progress:
         result = run(bench_render, bench, progress)
     emit(output, result, bench_text(result))
-
-
-async def _measure_store(profile: str | None, nodes: int, ports: PortPair | None, records: int, record_bytes: int) -> dict[str, Any]:
-    import os
-    from contextlib import AsyncExitStack
-
-    from scenectl.running import connected
-    from scenefold.base.ids import SpaceId
-    from scenefold.base.location import LINE_LENGTH, Location
-    from scenefold.client import connect
-    from scenefold.node.local import local_cluster
-
-    async with AsyncExitStack() as stack:
-        if profile is None:
-            embedded = await stack.enter_async_context(local_cluster(nodes, ports=cluster_ports(ports)))
-            cluster = await stack.enter_async_context(connect(embedded.profile))
-        else:
-            cluster = await stack.enter_async_context(connected(profile))
-        scene = await cluster.scenes.create(f"bench-{os.urandom(4).hex()}")
-        space = scene.space(SpaceId(10))
-        payload = os.urandom(record_bytes)
-        places = [Location.from_number(LINE_LENGTH * index // records) for index in range(records)]
-        begun = time.monotonic()
-        await space.put_many([(place, payload) for place in places])
-        written = time.monotonic()
-        found = await space.get_many(places)
-        read = time.monotonic()
-        assert found == [payload] * records
-        count = len(await cluster.nodes())
-    write_s, read_s = written - begun, read - written
-    return {
-        "nodes": count,
-        "records": records,
-        "record_bytes": record_bytes,
-        "write_records_per_second": round(records / write_s),
-        "write_bytes_per_second": round(records * record_bytes / write_s),
-        "read_records_per_second": round(records / read_s),
-        "read_bytes_per_second": round(records * record_bytes / read_s),
-    }
