@@ -219,6 +219,10 @@ CLIENT_REQUEST_S = 30.0
 """Seconds that a node may take to answer: a durable write behind a full queue on an old disk."""
 CLIENT_NEXT_S = 2.0
 """Seconds of silence of one node after which another one is asked as well, where any may answer."""
+CLIENT_HEDGE_S = 0.5
+"""So long a read waits for an owner before holders of copies are asked as well, as long as it is not known how long answers take."""
+CLIENT_HEDGE_S_MIN = 0.01
+"""However fast answers are: a node that does something else for a moment is no reason to ask two others."""
 CLIENT_ASKED_MAX = 3
 """Nodes that are asked one question at a time, where any may answer."""
 CLIENT_OPINIONS = 3

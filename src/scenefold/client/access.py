@@ -19,6 +19,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.copies import check_no_shadow
+from scenefold.client.copy_reads import CopyReads
 from scenefold.client.delivery import fetch
 from scenefold.client.known_log import LOOK_S
 from scenefold.client.putting import put
@@ -228,7 +229,9 @@ class SceneAccess:
         """The records as they lie there, unverified; see `delivery.fetch`."""
         for space in {key[0] for key in keys}:
             check_no_shadow(self.identity.layouts, space, "read")
-        return await fetch(self.calls, self.identity.scene, self.identity.position, keys, stale_ok=stale_ok)
+        identity = self.identity
+        copies = CopyReads(self.calls, identity.scene, identity.layouts)
+        return await fetch(self.calls, identity.scene, identity.position, keys, stale_ok=stale_ok, copies=copies)
 
     async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
         """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""

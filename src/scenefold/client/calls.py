@@ -20,6 +20,8 @@ from scenefold.base.limits import (
     CLIENT_ASKED_MAX,
     CLIENT_FRAMES_IN_FLIGHT,
     CLIENT_FRAMES_PER_NODE,
+    CLIENT_HEDGE_S,
+    CLIENT_HEDGE_S_MIN,
     CLIENT_NEXT_S,
     CLIENT_OPINION_S,
     CLIENT_OPINIONS,
@@ -31,6 +33,7 @@ from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.key_use import KeyUse
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
+from scenefold.client.tail import Tail
 from scenefold.client.trying import patiently, pause
 from scenefold.wire import Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
@@ -82,6 +85,8 @@ class Calls:
         self._node_slots: dict[str, trio.CapacityLimiter] = {}
         self._silent: dict[str, None] = {}
         """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
+        self.tail = Tail(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
+        """How long owners take to answer reads."""
         self.check_own: Callable[[], None] = lambda: None
         """Raises what forbids this client to ask anything, such as that its own key was revoked."""
         self.heard: Callable[[str, int], None] = lambda _address, _position: None
@@ -91,6 +96,10 @@ class Calls:
         """Where to reach a node; one that the table does not know yet is taken by its id."""
         owner = self.table.by_id(node_id)
         return address_of(node_id) if owner is None else owner.address
+
+    def is_silent(self, node_id: NodeId) -> bool:
+        """Whether a node did not answer the last time."""
+        return self.address_of(node_id) in self._silent
 
     def to_ask(self, location: Location, passed_over: Container[NodeId] = ()) -> list[Owner]:
         """Whom to ask for a location, one after the other: who may own it, those that did not answer lately last.
@@ -227,7 +236,8 @@ class Calls:
     def _take(self, reply: RespondTable) -> None:
         # A node's address follows from its id: nobody has another's by the word of a third.
         owners = [
-            Owner(status.node, address_of(status.node), status.right_bound, status.lamport, _first_of(status)) for status in reply.statuses
+            Owner(status.node, address_of(status.node), status.right_bound, status.lamport, _first_of(status), status.blacklist)
+            for status in reply.statuses
         ]
         # A node that has just begun knows nobody yet: then what we know is better.
         if any(owner.right_bound is not None for owner in owners):
@@ -268,7 +278,8 @@ class Calls:
         if news is not None and news.right_bound is not None:
             known = self.table.by_id(news.node)
             first = None if known is None or known.first is None or known.first > news.right_bound else known.first
-            self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport, first))
+            blacklist = () if known is None else known.blacklist
+            self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport, first, blacklist))
 
 
 def _turned(items: Sequence[T], chance: float) -> Sequence[T]:

@@ -15,6 +15,7 @@ from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_REQUEST_S, CLIENT_STAT
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
+from scenefold.client.copy_reads import CopyReads
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, as_told, heaviest, is_passing
 from scenefold.client.sealing import Key
@@ -22,7 +23,7 @@ from scenefold.client.seeking import Search
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.crypto import wanted_place
-from scenefold.wire import GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
+from scenefold.wire import DAMAGED_RECORD, GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
 
 STORED = 0
 
@@ -78,10 +79,12 @@ async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequenc
     return outcomes
 
 
-async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool) -> list[RecordBytes | None]:
+async def fetch(
+    calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool, copies: CopyReads | None = None
+) -> list[RecordBytes | None]:
     """The records at the keys, unverified, in order; None where the owner says that nothing is there.
 
-    DAMAGED_RECORD where it has one that has rotted.
+    DAMAGED_RECORD where it has one that has rotted. `copies`: who else may be asked, where the owner is slow, or away, or has one that has.
 
     `stale_ok`: take an answer of a node that may have been replaced without knowing, too.
     """
@@ -93,7 +96,7 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
     def is_contested(index: int) -> bool:
         return len(calls.to_ask(locations[index])) > 1
 
-    async def ask(node: NodeId, frame: list[int]) -> None:
+    async def ask_owner(node: NodeId, frame: list[int]) -> None:
         address = calls.address_of(node)
         # One that hangs must not hold up what another one that may have the place can answer.
         timeout_s = CLIENT_STATUS_S if is_contested(frame[0]) else CLIENT_REQUEST_S
@@ -119,7 +122,15 @@ async def fetch(calls: Calls, scene: SceneId, position: int, keys: Sequence[Key]
     def pending() -> list[int]:
         return [index for index, record in enumerate(found) if record is missing]
 
+    def take(index: int, record: RecordBytes | None) -> None:
+        if found[index] in (missing, DAMAGED_RECORD):
+            found[index] = record
+
+    ask = ask_owner if copies is None else partial(copies.beside, ask_owner, keys, locations, position, take)
     await _rounds(calls, search, pending, parts, ask)
+    if copies is not None and DAMAGED_RECORD in found:
+        damaged = [index for index, record in enumerate(found) if record == DAMAGED_RECORD]
+        await copies.instead(keys, locations, position, take, damaged)
     return found  # type: ignore[return-value]
 
 

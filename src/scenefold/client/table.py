@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 from scenefold.base.cover import Cover, runs
 from scenefold.base.ids import NodeId
 from scenefold.base.location import LAST, Arc, Location
+from scenefold.base.placement import Holders, Layout, Line, holders_at
+from scenefold.base.prefixes import AddressPrefix, forbids
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,12 @@ class Owner:
     lamport: int = 0
     first: Location | None = None
     """Where the arc begins; None if that is not known: behind whatever is claimed on its left."""
+    blacklist: tuple[AddressPrefix, ...] = ()
+    """Which nodes hold no copies of what it owns."""
+
+    def may_be_held_by(self, node: NodeId) -> bool:
+        """Whether a node may hold copies of what this one owns."""
+        return not forbids(self.blacklist, node, owner=self.node_id)
 
     @property
     def claim(self) -> Arc | None:
@@ -50,6 +58,8 @@ class RoutingTable:
         self._ends = [arc.last for arc, _ in self._arcs]
         self.owners: Sequence[Owner] = (*owning, *(owner for owner in nodes if owner.right_bound is None))
         """All nodes: first those that own something, in the order of the line."""
+        self._line: Line | None = None
+        """Made when it is first asked for: most tables are not."""
         assert self.owners, "a routing table needs a node"
 
     def candidates(self, location: Location) -> tuple[Owner, ...]:
@@ -66,6 +76,14 @@ class RoutingTable:
     def end_of(self, location: Location) -> Location:
         """The last location from there on that has the same first candidate."""
         return self._ends[bisect_left(self._ends, location)] if self._ends else LAST
+
+    def holders_of(self, layout: Layout, location: Location) -> Holders:
+        """Who should hold the copies of a place, by this table (specs/20-copies.md, Placement)."""
+        if self._line is None:
+            self._line = Line((owner.node_id, owner.claim) for owner in self.owners)
+        owner = self.owner_of(location)
+        forbidden = [node for node in self._by_id if not owner.may_be_held_by(node)]
+        return holders_at(self._line, owner.node_id, forbidden, layout, location)
 
     def by_id(self, node_id: NodeId) -> Owner | None:
         return self._by_id.get(node_id)

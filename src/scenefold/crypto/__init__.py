@@ -66,6 +66,7 @@ from scenefold.crypto.secrets_on_disk import make_private_folder, read_secret, w
 from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITE_NAMES, SUITES, Suite, UnknownSuite, suite_named, suite_of
 from scenefold.crypto.tls import client_context, newcomer_context, peer_certificate, peer_key, peer_name, renew, server_context
 from scenefold.crypto.tls_keys import check_tls_key
+from scenefold.crypto.versions import VERSION_BYTES, version_of
 
 __all__ = [
     "ALIVE_DOMAIN",
@@ -99,6 +100,7 @@ __all__ = [
     "SUITE_NAMES",
     "SYMMETRIC_KEY_BYTES",
     "UNKNOWN_DIGEST",
+    "VERSION_BYTES",
     "WINDOW_BITS",
     "Authority",
     "Card",
@@ -167,6 +169,7 @@ __all__ = [
     "verify_record",
     "verify_records",
     "version_key",
+    "version_of",
     "wanted_place",
     "write_secret",
 ]

@@ -1,26 +1,16 @@
-"""Which record it is that lies somewhere, in 32 bytes (specs/10-store.md, Digests).
-
-The digest that a header holds is the ciphertext's, and any writer may sign somebody else's ciphertext again. So two versions
-can have it in common, and where one must not be taken for another (what is compared, what is owed) the whole header counts: it
-says what the record is, where its home is, which version it is and who wrote it.
-"""
+"""What the records of an arc add up to, whoever holds them (specs/10-store.md, Digests)."""
 
 from __future__ import annotations
 
-import hashlib
 from typing import NamedTuple
 
+from scenefold.crypto import VERSION_BYTES, version_of
 from scenefold.store.layout import sound_header
 
-VERSION_BYTES = 32
+__all__ = ["SUM_BYTES", "SUM_MODULUS", "VERSION_BYTES", "RangeSum", "stored_sum", "sum_of", "version_of"]
+
 SUM_BYTES = 16
 SUM_MODULUS = 1 << 8 * SUM_BYTES
-_DOMAIN = b"scenefold/version"
-
-
-def version_of(header: bytes) -> bytes:
-    """Which version a record with this header is."""
-    return hashlib.sha256(_DOMAIN + header).digest()
 
 
 def sum_of(version: bytes) -> int:

@@ -1,0 +1,159 @@
+"""If one fails, a dead or slow owner makes readers wait for what others hold, or they are given what is older."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import pytest
+import trio
+from trio.testing import MockClock
+
+from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_REQUEST_S
+from scenefold.base.location import LINE_LENGTH, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.client.scene import Scene
+from scenefold.client.table import Owner
+from scenefold.crypto import version_of
+from scenefold.scene.log import Layouts
+from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, GetMany, Member, Packet, RecordBytes, SpaceEntry
+from unit.client.fake_nodes import FakeNodes
+from unit.client.test_records import FILES, ITEMS, PLACES, _scene
+
+THIRDS = tuple(Location.from_number(LINE_LENGTH * third // 3) for third in (1, 2))
+SHADOWS = [SpaceEntry(11 + index, FILES, offset, 1, 1, False, False) for index, offset in enumerate(THIRDS)]
+LAYOUTS = Layouts.of([SpaceEntry(FILES, 0, Location(bytes(20)), 3, 2, False, False), *SHADOWS])
+
+
+@dataclass
+class HoldingNodes(FakeNodes):
+    """Three nodes, of which each holds copies of what the others own, of all that was put before `keep` was called."""
+
+    kept: dict[str, dict[Location, RecordBytes]] = field(default_factory=dict)
+    claimed: dict[str, Configuration] = field(default_factory=dict)
+    """What a node says instead of the configuration that there is."""
+
+    def keep(self) -> None:
+        for address in self.addresses:
+            self.kept[address] = {
+                place: RecordBytes(item.signature, item.header, item.ciphertext) for (_, place), item in self.records.items()
+            }
+
+    def _answer(self, address: str, packet: Packet) -> Packet:
+        if not isinstance(packet, GetCopies):
+            return super()._answer(address, packet)
+        holders: list[Configuration] = []
+        copies: list[Copy] = []
+        for key in packet.keys[: self.reply_records_max]:
+            owner = self.table.owner_of(key.location)
+            if owner.address == address or address in self.without_lease:
+                copies.append(Copy(CopyState.NO_CUSTODY, 0, b"", None))
+                continue
+            holders.append(self.claimed.get(address) or self.configuration(owner))
+            found = self.kept[address].get(key.location)
+            if found is None:
+                copies.append(Copy(CopyState.NOTHING, len(holders) - 1, b"", None))
+            elif packet.digests_only:
+                copies.append(Copy(CopyState.DIGEST, len(holders) - 1, version_of(found.header), None))
+            else:
+                copies.append(Copy(CopyState.RECORD, len(holders) - 1, b"", found))
+        return CopiesFound(tuple(holders), tuple(copies))
+
+    def configuration(self, owner: Owner) -> Configuration:
+        others = [node_id_of(address) for address in self.addresses if address != owner.address]
+        return Configuration(1, tuple(Member(NodeId(node), bytes(16)) for node in (owner.node_id, *others)), 2)
+
+
+async def kept_scene(nodes: HoldingNodes) -> Scene:
+    """Everything is put, and all nodes have it."""
+    scene = _scene(nodes)
+    access = scene.space(FILES)._access
+    access.identity = replace(access.identity, layouts=LAYOUTS)
+    await scene.space(FILES).put_many(ITEMS)
+    nodes.keep()
+    nodes.asked.clear()
+    return scene
+
+
+def owned_by(nodes: HoldingNodes, address: str) -> list[Location]:
+    return [place for place in PLACES if nodes.table.owner_of(place).address == address]
+
+
+def asked(nodes: HoldingNodes, kind: type[Packet]) -> set[str]:
+    return {address for address, packet in nodes.asked if isinstance(packet, kind)}
+
+
+async def test_as_long_as_owners_answer_nobody_else_is_asked(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    assert await scene.space(FILES).get_many(PLACES) == [payload for _, payload in ITEMS]
+    assert not asked(nodes, GetCopies)
+
+
+@pytest.mark.parametrize("how", ["away", "hung", "without_lease", "busy"])
+async def test_what_an_owner_cannot_say_now_its_holders_say(how: str, autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes(reply_records_max=4)
+    scene = await kept_scene(nodes)
+    owner = nodes.addresses[1]
+    if how == "busy":
+        nodes.busy[owner] = 1
+    else:
+        getattr(nodes, how).add(owner)
+    with trio.fail_after(2 * CLIENT_HEDGE_S):
+        missing = Location.from_number(nodes.table.by_id(node_id_of(owner)).right_bound.number - 1)  # type: ignore[union-attr]
+        found = await scene.space(FILES).get_many([*PLACES, missing])
+    assert found == [*(payload for _, payload in ITEMS), None]
+    assert asked(nodes, GetCopies) >= set(nodes.addresses) - {owner}
+
+
+async def test_once_an_owner_was_silent_it_is_not_waited_for_again(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    nodes.hung.add(nodes.addresses[1])
+    places = owned_by(nodes, nodes.addresses[1])
+    access = scene.space(FILES)._access
+    with pytest.raises(Unreachable):
+        await access.calls.ask(nodes.addresses[1], GetMany(9, 1, ()), CopiesFound, timeout_s=1.0)
+    began = trio.current_time()
+    await scene.space(FILES).get_many(places)
+    assert trio.current_time() - began < CLIENT_HEDGE_S / 2
+
+
+async def test_holders_that_differ_leave_it_to_the_owner(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner = nodes.addresses[1]
+    (place, *_) = owned_by(nodes, owner)
+    await scene.space(FILES).put(place, b"newer")
+    nodes.kept[nodes.addresses[0]][place] = next(
+        RecordBytes(item.signature, item.header, item.ciphertext) for (_, where), item in nodes.records.items() if where == place
+    )
+    nodes.hung.add(owner)
+    with trio.move_on_after(CLIENT_REQUEST_S / 2) as patience:
+        await scene.space(FILES).get(place)
+    assert patience.cancelled_caught, "one holder has it, the other something older: nobody knows"
+    nodes.hung.clear()
+    assert await scene.space(FILES).get(place) == b"newer"
+
+
+async def test_one_that_names_a_configuration_of_its_own_is_not_believed(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner, liar, other = nodes.addresses[1], nodes.addresses[0], nodes.addresses[2]
+    (place, *_) = owned_by(nodes, owner)
+    nodes.claimed[liar] = Configuration(99, (Member(node_id_of(owner), bytes(16)), Member(node_id_of(liar), bytes(16))), 2)
+    nodes.kept[liar].clear()
+    nodes.away |= {owner, other}
+    with pytest.raises(Unreachable):
+        await scene.space(FILES).get(place)
+
+
+async def test_what_has_rotted_at_its_owner_is_read_from_holders(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes(rotten={PLACES[3]})
+    scene = await kept_scene(nodes)
+    assert await scene.space(FILES).get_many(PLACES) == [payload for _, payload in ITEMS]
+    nodes.away |= set(nodes.addresses) - {nodes.table.owner_of(PLACES[3]).address}
+    with pytest.raises(Refused) as refusal:
+        await scene.space(FILES).get(PLACES[3])
+    assert refusal.value.reason is RejectReason.NOT_READY, "and if they are away, it is said to be damaged"

@@ -1,0 +1,139 @@
+"""If one fails, holders of copies speak for an owner who may have said something else, or their word never counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefold.base.ids import NodeId
+from scenefold.client.copy_words import CopyWords, word_of
+from scenefold.client.tail import KEPT, LEAST, Tail
+from scenefold.crypto import version_of
+from scenefold.wire import Configuration, Copy, CopyState, Member, RecordBytes
+
+OWNER, ADA, BOB, EVE = (Member(NodeId(number), bytes(16)) for number in range(1, 5))
+THREE = Configuration(7, (OWNER, ADA, BOB), 2)
+OWNERS = frozenset((OWNER.node,))
+OLD, NEW = (RecordBytes(b"s", b"header %d" % number, b"c") for number in range(2))
+
+
+def record(bytes_: RecordBytes) -> Copy:
+    return Copy(CopyState.RECORD, 0, b"", bytes_)
+
+
+def digest(bytes_: RecordBytes) -> Copy:
+    return Copy(CopyState.DIGEST, 0, version_of(bytes_.header), None)
+
+
+NOTHING = Copy(CopyState.NOTHING, 0, b"", None)
+DAMAGED = Copy(CopyState.DAMAGED, 0, b"", None)
+
+
+def words(*said: tuple[Member, Configuration, Copy], least: int = 2) -> CopyWords:
+    found = CopyWords(least, OWNERS)
+    for member, configuration, copy in said:
+        found.hear(member.node, configuration, copy)
+    return found
+
+
+def test_two_of_three_that_say_alike_count_like_the_owner() -> None:
+    found = words((ADA, THREE, record(NEW)), (BOB, THREE, digest(NEW)))
+    assert found.is_here()
+    assert found.record == NEW
+
+
+def test_also_that_nothing_is_there() -> None:
+    found = words((ADA, THREE, NOTHING), (BOB, THREE, NOTHING))
+    assert found.is_here()
+    assert found.record is None
+
+
+def test_what_counts_but_is_not_here_yet_is_known_to_be_missing() -> None:
+    found = words((ADA, THREE, digest(NEW)), (BOB, THREE, digest(NEW)))
+    assert found.version == version_of(NEW.header)
+    assert not found.is_here()
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        [(ADA, THREE, record(NEW))],
+        [(ADA, THREE, record(NEW)), (ADA, THREE, record(NEW))],
+        [(ADA, THREE, record(NEW)), (BOB, THREE, record(OLD))],
+        [(ADA, THREE, record(NEW)), (BOB, THREE, NOTHING)],
+        [(ADA, THREE, record(NEW)), (BOB, THREE, DAMAGED)],
+        [(ADA, THREE, DAMAGED), (BOB, THREE, DAMAGED)],
+        [(ADA, THREE, record(NEW)), (BOB, replace(THREE, number=8), record(NEW))],
+        [(ADA, THREE, record(NEW)), (EVE, THREE, record(NEW))],
+        [(ADA, THREE, record(NEW)), (OWNER, THREE, record(NEW))],
+    ],
+    ids=[
+        "one alone",
+        "one twice",
+        "another version",
+        "nothing there",
+        "one rotten",
+        "both rotten",
+        "another number",
+        "no member",
+        "the owner",
+    ],
+)
+def test_what_is_too_little(said: list[tuple[Member, Configuration, Copy]]) -> None:
+    assert words(*said).version is None
+
+
+def test_who_names_a_configuration_in_which_it_decides_alone_does_not() -> None:
+    alone = Configuration(99, (OWNER, EVE), 2)
+    assert alone.quorum == 1
+    assert words((EVE, alone, NOTHING)).version is None
+    assert words((EVE, alone, NOTHING), least=1).version == b"", "with two copies, both of which must be there, it may"
+
+
+def test_who_names_another_owner_than_is_known_does_not_count() -> None:
+    theirs = Configuration(99, (EVE, ADA, BOB), 2)
+    assert words((ADA, theirs, NOTHING), (BOB, theirs, NOTHING)).version is None
+
+
+members = st.sampled_from([ADA, BOB, EVE])
+
+
+@given(st.integers(2, 4), st.integers(1, 4), st.data())
+def test_never_older_than_what_was_acknowledged(copies: int, needed: int, data: st.DataObject) -> None:
+    """Any set of holders that lacks a version which `needed` of the members have cannot make an older one count."""
+    needed = min(needed, copies)
+    holders = [Member(NodeId(10 + index), bytes(16)) for index in range(copies - 1)]
+    configuration = Configuration(1, (OWNER, *holders), needed)
+    have = data.draw(st.sets(st.sampled_from([OWNER, *holders]), min_size=needed, max_size=copies))
+    said = data.draw(st.permutations(holders))
+    found = CopyWords(copies - needed + 1, OWNERS)
+    for holder in said[: data.draw(st.integers(0, len(said)))]:
+        found.hear(holder.node, configuration, record(NEW) if holder in have else data.draw(st.sampled_from([record(OLD), NOTHING])))
+        assert found.version in (None, version_of(NEW.header))
+
+
+def test_what_cannot_be_said_is_no_word() -> None:
+    assert word_of(DAMAGED) is None
+    assert word_of(Copy(CopyState.NO_CUSTODY, 0, b"", None)) is None
+
+
+def test_the_tail_is_where_one_answer_in_twenty_begins() -> None:
+    tail = Tail(unknown_s=0.5, least_s=0.01, most_s=2.0)
+    for _ in range(LEAST - 1):
+        tail.note(0.1)
+    assert tail.limit_s == 0.5, "too few are known"
+    for number in range(KEPT):
+        tail.note(0.1 if number % 10 else 0.3)
+    assert tail.limit_s == 0.3
+    for number in range(KEPT):
+        tail.note(0.1 if number % 40 else 0.3)
+    assert tail.limit_s == 0.1
+    for _ in range(KEPT):
+        tail.note(0.001)
+    assert tail.limit_s == 0.01
+    for _ in range(KEPT):
+        tail.note(9.0)
+    assert tail.limit_s == 2.0
