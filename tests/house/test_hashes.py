@@ -27,7 +27,6 @@ DIGESTS = {
     "scenefold.simulation": "draws a test's keys and dice from its seed",
     "scenefold.store.layout": "finds what has rotted",
     "scenefold.store.measuring": "makes records to measure with",
-    "scenefold.crypto.versions": "tells versions of records apart",
     "scenefold.store.wrecks": "finds what has not rotted",
     "scenefold.wire.log_records": "the chain of a log",
     "scenefold.wire.scene_headers": "the genesis of a scene",
