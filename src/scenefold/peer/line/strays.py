@@ -24,13 +24,15 @@ from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
 from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.holdings import no_lease
 from scenefold.peer.line.copying import hand_item
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import spot_of_item, verified
 from scenefold.peer.line.rightful import NO_COPIES, layout_of, rightful
 from scenefold.peer.line.settling import Settling
+from scenefold.peer.records.copying import NotKept
 from scenefold.peer.records.verification import home_of
-from scenefold.store import Entry, Outcome, Put, Spot
+from scenefold.store import Entry, Outcome, Put, PutResult, Spot
 from scenefold.wire import HandItem, HandRecords, Packet, PutManyReply, PutOutcome, SceneMode
 from scenefold.world import Priority
 
@@ -192,25 +194,30 @@ class Strays:
 
     async def _on_hand(self, packet: HandRecords, peer: str) -> Packet:
         verdicts = await verified(self._parts, packet.items)
-        outcomes: list[PutOutcome] = []
-        for item, verdict in zip(packet.items, verdicts, strict=True):
-            try:
-                if isinstance(verdict, Refused):
-                    raise verdict
-                await self._check_no_holder(item, peer)
-                await self._take(item, verdict)
-                outcomes.append(PutOutcome(0, item.location, NodeId(0)))
-            except Refused as refusal:
-                outcomes.append(PutOutcome(int(refusal.reason), item.location, self._parts.own.me))
+        problems = [
+            verdict if isinstance(verdict, Refused) else await self._why_stays(item, peer)
+            for item, verdict in zip(packet.items, verdicts, strict=True)
+        ]
+        open_ones = [(index, verdict) for index, verdict in enumerate(verdicts) if problems[index] is None and isinstance(verdict, Put)]
+        taken = await self._take([packet.items[index] for index, _ in open_ones], [put for _, put in open_ones])
+        for (index, _), problem in zip(open_ones, taken, strict=True):
+            problems[index] = problem
+        outcomes = [
+            PutOutcome(0, item.location, NodeId(0))
+            if problem is None
+            else PutOutcome(int(problem.reason), item.location, self._parts.own.me)
+            for item, problem in zip(packet.items, problems, strict=True)
+        ]
         return PutManyReply(tuple(map(self._still_so, packet.items, outcomes)))
 
-    async def _check_no_holder(self, item: HandItem, peer: str) -> None:
+    async def _why_stays(self, item: HandItem, peer: str) -> Refused | None:
         """Refused (13) if who brings it is counted on to have it: it would delete a copy, not a stray."""
         layout = await layout_of(self._parts, item.scene, item.space)
         copies, node = self._parts.keeper.copies.configurations, node_of(peer)
         segment = None if layout is None else copies.at(layout, home_of(item))
         if segment is not None and any(member.node == node for member in segment.counted_on(copies.me)):
-            raise Refused(RejectReason.BUSY, "it lies by right where it comes from", remedy="let the owner say so")
+            return Refused(RejectReason.BUSY, "it lies by right where it comes from", remedy="let the owner say so")
+        return None
 
     def _still_so(self, item: HandItem, outcome: PutOutcome) -> PutOutcome:
         """What is said of an item at this very moment: while later ones waited, the place or the lease may have gone."""
@@ -219,27 +226,43 @@ class Strays:
             return outcome
         return PutOutcome(int(RejectReason.BUSY), outcome.location, parts.own.me)
 
-    async def _take(self, item: HandItem, put: Put) -> None:
-        """Own this version or a newer one, durably, when this returns."""
+    async def _take(self, items: Sequence[HandItem], puts: Sequence[Put]) -> list[Refused | None]:
+        """Why each is not to be had; None: this or a newer version is durable here, and where else its space asks for it."""
         parts = self._parts
-        with trio.move_on_after(GATE_S_MAX) as patience:
-            home = home_of(item)
-            async with parts.writing([home], anywhere=bool(item.object)):
+        problems: list[Refused | None] = [Refused(RejectReason.BUSY, "the place is being handed over")] * len(items)
+        with trio.move_on_after(GATE_S_MAX if items else 0) as patience:
+            async with parts.writing(list(map(home_of, items)), anywhere=any(item.object for item in items)):
                 patience.deadline = float("inf")
-                if not parts.keeper.holding.owns(home):
-                    raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
-                parts.require_lease()
-                await self._check_mode(item)
-                (result,) = await parts.store.merge([put])
-                if result.has_changed:
-                    # What was here already has settled: whoever brings it again and again must not keep us from giving it away.
-                    parts.settling.note(Arc(home, home))
-                if result.outcome is Outcome.FULL:
-                    raise Refused(RejectReason.STORAGE_FULL, "the disk is full")
-                parts.require_lease()
-        if patience.cancelled_caught:
-            raise Refused(RejectReason.BUSY, "the place is being handed over")
-        parts.events["taken home"] += 1
+                problems = [await self._why_not(item) for item in items]
+                open_ones = [index for index, problem in enumerate(problems) if problem is None]
+                # All at once, so that they settle together.
+                for index, result in zip(open_ones, await parts.keeping.merge([puts[index] for index in open_ones]), strict=True):
+                    problems[index] = self._judged(items[index], result)
+        return problems
+
+    async def _why_not(self, item: HandItem) -> Refused | None:
+        try:
+            if not self._parts.keeper.holding.owns(home_of(item)):
+                raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
+            self._parts.require_lease()
+            await self._check_mode(item)
+        except Refused as refusal:
+            return refusal
+        return None
+
+    def _judged(self, item: HandItem, result: PutResult | NotKept) -> Refused | None:
+        if isinstance(result, NotKept):
+            return Refused(result.reason, "too few of those that are to have it have it")
+        if result.has_changed:
+            # What was here already has settled: whoever brings it again and again must not keep us from giving it away.
+            home = home_of(item)
+            self._parts.settling.note(Arc(home, home))
+        if result.outcome not in (Outcome.STORED, Outcome.STALE):
+            return Refused(result.reason or RejectReason.STORAGE_FULL, f"it cannot be kept: {result.outcome.value}")
+        if not self._parts.lease.holds():
+            return no_lease()
+        self._parts.events["taken home"] += 1
+        return None
 
     async def _check_mode(self, item: HandItem) -> None:
         """While a scene is rendered, a stray may fill an empty place and replaces nothing."""

@@ -141,8 +141,11 @@ class Home(House):
         self.data = DataService(
             world, parts.store, self.peers, cast(Any, parts.scenes), line, parts.lease, cast(Any, self.routing), self.node, copying
         )
-        replication = SimpleNamespace(register=self.replication.register) if self.street.is_quiet else self.replication
-        return [replication, self.data]
+        if not self.street.is_quiet:
+            return [self.replication, self.data]
+        # Nobody would hold anything, so nothing would ever settle.
+        parts.keeping.merge = parts.store.merge
+        return [SimpleNamespace(register=self.replication.register), self.data]
 
     def hear(self, mini: MiniStatus) -> None:
         self.roster.hear_mini(mini, self._world.clock.now())

@@ -14,6 +14,8 @@ from scenefold.peer.line import Side
 from scenefold.peer.line.strays import LEFT_S
 from scenefold.store import Put
 from scenefold.wire import Configuration, Member
+from scenefold.world.sim import Point, run_simulated
+from unit.peer.line.street import places
 from unit.peer.replication.holders import arc_of, entrust, entry, play, send, some_places, tell
 from unit.peer.replication.terrace import SPACE, THIRDS, Home, Terrace, object_record, record_at
 
@@ -145,3 +147,34 @@ def test_an_object_that_lies_beside_its_home_is_a_copy_too_and_blocks_no_handove
         assert len(holder.spots(object_record(name).header.space)) == 1
 
     play(story, seconds=1000.0)
+
+
+def test_a_stray_is_deleted_once_all_that_its_space_asks_for_have_it() -> None:
+    """With everything that goes on by itself."""
+
+    async def main() -> None:
+        terrace = Terrace(5)
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            owner = terrace.homes[0]
+            await trio.sleep(30.0)
+            segment = owner.copies.configurations.at(THIRDS, arc_of(owner).first)
+            assert segment is not None
+            spots = places(segment.arc, 4)
+            holders = {member.node for member in segment.holders(owner.member)}
+            bringer = next(home for home in terrace.homes[1:] if home.node not in holders)
+            await bringer.store.merge([Put(record_at(place)) for place in spots])
+            had: list[int] = []
+
+            def look() -> None:
+                if len(bringer.places()) < len(spots):
+                    had.append(min(sum(place in home.places() for home in terrace.homes) for place in spots))
+
+            terrace.net.observe(bringer.address, Point.AFTER_COMMIT, look)
+            await trio.sleep(LONG_S)
+            assert bringer.places() == set()
+            assert owner.places() == set(spots)
+            assert had and min(had) >= 2, "never on fewer disks than are needed"
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=120.0)
