@@ -1,13 +1,12 @@
 """All that lies in an arc by homes, over all spaces, for who recovers it (specs/20-copies.md, Recovery). Plain functions.
 
-In the order of (scene, space, home, location, object). A cursor is all of these of the last record looked at: the next walk begins
+In the order of (scene, space, home, location, object). A cursor is all of these of the last record given: the next walk begins
 behind it, whatever has changed meanwhile.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
 from typing import NamedTuple
 
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
@@ -32,12 +31,13 @@ class HeldPage(NamedTuple):
 def read_held(transaction: ReadTransaction, arc: Arc, after: bytes, limit: int) -> HeldPage:
     """The first `limit` >= 1 records with their homes in the arc, behind the cursor (b"": from the first on). Some 10 us a record."""
     records: list[Held] = []
-    looked_at = list(islice(_behind(transaction, arc, after), limit))
-    for _, found in looked_at:
+    for cursor, found in _behind(transaction, arc, after):
         header = sound_header(found.value)
         if header is not None:
             records.append(Held(spot_of(found.key), Location(found.home), version_of(header), header, len(found.value)))
-    return HeldPage(records, looked_at[-1][0] if len(looked_at) == limit else None)
+            if len(records) == limit:
+                return HeldPage(records, cursor)
+    return HeldPage(records, None)
 
 
 def _behind(transaction: ReadTransaction, arc: Arc, after: bytes) -> Iterator[tuple[bytes, Housed]]:

@@ -61,6 +61,8 @@ class HoldingCustody:
         def told(copies: Copies, holding: Holding) -> Copies:
             require_none_own(holding.arc, scope)
             custody = copies.custody.set(packet.owner, packet.number, scope, entries)
+            if sum(entry.owner == packet.owner for entry in custody.entries) > CUSTODY_ENTRIES_MAX:
+                raise Refused(RejectReason.LIMIT_EXCEEDED, f"{CUSTODY_ENTRIES_MAX} pieces are held for one owner, and no more")
             return copies if custody is copies.custody else replace(copies, custody=custody)
 
         await parts.keeper.change_copies(told)
