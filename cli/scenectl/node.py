@@ -1,4 +1,4 @@
-"""`scenectl node`: run one node of a cluster, or several on this machine for trying things; let one leave."""
+"""`scenectl node`: run one node of a cluster, or several on this machine for trying things; let one leave; look at its disk."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from scenefold.client import DrainReport
     from scenefold.node import Extension, NodeSettings
 
-app = App(name="node", help="Run nodes, and let them leave.", help_format="plaintext")
+app = App(name="node", help="Run nodes, let them leave, and look at what they have stored.", help_format="plaintext")
 app.command("scenectl.blacklist:app", name="blacklist", help="Say which nodes must hold no copies of what a node owns.")
+app.command("scenectl.checking:verify", name="verify")
+app.command("scenectl.checking:repair", name="repair")
 
 Count = Annotated[int, whole(1, 127)]
 

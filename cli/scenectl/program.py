@@ -18,7 +18,7 @@ from scenefold.base.kernel_cache import use_kernel_cache
 
 GROUPS = {
     "cluster": "Make a cluster, join it, and look at it.",
-    "node": "Run nodes, and let them leave.",
+    "node": "Run nodes, let them leave, and look at what they have stored.",
     "scene": "Make scenes, fill them, and say who may use them.",
     "space": "Make, move and query the spaces of a scene.",
     "data": "Read and write single records of a scene.",

@@ -32,6 +32,8 @@ VERBS = [
     "node blacklist add",
     "node blacklist rm",
     "node blacklist list",
+    "node verify",
+    "node repair",
     "scene create",
     "scene list",
     "scene info",

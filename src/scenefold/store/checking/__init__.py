@@ -5,7 +5,7 @@ from scenefold.store.checking.mending import Mended, mend
 from scenefold.store.checking.records import Judge, Tell, nobody_can_tell
 from scenefold.store.checking.singles import check_format, read_identity, sound_holding
 from scenefold.store.checking.tables import EVERY_KEY, Sound
-from scenefold.store.checking.whole import check_store, silent
+from scenefold.store.checking.whole import as_far_as_it_goes, check_store, silent
 
 __all__ = [
     "EVERY_KEY",
@@ -16,6 +16,7 @@ __all__ = [
     "Mended",
     "Sound",
     "Tell",
+    "as_far_as_it_goes",
     "check_format",
     "check_store",
     "mend",

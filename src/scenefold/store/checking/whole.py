@@ -34,7 +34,7 @@ def check_store(raw: ReadTransaction, judge: Judge = nobody_can_tell, *, spare: 
     def look(table: str, work: Look) -> list[Finding]:
         """What is wrong with a table, as far as it can be read."""
         here: list[Finding] = []
-        with _as_far_as_it_goes(table, found):
+        with as_far_as_it_goes(table, found):
             for finding in work():
                 here.append(finding)
                 found.add(finding)
@@ -44,7 +44,7 @@ def check_store(raw: ReadTransaction, judge: Judge = nobody_can_tell, *, spare: 
     look(IDENTITY, lambda: check_identity(raw, is_empty=_is_empty(raw)))
     look(HOLDING, lambda: _holding(raw))
     counted: dict[SpaceAddress, Counts] | None = None
-    with _as_far_as_it_goes(RECORDS, found):
+    with as_far_as_it_goes(RECORDS, found):
         counted = check_records(raw, judge, found, tell, _expected(raw))
     if counted is None:
         # Nobody knows what would follow from records that cannot be read.
@@ -61,7 +61,7 @@ def check_store(raw: ReadTransaction, judge: Judge = nobody_can_tell, *, spare: 
 
 
 @contextmanager
-def _as_far_as_it_goes(table: str, found: Findings) -> Iterator[None]:
+def as_far_as_it_goes(table: str, found: Findings) -> Iterator[None]:
     """Where the tree itself is damaged, a table ends in the midst."""
     try:
         yield
