@@ -46,6 +46,7 @@ class Pending:
     """Whoever was to get it when it was written, paid or not. Others that are sound have it."""
     have: set[Member]
     size: int
+    """At most: its ciphertext's."""
     item: HandItem | None = None
     """None: it is to be read from the disk when it is sent."""
     is_settled: bool = False

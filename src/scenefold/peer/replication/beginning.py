@@ -7,6 +7,7 @@ nobody is told of it before they have it.
 from __future__ import annotations
 
 from scenefold.base.errors import Refused
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.unsettled import Pending, name_of
 from scenefold.peer.replication.judging import Judging
@@ -59,7 +60,7 @@ class Beginning:
         if not layout or any(pending.version == debt.version for pending in self._unsettled.of(name_of(debt.spot))):
             return
         me = self._parts.own.member
-        pending = Pending(debt.spot, debt.version, layout, known.needed[space], frozenset(debt.nodes), {me}, 0)
+        pending = Pending(debt.spot, debt.version, layout, known.needed[space], frozenset(debt.nodes), {me}, CIPHERTEXT_BYTES_MAX)
         rule = self._judging.rule_at(layout, debt.spot)
         if rule is None or not self._judging.is_settled(pending, rule):
             # Whatever else is pending there was given to the store since.

@@ -80,6 +80,8 @@ class Lane:
         self._queued_bytes = 0
         self._known: dict[Pending, None] = {}
         """All that wait here, are on their way, or were refused and are sent again."""
+        self._refused: set[Pending] = set()
+        """Of these, who wait until they are sent again."""
         self._is_down = False
         self._idle = trio.lowlevel.ParkingLot()
         self._fell_behind = trio.Event()
@@ -92,6 +94,12 @@ class Lane:
     @property
     def is_down(self) -> bool:
         return self._is_down
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether anything is to be sent before what is only owed: somebody has waited for it in vain, or nobody knows whether anybody did."""
+        late = (pending for pending in self._known if pending.item is None and not pending.is_settled)
+        return any(pending not in self._refused for pending in late)
 
     async def behind(self) -> None:
         """Return once it is owed something that is not here."""
@@ -199,7 +207,9 @@ class Lane:
     async def _again(self, refused: Sequence[Pending], copies: Copies) -> None:
         """Send what was refused once more, soon, as far as somebody waits for it."""
         keeper, clock = self._parts.keeper, self._parts.world.clock
+        self._refused.update(refused)
         await first_of(partial(keeper.copies_changed_after, copies), partial(clock.sleep, AGAIN_S))
+        self._refused.difference_update(refused)
         self._return(refused)
 
     def _return(self, batch: Sequence[Pending]) -> None:

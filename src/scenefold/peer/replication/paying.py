@@ -88,7 +88,7 @@ class Paying:
     def _may_walk(self) -> bool:
         # Of one that is no member any more debts are forgotten.
         member = self._ledger.member_at(self._node)
-        return member is None or (self._ledger.is_alive(self._node) and not self._lane.is_down)
+        return member is None or (self._ledger.is_alive(self._node) and not self._lane.is_down and not self._lane.is_overdue)
 
     async def _walk(self) -> int:
         """Pay all that can be paid; how many are left."""

@@ -126,6 +126,8 @@ class Spreading:
             outcomes[index] = result
             if pending is not None:
                 waits += self._stored(index, put, pending, result)
+                # What nobody waits for there may be much of: it is read again when it is sent.
+                pending.item = pending.item if wait else None
         if wait:
             await self._wait(waits, until, outcomes)
         return [outcomes[index] for index in range(len(puts))]

@@ -5,27 +5,41 @@ Whatever is acknowledged is looked for on all disks at that very moment.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import hashlib
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
 import trio
 
-from scenefold.base.location import Location
-from scenefold.crypto import Record
+from scenefold.base.errors import ScenefoldError
+from scenefold.base.location import Arc, Location
+from scenefold.crypto import Record, RecordHeader, object_of
 from scenefold.peer.copies.configurations import Configurations, Word
 from scenefold.peer.copies.telling import told_entry
 from scenefold.peer.line import Line
+from scenefold.peer.line.ends import Side
 from scenefold.store import Spot
 from scenefold.store.layout import DEBTS, RECORDS, record_key, spot_of, stored_header
-from scenefold.wire import CustodySet, PutItem, PutMany, PutOutcome, SetCustody
-from scenefold.world import Priority, World
+from scenefold.wire import (
+    CustodySet,
+    GetMany,
+    GetManyReply,
+    PutItem,
+    PutMany,
+    PutOutcome,
+    QueryRange,
+    RecordBytes,
+    RecordKey,
+    ReturnRange,
+    SetCustody,
+)
+from scenefold.world import DiskFailed, Priority, World
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import places
-from unit.peer.replication.terrace import THIRDS, Home, Terrace, record_at
-
-NEEDED = 2
+from unit.peer.replication.terrace import HEADER, SCENE, THIRDS, THRICE, Home, Terrace, record_at
 
 
 class Writer(Home):
@@ -35,8 +49,11 @@ class Writer(Home):
 
     def has(self, record: Record) -> bool:
         """Whether this very record, or a newer one, lies on its disk now."""
-        header = record.header
-        value = self.street.net.machine(self.address).disk.peek(RECORDS).get(record_key(self.spot(header.location, header.space).place))
+        header, values = record.header, self.street.net.machine(self.address).disk.peek(RECORDS)
+        spot = next((spot for spot in self.spots(header.space) if spot.object == object_of(header)), None)
+        if not object_of(header):
+            spot = self.spot(header.location, header.space)
+        value = None if spot is None else values.get(record_key(*spot))
         return value is not None and stored_header(memoryview(value)).seq >= header.seq
 
     def debts(self) -> set[Spot]:
@@ -61,12 +78,16 @@ class Row(Terrace):
         found: Writer = self.homes[0]
         return found
 
-    def places(self, count: int) -> list[Location]:
+    @property
+    def arc(self) -> Arc:
         arc = self.owner.living.arc
         assert arc is not None
-        return places(arc, count)
+        return arc
 
-    async def hold(self, *holders: int, needed: int = NEEDED) -> None:
+    def places(self, count: int) -> list[Location]:
+        return places(self.arc, count)
+
+    async def hold(self, *holders: int, needed: int = 2) -> None:
         """These hold copies of all that the owner has from now on, and know it."""
         await self.place(*holders, needed=needed)
         await self.tell()
@@ -74,9 +95,9 @@ class Row(Terrace):
         await self.change(lambda found: found.activate(lambda _: ()))
         await self.tell()
 
-    async def place(self, *holders: int, needed: int = NEEDED) -> None:
+    async def place(self, *holders: int, needed: int = 2) -> None:
         members = tuple(self.homes[number].member for number in holders)
-        await self.change(lambda found: found.place(THIRDS, [(self.owner.living.arc, members)], needed))  # type: ignore[list-item]
+        await self.change(lambda found: found.place(THIRDS, [(self.arc, members)], needed))
 
     async def change(self, change: Callable[[Configurations], Configurations]) -> None:
         keeper = self.owner.living.parts.keeper
@@ -99,9 +120,47 @@ class Row(Terrace):
         outcomes = list(reply.outcomes)
         for record, outcome in zip(records, outcomes, strict=True):
             if outcome.reason == 0:
-                assert self.copies_of(record) >= NEEDED, "acknowledged, and not on enough disks"
+                assert self.copies_of(record) >= SCENE.needed[record.header.space], "acknowledged, and not on enough disks"
                 self.acknowledged.append(record)
         return outcomes
+
+    async def tried(self, record: Record) -> None:
+        """Offer a record to the owner, once it is up; whatever comes of it."""
+        await self.awake()
+        try:
+            await self.put(record)
+        except (ScenefoldError, DiskFailed) as problem:
+            self.net.note("not put", problem)
+
+    async def awake(self) -> None:
+        """Return once all houses are up: one may crash while it starts."""
+        await until(lambda: all(home.up.is_set() for home in self.homes))
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether all houses are up, and the owner may tell of all that it has."""
+        return all(home.up.is_set() for home in self.homes) and self.owner.living.parts.unsettled.is_quiet
+
+    async def given(self, side: Side, piece: Arc) -> None:
+        """Have the owner give a piece away."""
+        await self.owner.living.give(side, piece, why="a test")
+
+    async def read(self, *places: Location) -> GetManyReply:
+        keys = tuple(RecordKey(THRICE, place, b"") for place in places)
+        reply: GetManyReply = await self.owner.asked(GetMany(HEADER.scene, HEADER.position, keys))
+        return reply
+
+    async def listed(self) -> ReturnRange:
+        reply: ReturnRange = await self.owner.asked(QueryRange(HEADER.scene, THRICE, self.arc.first, self.arc.last))
+        return reply
+
+    def cut_off(self, *holders: int) -> None:
+        for number in holders:
+            self.net.cut(self.owner.address, self.homes[number].address)
+
+    def mend(self, *holders: int) -> None:
+        for number in holders:
+            self.net.mend(self.owner.address, self.homes[number].address)
 
     def copies_of(self, record: Record) -> int:
         return sum(home.has(record) for home in self.homes)
@@ -109,6 +168,19 @@ class Row(Terrace):
     def next_at(self, place: Location) -> Record:
         self._seq += 1
         return record_at(place, self._seq)
+
+
+def seq_of(found: RecordBytes | None) -> int:
+    return 0 if found is None else RecordHeader.decode(found.header).seq
+
+
+def as_bytes(record: Record) -> RecordBytes:
+    return RecordBytes(record.signature, record.header_bytes, record.ciphertext)
+
+
+def names() -> Iterator[bytes]:
+    """Objects, all over the line."""
+    return (hashlib.sha256(b"%d" % number).digest()[:16] for number in count())
 
 
 def offered(record: Record) -> PutItem:
