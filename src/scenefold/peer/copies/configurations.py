@@ -119,10 +119,15 @@ class Configurations:
         """The log has removed a node, and T_wait has passed since this owner learnt that."""
         return self._each(lambda found: found.remove(self.me, member))
 
-    def activate(self, debts: Callable[[Segment], Iterable[Collection[Member]]]) -> Configurations:
-        """Every change that is ready ends. `debts`: of each record there that is owed to somebody, to whom."""
+    def activate(self, debts: Callable[[Segment], Iterable[Collection[Member]] | None]) -> Configurations:
+        """Every change that is ready ends. `debts`: of each record there that is owed to somebody, to whom; None: that is not known."""
         number = self.number + 1
-        return self._each(lambda found: found.activate(self.me, number, debts(found)) if found.can_activate(()) else found, number)
+
+        def activated(found: Segment) -> Segment:
+            owed = debts(found) if found.can_activate(()) else None
+            return found if owed is None else found.activate(self.me, number, owed)
+
+        return self._each(activated, number)
 
     # ------------------------------------------------------------------------------------------------------- pieces
 

@@ -40,9 +40,9 @@ class Known(NamedTuple):
 
 
 class Part(NamedTuple):
-    """What lies in an arc on one side. `records`: None if they are too many, or were not asked for."""
+    """What lies in an arc on one side: how many records, and their sum. `records`: None if they are too many, or were not asked for."""
 
-    count: int
+    number: int
     sum: bytes
     records: Mapping[Key, Known] | None = None
 
@@ -91,7 +91,7 @@ class Dialogue:
             raise PeerFault(f"sums of {len(theirs)} arcs, where {len(asked.arcs)} were asked for")
         found = Differences()
         for arc, mine, other in zip(asked.arcs, own, theirs, strict=True):
-            if (mine.count, mine.sum) == (other.count, other.sum):
+            if (mine.number, mine.sum) == (other.number, other.sum):
                 continue
             if not asked.lists:
                 self._narrow(arc, mine, other, is_first=self._room is None)
@@ -101,13 +101,13 @@ class Dialogue:
             else:
                 _compare(arc, mine.records, other.records, found)
         if self._room is None:
-            self._room = _LEVELS * (2 + (sum(part.count for part in own) + UNKNOWN_RECORDS_MAX) // (COMPARED_RECORDS_MAX // 4))
+            self._room = _LEVELS * (2 + (sum(part.number for part in own) + UNKNOWN_RECORDS_MAX) // (COMPARED_RECORDS_MAX // 4))
         return found
 
     def _narrow(self, arc: Arc, mine: Part, other: Part, *, is_first: bool) -> None:
         if is_first:
-            self.missing += max(0, mine.count - other.count)
-        if max(mine.count, other.count) <= COMPARED_RECORDS_MAX:
+            self.missing += max(0, mine.number - other.number)
+        if max(mine.number, other.number) <= COMPARED_RECORDS_MAX:
             self._lists.append(arc)
         else:
             self._cut(arc)

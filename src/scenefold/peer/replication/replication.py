@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import trio
 
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.replication.activating import Activating
+from scenefold.peer.replication.comparing import Comparing
 from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
@@ -28,6 +32,8 @@ class Replication:
         self.placing = Placing(parts, roster)
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
+        self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False))
+        self._activating = Activating(parts)
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
@@ -39,5 +45,7 @@ class Replication:
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self.placing.run)
             nursery.start_soon(self.telling.run)
+            nursery.start_soon(self.comparing.run)
+            nursery.start_soon(self._activating.run)
             await nursery.start(self.spreading.run)
             task_status.started()

@@ -11,6 +11,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.segment import GONE
+from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import members_of, untold
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.world.sim import run_simulated
@@ -79,7 +80,8 @@ def test_a_removed_holder_is_replaced_and_counted_out_once_its_leases_are_over()
             found = first.copies.configurations.segments
 
             def is_without() -> bool:
-                return not any(member in segment.change.holders for segment in first.copies.configurations.segments if segment.change)
+                targets = [target_of(segment, first.member) for segment in first.copies.configurations.segments]
+                return not any(member in target[0] for target in targets if target is not None)
 
             assert found
             assert not is_without()

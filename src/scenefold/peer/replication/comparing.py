@@ -1,0 +1,149 @@
+"""An owner compares what its holders have with what it has, and both get what they lack (specs/20-copies.md, Changing, Repair).
+
+Each holder is worked on by a task of its own, so that one that is slow or away holds up nobody; in all they take no more bytes a second than
+the node may move. Whoever is not complete comes first, and of his segments those of which there are the fewest complete copies.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
+from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.copies.copies import Copies
+from scenefold.peer.copies.placement import Layout
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.replication.comparing_jobs import Job, jobs, waiting
+from scenefold.peer.replication.comparing_progress import Left, Progress
+from scenefold.peer.replication.comparing_space import Merge, SpaceComparison
+from scenefold.wire import Member
+
+LOOK_S = 1.0
+"""Between two looks at who was heard again, or is to be looked at once more."""
+AGAIN_S = 3600.0
+"""Whoever counts as complete is compared again."""
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Comparing:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, roster: Roster, merge: Merge) -> None:
+        self._parts = parts
+        self._roster = roster
+        self._merge = merge
+        self._progress = Progress(parts.world.clock)
+        self._working: set[Member] = set()
+        self._checked: dict[tuple[Member, Layout, Arc], float] = {}
+        self._was_alive: set[NodeId] = set()
+        self._layouts: dict[tuple[SceneId, SpaceId], Layout] = {}
+
+    @property
+    def left(self) -> Left:
+        """What is still to be brought to holders, as far as it is known."""
+        self._progress.segments = waiting(self._parts.keeper.copies.configurations)
+        return self._progress.left()
+
+    def check_all(self) -> None:
+        """Have everybody compared again, as after a start."""
+        self._checked = {}
+
+    async def run(self) -> None:
+        """Compare until cancelled."""
+        async with trio.open_nursery() as nursery:
+            while True:
+                seen = self._parts.keeper.copies
+                if seen.configurations.segments:
+                    self._look()
+                    for holder in jobs(seen.configurations, self._is_checked).keys() - self._working:
+                        if self._roster.is_believed_alive(holder.node) and not self._parts.keeper.is_removed(holder):
+                            self._working.add(holder)
+                            nursery.start_soon(self._work, holder)
+                with trio.move_on_after(LOOK_S):
+                    await self._parts.keeper.copies_changed_after(seen)
+
+    # -------------------------------------------------------------------------------------------- what is to be done
+
+    def _look(self) -> None:
+        """Who was away is compared again, and so are all where a space with records has come to other holders."""
+        holders = {member for member, _, _ in self._checked}
+        alive = {member.node for member in holders if self._roster.is_believed_alive(member.node)}
+        back = alive - self._was_alive
+        self._was_alive |= alive
+        self._was_alive -= {member.node for member in holders} - alive
+        before = self._note_layouts()
+        moved = {layout for space, layout in self._layouts.items() if before.get(space, layout) != layout}
+        if back or moved:
+            self._checked = {key: at for key, at in self._checked.items() if key[0].node not in back and key[1] not in moved}
+
+    def _note_layouts(self) -> dict[tuple[SceneId, SpaceId], Layout]:
+        """What spaces there are; answers what there were before."""
+        before, scenes = self._layouts, self._parts.scenes.everyone()
+        self._layouts = {(scene.public.scene, space): layout for scene in scenes for space, layout in scene.layouts.items()}
+        return before
+
+    def _is_checked(self, holder: Member, layout: Layout, arc: Arc) -> bool:
+        at = self._checked.get((holder, layout, arc))
+        return at is not None and self._parts.world.clock.now() - at < AGAIN_S
+
+    async def _work(self, holder: Member) -> None:
+        """Until nothing is left to be done for this holder, or it is away."""
+        pauses = Pauses(self._parts.world)
+        try:
+            while self._roster.is_believed_alive(holder.node):
+                job = jobs(self._parts.keeper.copies.configurations, self._is_checked).get(holder)
+                if job is None:
+                    return
+                try:
+                    await self._do(job)
+                    pauses.reset()
+                except (Refused, Unreachable, PeerFault) as problem:
+                    self._parts.events["comparisons broken off"] += 1
+                    _log.debug("%s is compared again later: %s", address_of(holder.node), problem)
+                    await pauses.wait()
+        finally:
+            self._working.discard(holder)
+
+    # -------------------------------------------------------------------------------------------------------- doing
+
+    async def _do(self, job: Job) -> None:
+        parts, arcs = self._parts, [entry.arc for entry in job.entries]
+        # What was written by those who did not know the holder yet is there when this returns.
+        await parts.keeper.flush()
+        begin = parts.world.clock.now()
+        self._look()
+        for scene, space in await self._spaces(job):
+            comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs)
+            if not await comparison.run():
+                raise Refused(RejectReason.DAMAGED, "some records cannot be read here")
+        if not parts.cluster_log.registry.is_current(job.holder):
+            raise Refused(RejectReason.WRONG_INCARNATION, "another incarnation may have answered")
+        if not job.is_routine:
+            await parts.keeper.change_copies(lambda copies, _holding: _compared(copies, job))
+        parts.events["compared"] += len(arcs)
+        self._checked = {key: at for key, at in self._checked.items() if begin - at < AGAIN_S}
+        self._checked.update(((job.holder, job.layout, arc), begin) for arc in arcs)
+
+    async def _spaces(self, job: Job) -> Sequence[tuple[SceneId, SpaceId]]:
+        """Those of the layout that have records here; where nothing waits for it, also those of which only the holder may have any."""
+        known = sorted(space for space, layout in self._layouts.items() if layout == job.layout)
+        if job.is_routine:
+            return known
+        here = set(await self._parts.store.spaces())
+        return [space for space in known if space in here]
+
+
+def _compared(copies: Copies, job: Job) -> Copies:
+    configurations = copies.configurations
+    for entry in job.entries:
+        configurations = configurations.compare(job.holder, entry)
+    return copies if configurations is copies.configurations else replace(copies, configurations=configurations)

@@ -1,0 +1,150 @@
+"""If one fails, a holder counts as complete that is not, nobody ever does, or what a holder has newer is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import trio
+
+from scenefold.base.location import Arc, Location
+from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
+from scenefold.crypto import wanted_place
+from scenefold.peer.replication.placing_wishes import target_of
+from scenefold.peer.replication.telling_words import untold
+from scenefold.store import Put
+from scenefold.world.sim import run_simulated
+from unit.peer.line.street import places
+from unit.peer.replication.terrace import OBJECTS, THIRDS, Home, Terrace, object_record, record_at
+from unit.peer.replication.test_placing import until
+
+Main = Callable[[Terrace, trio.Nursery], Any]
+
+
+def played(main: Main, homes: int = 4, seed: int = 1, **more: Any) -> None:
+    async def begin() -> None:
+        terrace = Terrace(homes, **more)
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await main(terrace, nursery)
+            nursery.cancel_scope.cancel()
+
+    run_simulated(seed, begin, virtual_s_max=600.0, wall_s_max=240.0)
+
+
+def is_settled(home: Home) -> bool:
+    """Whether all of its arc has the configuration that placement gives, and everybody knows."""
+    found = home.copies.configurations
+    return (
+        home.replication.placing._is_placed(THIRDS)
+        and not untold(found)
+        and all(segment.is_idle(home.member) for segment in found.segments)
+        and not home.store.owed
+    )
+
+
+def arc_of(home: Home) -> Arc:
+    arc = home.living.arc
+    assert arc is not None
+    return arc
+
+
+def holders_of(terrace: Terrace, owner: Home, location: Location) -> list[Home]:
+    segment = owner.copies.configurations.at(THIRDS, location)
+    assert segment is not None
+    members = segment.holders(owner.member)
+    return [home for home in terrace.homes if home.member in members]
+
+
+def lies_with_all(terrace: Terrace, owner: Home, spots: Sequence[Location]) -> bool:
+    return all(place in home.places() for place in spots for home in [owner, *holders_of(terrace, owner, place)])
+
+
+def test_what_holders_lack_comes_to_them() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        for segment in first.copies.configurations.segments:
+            active = segment.active(first.member)
+            assert active is not None
+            assert (len(active.members), active.needed) == (3, 2)
+        assert all(entry.whole for home in terrace.homes for entry in home.copies.custody.entries)
+        spots = places(arc_of(first), 700)
+        # Behind the back of everything, as if debts had been lost.
+        await first.store.put([Put(record_at(place)) for place in spots])
+        first.replication.comparing.check_all()
+        await until(lambda: lies_with_all(terrace, first, spots))
+        left = first.replication.comparing.left
+        assert (left.segments, left.records) == (0, 0)
+        assert left.bytes_per_s > 0
+
+    played(main)
+
+
+def test_nobody_is_active_before_he_has_everything() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        spots = places(arc_of(first), 300)
+        await first.store.put([Put(record_at(place)) for place in spots])
+        first.replication.comparing.check_all()
+        await until(lambda: lies_with_all(terrace, first, spots))
+        former = holders_of(terrace, first, spots[0])[0]
+        assert first.own is not None
+        first.own.blacklist = Blacklist(1, (AddressPrefix(former.node, ADDRESS_BITS),))
+
+        def is_over() -> bool:
+            for segment in first.durable_copies().configurations.segments:
+                newest = segment.newest
+                assert newest is not None
+                inside = {place for place in spots if place in segment.arc}
+                members = [home for home in terrace.homes if home.member in newest.members]
+                assert all(inside <= home.places() for home in members), "it is active and not complete"
+            targets = [target_of(segment, first.member) for segment in first.copies.configurations.segments]
+            return is_settled(first) and not any(former.member in target[0] for target in targets if target is not None)
+
+        await until(is_over)
+        assert former not in holders_of(terrace, first, spots[0])
+
+    played(main, seed=2)
+
+
+def test_what_a_holder_has_newer_or_alone_comes_home_and_to_the_others() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        spots = places(arc_of(first), 40)
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        await first.store.put([Put(record_at(place)) for place in spots[:20]])
+        holder = holders_of(terrace, first, spots[0])[0]
+        mine = [place for place in spots if holder in holders_of(terrace, first, place)]
+        newer = [record_at(place, seq=2) for place in mine]
+        things = [bytes(place[:16]) for place in mine[1:] if wanted_place(bytes(place[:16])) in arc_of(first)][:3]
+        await holder.store.merge([Put(record) for record in newer])
+        await holder.store.merge([Put(object_record(thing), at=wanted_place(thing)) for thing in things])
+        first.replication.comparing.check_all()
+        await until(lambda: first.places() >= set(mine))
+        await until(lambda: {spot.object for spot in first.spots(OBJECTS)} == set(things))
+        await until(lambda: is_settled(first))
+        found = await first.store.get_many([first.spot(place).place for place in mine])
+        assert [record.header.seq for record in found if record is not None] == [2] * len(mine)
+        assert lies_with_all(terrace, first, mine)
+
+    played(main, seed=3)
+
+
+def test_a_holder_that_was_away_is_compared_when_it_is_heard_again() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        spots = places(arc_of(first), 30)
+        await first.store.put([Put(record_at(place)) for place in spots[:10]])
+        holder = holders_of(terrace, first, spots[0])[0]
+        terrace.net.cut(first.address, holder.address)
+        first.replication.comparing.check_all()
+        await until(lambda: not first.roster.is_believed_alive(holder.node))
+        await first.store.put([Put(record_at(place)) for place in spots[10:]])
+        terrace.net.mend(first.address, holder.address)
+        mine = {place for place in spots if holder in holders_of(terrace, first, place)}
+        await until(lambda: holder.places() >= mine)
+
+    played(main, seed=4)
