@@ -17,7 +17,7 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import Location
 from scenefold.client.calls import Calls
-from scenefold.client.copy_words import CopyWords
+from scenefold.client.copy_words import CopyWords, enough
 from scenefold.client.sealing import Key
 from scenefold.scene.log import Layouts
 from scenefold.wire import CopiesFound, CopyState, GetCopies, RecordBytes, RecordKey
@@ -134,7 +134,7 @@ class _Beside:
         layouts, table = self._reads.layouts, self._reads.calls.table
         for index in indices:
             space = self._keys[index][0]
-            least = 2 + len(layouts.offsets[space]) - layouts.needed[space]
+            least = enough(1 + len(layouts.offsets[space]), layouts.needed[space])
             owners = frozenset(owner.node_id for owner in table.candidates(self._homes[index]))
             self._words[index] = CopyWords(least, owners)
         async with trio.open_nursery() as nursery:

@@ -1,7 +1,8 @@
 """What holders of copies say of records, and when that counts like the owner's word (specs/20-copies.md, Reads). Pure.
 
 A write is acknowledged once `needed` of the members of a configuration have it. So of any |H| - needed + 1 members one has it, or
-something newer; and if as many that are not the owner say alike, under one configuration, nothing newer was acknowledged. Holders
+something newer; and if as many that are not the owner say alike, under one configuration, nothing newer was acknowledged. What is
+read must not be lost more easily than what was acknowledged: so with the owner, from whom they have it, they must be `needed`. Holders
 name that configuration themselves. A single one of them must not be able to name one in which it decides alone: so at least as many
 must say alike as follow from the scene's header, which its owner has signed.
 """
@@ -29,6 +30,11 @@ def word_of(copy: Copy) -> bytes | None:
             return None
 
 
+def enough(copies: int, needed: int) -> int:
+    """So many holders have to say alike, of a record with so many copies, of which so many are needed."""
+    return max(1, copies - needed + 1, needed - 1)
+
+
 class CopyWords:
     """Of one record. `least`: how many must say alike at least; `owners`: who may own its place, as the reader knows."""
 
@@ -52,7 +58,7 @@ class CopyWords:
     def version(self) -> bytes | None:
         """The version that counts; None as long as none does."""
         for (configuration, word), nodes in self._said.items():
-            if len(nodes) >= max(1, self._least, configuration.quorum):
+            if len(nodes) >= max(self._least, enough(len(configuration.members), configuration.needed)):
                 return word
         return None
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.ids import NodeId
-from scenefold.client.copy_words import CopyWords, word_of
+from scenefold.client.copy_words import CopyWords, enough, word_of
 from scenefold.client.tail import KEPT, LEAST, Tail
 from scenefold.crypto import version_of
 from scenefold.wire import Configuration, Copy, CopyState, Member, RecordBytes
@@ -93,6 +93,14 @@ def test_who_names_a_configuration_in_which_it_decides_alone_does_not() -> None:
     assert words((EVE, alone, NOTHING), least=1).version == b"", "with two copies, both of which must be there, it may"
 
 
+def test_what_is_told_lies_with_as_many_as_what_is_acknowledged() -> None:
+    """Where all three must have a record, one holder that has it cannot know whether the other has."""
+    strict = replace(THREE, needed=3)
+    assert words((ADA, strict, record(NEW)), least=1).version is None
+    assert words((ADA, strict, record(NEW)), (BOB, strict, record(NEW)), least=1).record == NEW
+    assert [enough(*shape) for shape in [(3, 2), (3, 3), (2, 2), (2, 1), (3, 1), (5, 3)]] == [2, 2, 1, 2, 3, 3]
+
+
 def test_who_names_another_owner_than_is_known_does_not_count() -> None:
     theirs = Configuration(99, (EVE, ADA, BOB), 2)
     assert words((ADA, theirs, NOTHING), (BOB, theirs, NOTHING)).version is None
@@ -109,7 +117,7 @@ def test_never_older_than_what_was_acknowledged(copies: int, needed: int, data: 
     configuration = Configuration(1, (OWNER, *holders), needed)
     have = data.draw(st.sets(st.sampled_from([OWNER, *holders]), min_size=needed, max_size=copies))
     said = data.draw(st.permutations(holders))
-    found = CopyWords(copies - needed + 1, OWNERS)
+    found = CopyWords(enough(copies, needed), OWNERS)
     for holder in said[: data.draw(st.integers(0, len(said)))]:
         found.hear(holder.node, configuration, record(NEW) if holder in have else data.draw(st.sampled_from([record(OLD), NOTHING])))
         assert found.version in (None, version_of(NEW.header))
