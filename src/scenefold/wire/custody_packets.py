@@ -1,4 +1,7 @@
-"""Packets 88, 89 and 92 to 95: who is to hold what, and what a node holds of a gap (specs/20-copies.md, Custody, Recovery)."""
+"""Packets 88, 89, 92 to 95, 100 and 101: who is to hold what, what a node holds of a gap, and of places that are others'.
+
+specs/20-copies.md, Custody, Recovery; 12-line.md, Strays.
+"""
 
 from __future__ import annotations
 
@@ -139,6 +142,22 @@ class HeldFetched(Packet):
 
 
 @dataclass(frozen=True, slots=True)
+class OfferStrays(Packet):
+    """These lie here, and you own their homes: may they go?"""
+
+    TYPE: ClassVar[int] = 100
+    records: tuple[HeldRecord, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StraysJudged(Packet):
+    """A reason for each, in order. 0: this or a newer version is durable where its space asks for it. 3: bring it. Else: keep it for now."""
+
+    TYPE: ClassVar[int] = 101
+    reasons: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Assigned:
     """What is set is the sender's own, numbered by it, and says of no place and layout two things."""
 
@@ -196,5 +215,7 @@ ROWS = (
         ("missing", Many(_INDEX, HANDOVER_BATCH_RECORDS_MAX)),
         law=Distinct("missing"),
     ),
+    row(OfferStrays, Carrier.TCP_LOW, ("records", Many(HELD_RECORD, HANDOVER_BATCH_RECORDS_MAX))),
+    row(StraysJudged, Carrier.TCP_LOW, ("reasons", Many(REASON_OR_0, HANDOVER_BATCH_RECORDS_MAX))),
 )
 STRUCTS = (RECORD_VERSION, HELD_RECORD)

@@ -15,9 +15,10 @@ PIECES_MAX = 64
 class Settling:
     """Which pieces of the line came when. Nothing of it survives a restart, so a start counts as receipt of everything."""
 
-    def __init__(self, clock: Clock, seconds: float = SETTLING_S) -> None:
+    def __init__(self, clock: Clock, seconds: float | None = None) -> None:
+        """`seconds`: until what came has settled; None: the usual time."""
         self._clock = clock
-        self._lasting_s = seconds * CLOCK_MARGIN
+        self._seconds = seconds
         self._received: list[tuple[Arc, float]] = [(WHOLE_LINE, clock.now())]
 
     def note(self, piece: Arc) -> None:
@@ -31,11 +32,14 @@ class Settling:
     def settles_in_s(self, arc: Arc) -> float:
         """Seconds until everything in the arc has settled; 0 if it has."""
         times = [at for piece, at in self._received if piece.intersection(arc) is not None]
-        return max(0.0, max(times) + self._lasting_s - self._clock.now()) if times else 0.0
+        return max(0.0, max(times) + self._lasting_s() - self._clock.now()) if times else 0.0
 
     def _forget(self) -> None:
-        oldest = self._clock.now() - self._lasting_s
+        oldest = self._clock.now() - self._lasting_s()
         self._received = [(arc, at) for arc, at in self._received if at > oldest]
+
+    def _lasting_s(self) -> float:
+        return settling_s() if self._seconds is None else self._seconds * CLOCK_MARGIN
 
 
 def settling_s() -> float:

@@ -5,22 +5,33 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import pytest
 import trio
 
 from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Record
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.segment import Segment
+from scenefold.peer.copies.versions import told_version
 from scenefold.peer.line import Side
 from scenefold.peer.line.strays import LEFT_S
+from scenefold.peer.line.unsettled import Doubt
 from scenefold.store import Put
-from scenefold.wire import Configuration, Member
+from scenefold.wire import Configuration, HandRecords, HeldRecord, Member, OfferStrays
 from scenefold.world.sim import Point, run_simulated
-from unit.peer.line.street import places
+from unit.peer.line.street import places, rot
 from unit.peer.replication.holders import arc_of, entrust, entry, play, send, some_places, tell
 from unit.peer.replication.terrace import SPACE, THIRDS, Home, Terrace, object_record, record_at
 
+MISSED, BUSY = RejectReason.PEER_MISSED, RejectReason.BUSY
 LONG_S = LEFT_S + 70.0
 """Strays are looked for after a minute at the latest; for some time after a start those of spaces with copies are let alone."""
+
+
+def held_of(record: Record) -> HeldRecord:
+    header = record.header
+    return HeldRecord(header.scene, header.space, header.location, b"", told_version(record.header_bytes))
 
 
 async def count_on(owner: Home, members: tuple[Member, ...], number: int = 5) -> None:
@@ -131,6 +142,55 @@ def test_a_giver_keeps_what_has_copies_until_it_is_told_what_it_holds() -> None:
         assert receiver.places() >= set(spots[4:])
 
     play(story, seconds=1000.0)
+
+
+def test_what_its_owner_has_is_not_sent() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = terrace.homes
+        spots = some_places(owner, 6)
+        await owner.store.put([Put(record_at(place, seq=2)) for place in spots[:2]])
+        strays = [record_at(place, seq=seq) for place, seq in zip(spots, (1, 2, 1, 1, 1, 1), strict=True)]
+        await holder.store.merge([Put(record) for record in strays])
+        await holder.store.merge([Put(record_at(place, space=SPACE)) for place in spots[:2]])
+        ask, brought = holder.peers.ask, []
+
+        async def noted(*details: Any) -> Any:
+            if isinstance(details[2], HandRecords):
+                brought.extend((item.space, item.location) for item in details[2].items)
+            return await ask(*details)
+
+        holder.peers.ask = noted  # type: ignore[method-assign]
+        await trio.sleep(LONG_S)
+        assert holder.stored() == set()
+        assert owner.places() == set(spots)
+        assert sorted(brought) == [*((SPACE, place) for place in spots[:2]), *((terrace.space, place) for place in spots[2:])]
+
+    play(story)
+
+
+@pytest.mark.expect_log("damaged|changed")
+def test_an_owner_says_of_each_stray_what_is_to_become_of_it() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, other = terrace.homes
+        spots = some_places(owner, 6)
+        await owner.store.put([Put(record_at(place)) for place in spots[:4]])
+        rot(owner, [spots[1]], -1)
+        unsettled = owner.living.parts.unsettled
+        doubted = Arc(spots[2], spots[2])
+        unsettled.doubts = (Doubt(THIRDS, doubted, 2),)
+        newer = record_at(spots[3], seq=2)
+        told = [*map(record_at, spots[:3]), newer, record_at(spots[4])]
+        packet = OfferStrays(tuple(map(held_of, told)))
+        judged = await owner.asked(packet, holder.node)
+        assert judged.reasons == (0, MISSED, BUSY, MISSED, MISSED)
+        owner.leased = False
+        assert set((await owner.asked(packet, holder.node)).reasons) == {BUSY}
+        owner.leased = True
+        assert set((await other.asked(packet, holder.node)).reasons) == {BUSY}, "it owns nothing of it"
+        await count_on(owner, (owner.member, holder.member, other.member))
+        assert set((await owner.asked(packet, holder.node)).reasons) == {BUSY}, "these are copies"
+
+    play(story)
 
 
 def test_an_object_that_lies_beside_its_home_is_a_copy_too_and_blocks_no_handover() -> None:

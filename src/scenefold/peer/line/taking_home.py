@@ -1,0 +1,158 @@
+"""What others bring home, as the owner takes it (specs/12-line.md, Strays).
+
+It is taken like a put: under the lease, in the arc, behind the gate that handovers freeze. It is answered for when all have it that its
+space asks for, and never if it lies where its copies belong: whoever brings it then does not know yet what it holds, and would delete a copy.
+Of spaces with copies it is asked first what need not be brought at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
+from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Record, RecordPlace
+from scenefold.peer.copies.versions import rank_of, told_version
+from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.holdings import no_lease
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.receiving import spot_of_item, verified
+from scenefold.peer.line.rightful import layout_of
+from scenefold.peer.records.copying import NotKept
+from scenefold.peer.records.verification import home_of
+from scenefold.store import Outcome, Put, PutResult, Spot
+from scenefold.wire import (
+    HandItem,
+    HandRecords,
+    HeldRecord,
+    OfferStrays,
+    Packet,
+    PutManyReply,
+    PutOutcome,
+    SceneMode,
+    StraysJudged,
+)
+
+GATE_S_MAX = 2.0
+"""For a place to thaw; the sender comes back later."""
+
+
+class TakingHome:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(HandRecords, self._on_hand, senders=Senders.NODES)
+        handlers.add(OfferStrays, self._on_offer, senders=Senders.NODES)
+
+    # ------------------------------------------------------------------------------------------------ OfferStrays
+
+    async def _on_offer(self, packet: OfferStrays, peer: str) -> Packet:
+        spots = [Spot(RecordPlace(held.scene, held.space, held.location), held.object) for held in packet.records]
+        # All of each is read: who hears that it is here deletes its own.
+        present = await self._parts.store.read(spots)
+        reasons = []
+        for held, spot, found in zip(packet.records, spots, present, strict=True):
+            has_it = isinstance(found, Record) and rank_of(told_version(found.header_bytes)) >= rank_of(held.version)
+            reasons.append(int(await self._why_not_deleted(held, spot, peer, has_it=has_it)))
+        return StraysJudged(tuple(reasons))
+
+    async def _why_not_deleted(self, held: HeldRecord, spot: Spot, peer: str, *, has_it: bool) -> int:
+        """0: this or a newer version is durable here, and where else its space asks for it. 3: it is to be brought."""
+        problem = await self._why_stays(held, spot.home, peer)
+        if problem is not None:
+            return problem.reason
+        if not (self._parts.keeper.holding.owns(spot.home) and self._parts.lease.holds()):
+            return RejectReason.BUSY
+        if not has_it:
+            return RejectReason.PEER_MISSED
+        return RejectReason.BUSY if self._parts.unsettled.within(Arc(spot.home, spot.home)) else 0
+
+    # ------------------------------------------------------------------------------------------------ HandRecords
+
+    async def _on_hand(self, packet: HandRecords, peer: str) -> Packet:
+        verdicts = await verified(self._parts, packet.items)
+        problems = [
+            verdict if isinstance(verdict, Refused) else await self._why_stays(item, home_of(item), peer)
+            for item, verdict in zip(packet.items, verdicts, strict=True)
+        ]
+        open_ones = [(index, verdict) for index, verdict in enumerate(verdicts) if problems[index] is None and isinstance(verdict, Put)]
+        taken = await self._take([packet.items[index] for index, _ in open_ones], [put for _, put in open_ones])
+        for (index, _), problem in zip(open_ones, taken, strict=True):
+            problems[index] = problem
+        outcomes = [
+            PutOutcome(0, item.location, NodeId(0))
+            if problem is None
+            else PutOutcome(int(problem.reason), item.location, self._parts.own.me)
+            for item, problem in zip(packet.items, problems, strict=True)
+        ]
+        return PutManyReply(tuple(map(self._still_so, packet.items, outcomes)))
+
+    async def _why_stays(self, item: HandItem | HeldRecord, home: Location, peer: str) -> Refused | None:
+        """Refused (13) if who brings it is counted on to have it: it would delete a copy, not a stray."""
+        layout = await layout_of(self._parts, item.scene, item.space)
+        copies, node = self._parts.keeper.copies.configurations, node_of(peer)
+        segment = None if layout is None else copies.at(layout, home)
+        if segment is not None and any(member.node == node for member in segment.counted_on(copies.me)):
+            return Refused(RejectReason.BUSY, "it lies by right where it comes from", remedy="let the owner say so")
+        return None
+
+    def _still_so(self, item: HandItem, outcome: PutOutcome) -> PutOutcome:
+        """What is said of an item at this very moment: while later ones waited, the place or the lease may have gone."""
+        parts = self._parts
+        if outcome.reason or (parts.keeper.holding.owns(home_of(item)) and parts.lease.holds()):
+            return outcome
+        return PutOutcome(int(RejectReason.BUSY), outcome.location, parts.own.me)
+
+    async def _take(self, items: Sequence[HandItem], puts: Sequence[Put]) -> list[Refused | None]:
+        """Why each is not to be had; None: this or a newer version is durable here, and where else its space asks for it."""
+        parts = self._parts
+        problems: list[Refused | None] = [Refused(RejectReason.BUSY, "the place is being handed over")] * len(items)
+        with trio.move_on_after(GATE_S_MAX if items else 0) as patience:
+            async with parts.writing(list(map(home_of, items)), anywhere=any(item.object for item in items)):
+                patience.deadline = float("inf")
+                problems = [await self._why_not(item) for item in items]
+                open_ones = [index for index, problem in enumerate(problems) if problem is None]
+                # All at once, so that they settle together.
+                for index, result in zip(open_ones, await parts.keeping.merge([puts[index] for index in open_ones]), strict=True):
+                    problems[index] = self._judged(items[index], result)
+        return problems
+
+    async def _why_not(self, item: HandItem) -> Refused | None:
+        try:
+            if not self._parts.keeper.holding.owns(home_of(item)):
+                raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
+            self._parts.require_lease()
+            await self._check_mode(item)
+        except Refused as refusal:
+            return refusal
+        return None
+
+    def _judged(self, item: HandItem, result: PutResult | NotKept) -> Refused | None:
+        if isinstance(result, NotKept):
+            return Refused(result.reason, "too few of those that are to have it have it")
+        if result.has_changed:
+            # What was here already has settled: whoever brings it again and again must not keep us from giving it away.
+            home = home_of(item)
+            self._parts.settling.note(Arc(home, home))
+        if result.outcome not in (Outcome.STORED, Outcome.STALE):
+            return Refused(result.reason or RejectReason.STORAGE_FULL, f"it cannot be kept: {result.outcome.value}")
+        if not self._parts.lease.holds():
+            return no_lease()
+        self._parts.events["taken home"] += 1
+        return None
+
+    async def _check_mode(self, item: HandItem) -> None:
+        """While a scene is rendered, a stray may fill an empty place and replaces nothing."""
+        scene = await self._parts.scenes.known(item.scene)
+        if scene.public.mode is SceneMode.EDIT:
+            return
+        (present,) = await self._parts.store.read([spot_of_item(item)])
+        if isinstance(present, Record):
+            raise Refused(RejectReason.BUSY, "the scene is being rendered: nothing in it is replaced")
