@@ -6,7 +6,7 @@ A layout counts as soon as any scene that this node knows has it, whether there 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -45,6 +45,9 @@ class Placing:
         self._wake = trio.Event()
         self._line_of: tuple[object, ...] = ()
         self._line = Line(())
+        self._claimants: frozenset[NodeId] = frozenset()
+        self._given_of: tuple[object, ...] = ()
+        self._given: dict[Layout, list[Piece]] = {}
         self._wishes: dict[Layout, list[Wish]] = {}
         self.layouts: dict[Layout, int] = {}
         """All that the known scenes have, and what their configurations ask of every write."""
@@ -99,13 +102,14 @@ class Placing:
     async def run(self) -> None:
         """Watch until cancelled."""
         while True:
+            # Before the look: whoever asks for one meanwhile gets another.
+            self._wake = trio.Event()
             try:
                 await self._look()
             except Refused as refusal:
                 # The disk is full, this life is ending, or the arc falls into too many pieces.
                 self._parts.events["copies not placed"] += 1
                 _log.debug("who holds copies is placed again later: %s", refusal)
-            self._wake = trio.Event()
             with trio.move_on_after(LOOK_S):
                 await self._wake.wait()
 
@@ -115,40 +119,49 @@ class Placing:
         self.layouts = needed_of(parts.scenes.everyone(), len(registry.order))
         wanted = {**dict.fromkeys(await self._former(), 1), **self.layouts}
         if arc is None or not wanted or not registry.is_current(parts.own.member):
-            self._wishes, self.shortages = {}, {}
+            self._wishes, self._given, self._given_of, self.shortages = {}, {}, (), {}
             return
-        nodes = self._nodes()
-        takable = {node: known.member for node in nodes if node != parts.own.me and (known := registry.current(node)) is not None}
-        allowed = {node: found for node, found in takable.items() if not forbids(parts.own.blacklist.prefixes, node, owner=parts.own.me)}
+        self._give(arc, wanted)
         now, configurations = parts.world.clock.now(), parts.keeper.copies.configurations
-        due: list[tuple[Layout, list[Piece], int]] = []
-        wishes, self.shortages = self._wishes, {}
-        self._wishes = {}
-        for layout, needed in wanted.items():
-            places = _recovered(parts.keeper.copies, arc)
-            if layout in self.layouts:
-                pieces = pieces_of(self._line, parts.own.me, layout, places, allowed, nodes)
-                short = shortage_of(layout, needed, allowed.keys(), takable.keys(), parts.own.me)
-                if short is not None:
-                    self.shortages[layout] = short
-            else:
-                pieces = [(place, ()) for place in places]
-            self._wishes[layout] = lasting(wishes.get(layout, ()), pieces, needed, now)
-            found = ripe(configurations, layout, self._wishes[layout], now, parts.keeper.is_removed)
-            if found:
-                due.append((layout, found, needed))
+        self._wishes = {
+            layout: lasting(self._wishes.get(layout, ()), pieces, wanted[layout], now) for layout, pieces in self._given.items()
+        }
+        ready = [(layout, ripe(configurations, layout, wishes, now, parts.keeper.is_removed)) for layout, wishes in self._wishes.items()]
+        due = [(layout, pieces, wanted[layout]) for layout, pieces in ready if pieces]
         if due:
             await parts.keeper.change_copies(partial(_placed, due))
             parts.events["copies placed"] += len(due)
 
-    def _nodes(self) -> list[NodeId]:
+    def _give(self, arc: Arc, wanted: Mapping[Layout, int]) -> None:
+        """What placement gives by now for each layout; looked up anew if something has changed."""
+        registry, own = self._parts.cluster_log.registry, self._parts.own
+        nodes = self._nodes()
+        places = _recovered(self._parts.keeper.copies, arc)
+        about = self._line_of, own.blacklist, tuple(places), wanted, frozenset(self.layouts)
+        if about == self._given_of:
+            return
+        takable = {node: known.member for node in nodes if node != own.me and (known := registry.current(node)) is not None}
+        allowed = {node: found for node, found in takable.items() if not forbids(own.blacklist.prefixes, node, owner=own.me)}
+        self._given, shortages = {}, {}
+        for layout, needed in wanted.items():
+            if layout not in self.layouts:
+                self._given[layout] = [(place, ()) for place in places]
+                continue
+            self._given[layout] = pieces_of(self._line, own.me, layout, places, allowed, nodes)
+            short = shortage_of(layout, needed, allowed.keys(), takable.keys(), own.me)
+            if short is not None:
+                shortages[layout] = short
+        self.shortages, self._given_of = shortages, about
+
+    def _nodes(self) -> frozenset[NodeId]:
         """Who has an arc, as this node believes; the line is made anew if that has changed."""
         registry, own = self._parts.cluster_log.registry, self._parts.own
         about = registry.position, self._roster.arcs_version, own.arc
         if about != self._line_of:
             claims = claims_of(registry, self._roster.arcs(), own.me, own.arc)
             self._line, self._line_of = Line([(node, arc) for arc, node in claims]), about
-        return sorted({node for claimants in self._line.claimants for node in claimants})
+            self._claimants = frozenset(node for claimants in self._line.claimants for node in claimants)
+        return self._claimants
 
     async def _former(self) -> list[Layout]:
         """Layouts that nothing has any more, though copies are held by them. None as long as a scene of records here is unknown."""
