@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE_ROOTS = {"scenefold": ROOT / "src", "scenectl": ROOT / "cli"}
-FOLDERS = ("src", "cli", "tests", "tools", "typings", "docs", "specs", "examples", "changes.d", ".ci", ".github")
+FOLDERS = ("src", "cli", "tests", "tools", "benchmarks", "typings", "docs", "specs", "examples", "changes.d", ".ci", ".github")
 TEXT = {".py", ".pyi", ".md", ".toml", ".txt", ".yml", ".yaml", ".cfg", ".sh", ".css", ".js", ".html", ""}
 
 

@@ -18,7 +18,7 @@ REGISTRIES = re.compile(
 UNFINISHED = re.compile(r"\b(" + "|".join(["TO" + "DO", "FIX" + "ME", "X" + "XX", "HA" + "CK"]) + r")\b")
 ONE_MACHINE = re.compile(r"(?<![\w.$}/-])/(" + "|".join(["wo" + "rk", "ro" + "ot"]) + ")/")
 
-PYTHON = list(python_files("src", "cli", "tests", "tools"))
+PYTHON = list(python_files("src", "cli", "tests", "tools", "benchmarks"))
 
 
 def name(path: Path) -> str:
