@@ -80,11 +80,12 @@ class Unsettled:
     is_read: bool = True
     """Whether all that this node owed at its start has been looked through. Until then anything may be unsettled."""
     doubts: tuple[Doubt, ...] = ()
+    _count: int = 0
     _by_name: dict[Name, list[Pending]] = field(default_factory=dict)
     _changed: trio.Event = field(default_factory=trio.Event)
 
     def __len__(self) -> int:
-        return sum(map(len, self._by_name.values()))
+        return self._count
 
     def __iter__(self) -> Iterator[Pending]:
         return iter([pending for found in self._by_name.values() for pending in found])
@@ -128,6 +129,7 @@ class Unsettled:
         """Before it is given to the store: nobody must see it there and not here."""
         found = self._by_name.setdefault(name_of(pending.spot), [])
         found.insert(0 if is_oldest else len(found), pending)
+        self._count += 1
 
     def settle(self, pending: Pending) -> list[Pending]:
         """It may be told, and with it all older versions, which nobody can miss any more. What is settled by that."""
@@ -136,7 +138,7 @@ class Unsettled:
         if pending not in found:
             return []
         index = found.index(pending) + 1
-        self._keep(name, found[index:])
+        self._keep(name, found, found[index:])
         for one in found[:index]:
             _finish(one)
         return found[:index]
@@ -144,7 +146,8 @@ class Unsettled:
     def drop(self, pending: Pending) -> None:
         """It was not stored after all."""
         name = name_of(pending.spot)
-        self._keep(name, [one for one in self._by_name.get(name, ()) if one is not pending])
+        found = self._by_name.get(name, [])
+        self._keep(name, found, [one for one in found if one is not pending])
         _finish(pending)
 
     def doubt(self, doubt: Doubt) -> None:
@@ -167,7 +170,8 @@ class Unsettled:
         self.is_read = True
         self._announce()
 
-    def _keep(self, name: Name, left: list[Pending]) -> None:
+    def _keep(self, name: Name, found: list[Pending], left: list[Pending]) -> None:
+        self._count -= len(found) - len(left)
         if left:
             self._by_name[name] = left
         else:

@@ -131,10 +131,9 @@ class Writes:
 
     def _judged(self, item: PutItem, result: PutResult | NotKept | RejectReason) -> PutOutcome:
         """What is said of a result at this very moment: without a lease nothing that a later owner could contradict."""
-        if isinstance(result, RejectReason):
-            return _outcome(item, result)
-        if isinstance(result, NotKept):
-            return PutOutcome(result.reason, item.location, result.node)
+        if not isinstance(result, PutResult):
+            reason, node = result if isinstance(result, NotKept) else (result, NodeId(0))
+            return PutOutcome(reason, item.location, node)
         if result.outcome is Outcome.NOT_OWNED:
             return self._not_ours(item, home_of(item))
         if not self._lease.holds():

@@ -11,7 +11,7 @@ from scenefold.peer.copies.segment import Segment
 from scenefold.wire import Member
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Rule:
     """That of one segment, as `Segment.is_settled` says it, and of its next configuration as soon as that may become the active one.
 

@@ -28,6 +28,7 @@ from scenefold.peer.replication.beginning import Beginning
 from scenefold.peer.replication.judging import Judging
 from scenefold.peer.replication.lane import item_of
 from scenefold.peer.replication.settling import Settled
+from scenefold.peer.replication.settling_rule import Rule
 from scenefold.store import Outcome, Put, PutResult, Spot
 from scenefold.store.versions import version_of
 from scenefold.world import QuietLog
@@ -107,8 +108,9 @@ class Spreading:
         refused = await self._place(puts, scenes)
         outcomes: dict[int, PutResult | NotKept] = {}
         kept: list[tuple[int, Put, Pending | None]] = []
+        judged: dict[tuple[Rule, int], bool] = {}
         for index, put in enumerate(puts):
-            planned = self._planned(put, scenes[put.record.header.scene], refused)
+            planned = self._planned(put, scenes[put.record.header.scene], refused, judged)
             if isinstance(planned, NotKept):
                 outcomes[index] = planned
             else:
@@ -158,8 +160,13 @@ class Spreading:
                 refused[space] = NotKept(refusal.reason, self._parts.own.me)
         return refused
 
-    def _planned(self, put: Put, known: KnownScene, refused: Mapping[_Space, NotKept]) -> Pending | NotKept | None:
-        """What is to become of it: None if it has one copy; NotKept if it is known before that it would not be settled."""
+    def _planned(
+        self, put: Put, known: KnownScene, refused: Mapping[_Space, NotKept], judged: dict[tuple[Rule, int], bool]
+    ) -> Pending | NotKept | None:
+        """What is to become of it: None if it has one copy; NotKept if it is known before that it would not be settled.
+
+        `judged`: by which rules others of the same write could be.
+        """
         record = put.record
         header = record.header
         layout = known.layouts.get(header.space, ())
@@ -173,7 +180,9 @@ class Spreading:
         if rule is None or not rule.is_placed or len(self._unsettled) >= PENDING_MAX:
             return nothing_stored
         wanted = known.needed[header.space]
-        if not self._judging.could_settle(rule, wanted):
+        if (rule, wanted) not in judged:
+            judged[rule, wanted] = self._judging.could_settle(rule, wanted)
+        if not judged[rule, wanted]:
             missing = [target.node for target in rule.targets if not self._judging.is_alive(target.node)]
             self._say("too few", f"writes are refused, since too few of who holds copies are there; {_names(missing)}")
             return nothing_stored
