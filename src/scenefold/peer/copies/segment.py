@@ -68,8 +68,7 @@ class Segment:
 
     def is_settled(self, have: Set[Member], needed: int, me: Member) -> bool:
         """Whether what these nodes have durably, the owner among them, may be acknowledged (Writes, rules 1 and 2)."""
-        holders = {me, *self.holders(me)}
-        return len(have & holders) >= needed and all(
+        return len(have & {me, *self.placed(me)}) >= needed and all(
             len(have & set(configuration.members)) >= configuration.needed
             for configuration in self.configurations
             if not self.is_closed(configuration, me)
@@ -78,6 +77,12 @@ class Segment:
     def holders(self, me: Member) -> list[Member]:
         """To whom every write is sent: whoever is a holder, or is made one."""
         return [member for member in self._known(me) if self.wanted(member, me) is not None]
+
+    def placed(self, me: Member) -> list[Member]:
+        """Who holds copies as placement wants it now. Whoever was inherited, or is to go, may stand where the owner wants no copies."""
+        active, change = self.active(me), self.change
+        chosen = change.holders if change is not None else () if active is None else active.members
+        return [member for member in self.holders(me) if member in chosen]
 
     def counted_on(self, me: Member) -> set[Member]:
         """Who may be counted among those that have a record: whoever is a holder, or was one and may not know yet that it is none."""

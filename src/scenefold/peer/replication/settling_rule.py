@@ -23,6 +23,8 @@ class Rule:
     """Whether there are holders by placement."""
     targets: tuple[Member, ...]
     """To whom every write is sent."""
+    placed: frozenset[Member]
+    """Who may count for the first rule: this owner, and the holders by placement."""
     debtors: tuple[NodeId, ...]
     sound: frozenset[Member]
     """Who lacks nothing but what is owed to it."""
@@ -41,6 +43,7 @@ class Rule:
             me,
             change is not None or segment.active(me) is not None,
             targets,
+            frozenset((me, *segment.placed(me))),
             tuple(target.node for target in targets),
             segment.sound,
             tuple(quorums),
@@ -48,8 +51,7 @@ class Rule:
 
     def is_settled(self, have: Set[Member], needed: int) -> bool:
         """Rules 1 and 2 for a version that these nodes have, the owner among them."""
-        count = sum(target in have for target in self.targets) + (self.me in have)
-        return count >= needed and self.is_safe(have)
+        return len(self.placed & have) >= needed and self.is_safe(have)
 
     def is_safe(self, have: Set[Member]) -> bool:
         """Rule 2 alone: whoever may be asked instead of the owner, one that has it is among them."""

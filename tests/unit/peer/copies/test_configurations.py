@@ -89,6 +89,10 @@ def test_a_write_counts_when_enough_of_all_that_may_be_read_have_it() -> None:
     assert not only(found).is_settled({P}, 2, P)
     assert only(found).is_settled({P, A}, 2, P)
     assert not only(found).is_settled({P, C}, 2, P), "who is no holder may delete it"
+    changing = only(found.place(ONE, [(arc(0, 99), (B, C))], 2))
+    assert not changing.is_settled({P, A}, 2, P), "A is to go: it may stand where no copy may"
+    assert changing.is_settled({P, B}, 2, P)
+    assert changing.is_settled({P, A, C}, 2, P)
     found = compare(tell(found.place(ONE, [(arc(0, 99), (C, D))], 2))).activate(lambda _: [])
     assert not only(found).is_settled({P, C}, 2, P), "A and B may still be read, and have not heard of it"
     assert only(tell(found, A, C, D)).is_settled({P, C}, 2, P), "A alone is not believed"
