@@ -103,6 +103,10 @@ class Store(ComparingStore, OwingStore):
         """How many node-managed records of this node's arc lie in the piece and have their home elsewhere in it, or the other way about."""
         return await self._view(walking.parted, piece)
 
+    async def beside(self, rightful: Rightful) -> int:
+        """How many node-managed records lie in this node's arc, have their homes elsewhere, and are by right on this node all the same."""
+        return await self._view(walking.beside, rightful)
+
     async def misplaced(self, rightful: Rightful, limit: int) -> list[Entry]:
         """Node-managed records that lie where records lie by right, though their homes do not, at most `limit`."""
         return await self._view(walking.misplaced, rightful, limit)

@@ -154,6 +154,17 @@ def misplaced(transaction: ReadTransaction, rightful: Rightful, limit: int) -> l
     return entries
 
 
+def beside(transaction: ReadTransaction, rightful: Rightful) -> int:
+    """How many objects lie in this node's arc that it holds for others: whoever lists the arc would take them for its own."""
+    arc = read_arc(transaction)
+    if arc is None:
+        return 0
+    return sum(
+        spot.place.location in arc and home not in arc and not rightful.is_stray(spot.place[:2], home)
+        for spot, home in displaced(transaction)
+    )
+
+
 def parted(transaction: ReadTransaction, piece: Arc) -> int:
     """How many objects have either their place or their home in the piece, and not both. Only those count that this node decides about."""
     arc = read_arc(transaction)

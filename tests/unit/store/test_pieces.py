@@ -113,6 +113,11 @@ async def test_an_object_belongs_where_its_home_is_and_not_where_it_lies(tmp_pat
         assert await found([], [there]) == (0, 0), "held at another place than its own"
         assert await found([here], []) == (0, 1), "in the way of what is this node's"
         assert await found([here], [there]) == (0, 0)
+        await store.put_holding(here, b"")
+        assert [await store.beside(Rightful([here], {this: held})) for held in ([], [there])] == [0, 1]
+        assert await store.slide([there]) == 1
+        assert await store.beside(Rightful([here], {this: [there]})) == 0
+        await store.merge([Put(managed(1), at=elsewhere)])
         assert await store.parted(here) == 0, "this node does not decide about it"
 
 

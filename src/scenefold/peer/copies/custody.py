@@ -9,7 +9,7 @@ A floor that is too high costs an owner one more round trip; so when there are t
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -140,11 +140,6 @@ class Custody:
         if not self.within(arc):
             return self
         return Custody(joined(_outside(self.entries, arc)), self.floors)
-
-    def drop(self, is_over: Callable[[Entry], bool]) -> Custody:
-        """Without what is held for who cannot come back, or never answers: it is all strays from then on."""
-        kept = tuple(entry for entry in self.entries if not is_over(entry))
-        return self if len(kept) == len(self.entries) else Custody(kept, self.floors)
 
     # --------------------------------------------------------------------------------------------------- helpers
 

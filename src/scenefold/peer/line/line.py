@@ -98,11 +98,6 @@ class Line:
         """What this node owns, as it is durable."""
         return self._parts.keeper.holding.arc
 
-    @property
-    def kept(self) -> list[Arc]:
-        """Where records lie by right: in the arc, and in what is on its way."""
-        return self._parts.keeper.holding.kept
-
     def owns(self, location: Location) -> bool:
         return self._parts.keeper.holding.owns(location)
 

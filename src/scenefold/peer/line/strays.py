@@ -106,6 +106,11 @@ class Strays:
             if holding.arc is not None and not holding.handovers and await self._parts.store.parted(holding.arc):
                 with self._as_far_as_there_is_room():
                     await self._parts.store.slide([holding.arc])
+            held = self._parts.keeper.copies.custody.entries
+            if held and not holding.handovers and await self._parts.store.beside(await rightful(self._parts)):
+                # A giver has them where it had put them as their owner, and that place may be its own again.
+                with self._as_far_as_there_is_room():
+                    await self._parts.store.slide([entry.arc for entry in held])
             return await self._parts.store.misplaced(await rightful(self._parts), BATCH_RECORDS)
 
     def _note_left(self) -> None:

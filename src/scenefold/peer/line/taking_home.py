@@ -13,6 +13,7 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
+from scenefold.base.limits import STORE_READ_BATCH_MAX
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordPlace
@@ -54,13 +55,15 @@ class TakingHome:
     # ------------------------------------------------------------------------------------------------ OfferStrays
 
     async def _on_offer(self, packet: OfferStrays, peer: str) -> Packet:
-        spots = [Spot(RecordPlace(held.scene, held.space, held.location), held.object) for held in packet.records]
-        # All of each is read: who hears that it is here deletes its own.
-        present = await self._parts.store.read(spots)
-        reasons = []
-        for held, spot, found in zip(packet.records, spots, present, strict=True):
-            has_it = isinstance(found, Record) and rank_of(told_version(found.header_bytes)) >= rank_of(held.version)
-            reasons.append(int(await self._why_not_deleted(held, spot, peer, has_it=has_it)))
+        reasons: list[int] = []
+        for start in range(0, len(packet.records), STORE_READ_BATCH_MAX):
+            part = packet.records[start : start + STORE_READ_BATCH_MAX]
+            spots = [Spot(RecordPlace(held.scene, held.space, held.location), held.object) for held in part]
+            # All of each is read: who hears that it is here deletes its own.
+            present = await self._parts.store.read(spots)
+            for held, spot, found in zip(part, spots, present, strict=True):
+                has_it = isinstance(found, Record) and rank_of(told_version(found.header_bytes)) >= rank_of(held.version)
+                reasons.append(int(await self._why_not_deleted(held, spot, peer, has_it=has_it)))
         return StraysJudged(tuple(reasons))
 
     async def _why_not_deleted(self, held: HeldRecord, spot: Spot, peer: str, *, has_it: bool) -> int:

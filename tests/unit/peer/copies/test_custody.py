@@ -125,12 +125,6 @@ def test_who_owns_a_place_holds_it_for_nobody_and_forgets_no_number() -> None:
     assert Custody().claim(arc(0, 9)) == Custody()
 
 
-def test_what_can_never_be_answered_for_is_dropped() -> None:
-    custody = Custody().set(P, 5, arc(0, 99), [entry(P, 5, arc(0, 49)), entry(P, 5, arc(50, 99), whole=False)])
-    assert custody.drop(lambda found: not found.whole).arcs(ONE) == [arc(0, 49)]
-    assert custody.drop(lambda found: False) is custody
-
-
 def test_more_pieces_than_are_kept_are_refused() -> None:
     said = [entry(P, 1 + index % 2, arc(2 * index, 2 * index)) for index in range(CUSTODY_KEPT_MAX + 1)]
     with pytest.raises(Refused, match="takes no more"):

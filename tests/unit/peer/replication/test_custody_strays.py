@@ -10,7 +10,7 @@ import trio
 
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import Record
+from scenefold.crypto import Record, wanted_place
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.segment import Segment
 from scenefold.peer.copies.versions import told_version
@@ -22,7 +22,7 @@ from scenefold.wire import Configuration, HandRecords, HeldRecord, Member, Offer
 from scenefold.world.sim import Point, run_simulated
 from unit.peer.line.street import places, rot
 from unit.peer.replication.holders import arc_of, entrust, entry, play, send, some_places, tell
-from unit.peer.replication.terrace import SPACE, THIRDS, Home, Terrace, object_record, record_at
+from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
 
 MISSED, BUSY = RejectReason.PEER_MISSED, RejectReason.BUSY
 LONG_S = LEFT_S + 70.0
@@ -193,18 +193,39 @@ def test_an_owner_says_of_each_stray_what_is_to_become_of_it() -> None:
     play(story)
 
 
-def test_an_object_that_lies_beside_its_home_is_a_copy_too_and_blocks_no_handover() -> None:
+def test_an_object_that_a_giver_keeps_beside_its_home_slides_there_when_its_place_is_the_nodes_own() -> None:
     async def story(terrace: Terrace) -> None:
         owner, holder, _ = await entrust(terrace)
         name = bytes(some_places(owner, 3)[1])[:16]
-        # As a giver has it whose arc has come back in part.
         beside = some_places(holder, 4)[3]
         await holder.store.merge([Put(object_record(name), at=beside)])
-        await trio.sleep(LONG_S)
-        assert [spot.place.location for spot in holder.spots(object_record(name).header.space)] == [beside]
         arc = arc_of(holder)
+        await trio.sleep(LONG_S)
         await holder.living.give(Side.RIGHT, Arc(Location.from_number(beside.number - 1), arc.last), why="a test")
-        assert len(holder.spots(object_record(name).header.space)) == 1
+        assert [spot.place.location for spot in holder.spots(OBJECTS)] == [wanted_place(name)]
+        assert (await holder.store.range(HEADER.scene, OBJECTS, arc, 9)).locations == []
+
+    play(story, seconds=1000.0)
+
+
+def test_an_object_beside_its_home_blocks_no_handover() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = await entrust(terrace)
+        name = bytes(some_places(owner, 3)[1])[:16]
+        arc = arc_of(holder)
+        beside = some_places(holder, 4)[3]
+        await trio.sleep(20.0)
+        store, slide = holder.store, holder.store.slide
+
+        async def nowhere(parts: Any, limit: int = 1) -> int:
+            return 0
+
+        store.slide = nowhere
+        await store.merge([Put(object_record(name), at=beside)])
+        await holder.living.give(Side.RIGHT, Arc(Location.from_number(beside.number - 1), arc.last), why="a test")
+        store.slide = slide
+        await trio.sleep(LONG_S)
+        assert len(holder.spots(OBJECTS)) == 1, "it is a copy"
 
     play(story, seconds=1000.0)
 
