@@ -22,6 +22,7 @@ from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
+from scenefold.peer.replication import Replication
 from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Scrub
@@ -55,6 +56,8 @@ class NodeContext:
     line: Line
     """What this node owns, and how pieces of it change hands."""
     scenes: Scenes
+    replication: Replication
+    """Who holds copies of what it owns, and what it holds for others."""
     data: DataService
     enrolment: Enrolment
     balancer: Balancer

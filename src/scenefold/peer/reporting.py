@@ -85,6 +85,7 @@ class Moment:
     scrub: Mapping[str, Any] = field(default_factory=dict)
     blacklist: Blacklist = field(default_factory=Blacklist)
     signs: Sequence[Mapping[str, Any]] = ()
+    copies: Mapping[str, Any] = field(default_factory=dict)
 
 
 def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory) -> dict[str, Any]:
@@ -124,6 +125,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "blacklist": list(map(str, moment.blacklist.prefixes)),
         "blacklist_version": moment.blacklist.version,
         "signs": list(moment.signs),
+        "copies": dict(moment.copies),
     }
 
 
@@ -196,6 +198,7 @@ class Reporting:
         pieces = {handover.id: await context.store.arc_totals(handover.piece) for _, handover in handovers}
         strays = await context.store.strays(await rightful(line.parts), None, STRAYS_COUNTED_MAX)
         statistics = await context.store.statistics()
+        copies = await context.replication.health.document()
         now = context.world.clock.now()
         self._memory.note_handovers(handovers, now)
         moment = Moment(
@@ -224,6 +227,7 @@ class Reporting:
             scrub=context.scrub.progress(statistics.bytes).document(),
             blacklist=context.own.blacklist,
             signs=context.gossip.signs.documents(now),
+            copies=copies,
         )
         return report_of(moment, context.cluster_log.registry, context.roster, self._memory)
 

@@ -186,6 +186,7 @@ class PeerServices:
             lease=lease,
             line=line,
             scenes=scenes,
+            replication=self._replication,
             data=data,
             enrolment=enrolment,
             balancer=balancer,

@@ -11,6 +11,7 @@ from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.activating import Activating
 from scenefold.peer.replication.comparing import Comparing
+from scenefold.peer.replication.health import Health
 from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
@@ -33,6 +34,7 @@ class Replication:
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
         self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False))
+        self.health = Health(parts, roster, self.placing, lambda: self.comparing.left)
         self._activating = Activating(parts)
 
     def register(self, handlers: Handlers) -> None:

@@ -1,0 +1,133 @@
+"""What a node says of the copies of what it owns, in its report (specs/11-peers.md, Report; 20-copies.md, Health).
+
+Records are counted by the store's sums, which take no walk; and only when something has changed since they were counted last, since
+whoever watches a cluster asks for reports every second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from itertools import islice
+from typing import Any
+
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.location import LINE_LENGTH, Arc
+from scenefold.peer.copies.placement import Layout
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.replication.comparing_progress import Left
+from scenefold.peer.replication.placing import Placing
+from scenefold.peer.replication.standing import Standing, by_layout, standing_of
+
+COUNT_AGAIN_S = 2.0
+"""Between two counts in a store that is written to all the time."""
+ARCS_COUNTED_MAX = 32
+"""Of one kind and layout. Of more the first ones are counted: that there are many is what matters then."""
+LISTED_MAX = 16
+"""Nodes, or layouts, that a report names of one kind."""
+
+
+class Health:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, roster: Roster, placing: Placing, left: Callable[[], Left]) -> None:
+        self._parts = parts
+        self._roster = roster
+        self._placing = placing
+        self._left = left
+        self._counted: dict[str, int] = {}
+        self._counted_for: tuple[object, ...] = ()
+        self._counted_at = float("-inf")
+
+    async def document(self) -> dict[str, Any]:
+        """The part of the report that speaks of copies."""
+        parts, is_alive = self._parts, self._roster.is_believed_alive
+        copies, arc, layouts = parts.keeper.copies, parts.keeper.holding.arc, dict(self._placing.layouts)
+        standing = standing_of(copies, arc, layouts, is_alive, parts.own.blacklist.prefixes)
+        counts = await self._counts(standing, arc, layouts)
+        owed = {node: count for node, count in parts.store.owed.items() if count}
+        most = sorted(owed, key=lambda node: (is_alive(node), -owed[node]))[:LISTED_MAX]
+        return {
+            "owned": {"records": counts["owned"], "records_with_copies": counts["copied"]},
+            "segments": standing.segments,
+            "under_copied": {
+                "segments": len(standing.lacking),
+                "missing_max": standing.copies_missing_max,
+                "records": counts["lacking"],
+            },
+            "owed": {
+                "records": sum(owed.values()),
+                "records_to_silent": sum(count for node, count in owed.items() if not is_alive(node)),
+                "nodes": [{"address": address_of(node), "records": owed[node], "alive": is_alive(node)} for node in most],
+            },
+            "mis_placed": {"segments": len(standing.moving), "records": counts["moving"]},
+            "forbidden": {
+                "segments": len(standing.forbidden),
+                "records": counts["forbidden"],
+                "nodes": _addresses(standing.forbidden_on),
+            },
+            "comparing": {"segments": len(standing.comparing), "records": counts["comparing"]},
+            "unsettled": {"records": len(parts.unsettled), "pieces": len(parts.unsettled.doubts), "read": parts.unsettled.is_read},
+            "unrecovered": {
+                "pieces": len(copies.unrecovered),
+                "share": sum(gap.length for gap in copies.unrecovered) / LINE_LENGTH,
+            },
+            "shortages": [
+                {
+                    "copies": 1 + len(short.layout),
+                    "needed": short.needed,
+                    "possible": short.possible,
+                    "blacklist_of": None if short.whose is None else address_of(short.whose),
+                }
+                for short in islice(self._placing.shortages.values(), LISTED_MAX)
+            ],
+            "repair": _left_document(self._left()),
+            "held": {
+                "segments": len(copies.custody.entries),
+                "whole": sum(entry.whole for entry in copies.custody.entries),
+            },
+        }
+
+    async def _counts(self, standing: Standing, arc: Arc | None, layouts: Mapping[Layout, int]) -> Mapping[str, int]:
+        store, now = self._parts.store, self._parts.world.clock.now()
+        about: tuple[object, ...] = (store.commits, standing, arc, layouts)
+        if about == self._counted_for:
+            return self._counted
+        # In a store that is written to all the time only what is off is worth being counted anew at once.
+        if about[1:] == self._counted_for[1:] and now - self._counted_at < COUNT_AGAIN_S:
+            return self._counted
+        whole = [] if arc is None else [arc]
+        kinds: dict[str, Iterable[tuple[Layout, Arc]]] = {
+            "lacking": [(one.layout, one.arc) for one in standing.lacking],
+            "moving": standing.moving,
+            "comparing": standing.comparing,
+            "forbidden": standing.forbidden,
+            "copied": [(layout, piece) for layout in layouts for piece in whole],
+        }
+        counts = {kind: await self._records(by_layout(pieces)) for kind, pieces in kinds.items()}
+        counts["owned"] = counts["copied"] + await self._records({(): whole})
+        self._counted, self._counted_for, self._counted_at = counts, about, now
+        return counts
+
+    async def _records(self, arcs: Mapping[Layout, list[Arc]]) -> int:
+        """In all spaces of these layouts."""
+        if not any(arcs.values()):
+            return 0
+        layout_of = {
+            (scene.public.scene, space): layout for scene in self._parts.scenes.everyone() for space, layout in scene.layouts.items()
+        }
+        found = 0
+        for scene, space in await self._parts.store.spaces():
+            wanted = arcs.get(layout_of.get((scene, space), ()), [])[:ARCS_COUNTED_MAX]
+            if wanted:
+                found += sum(total.records for total in await self._parts.store.sums(scene, space, wanted))
+        return found
+
+
+def _left_document(left: Left) -> dict[str, Any]:
+    known = {"segments": left.segments, "records": left.records, "bytes": left.bytes}
+    return {**known, "bytes_per_s": left.bytes_per_s, "seconds": left.seconds}
+
+
+def _addresses(nodes: Iterable[NodeId]) -> list[str]:
+    return list(map(address_of, islice(nodes, LISTED_MAX)))
