@@ -13,6 +13,7 @@ from scenefold.client.scenes import Scenes
 from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.scene.log import Decider
 from scenefold.simulation.copying import KEPT_NAMES, KEPT_OBJECTS, Copying, Rule
+from scenefold.simulation.heard_copies import HeardCopies
 from scenefold.simulation.recording import Recorder, WatchedLinks
 from scenefold.simulation.watch import Watch
 from scenefold.world import World, open_links
@@ -71,6 +72,7 @@ async def keep_copies(scene: Scene, copying: Copying, watch: Watch) -> None:
         shadows = sorted((space for space in found if space.parent == number), key=lambda space: space.id)
         watch.keeping.rules[scene.id, number] = Rule(tuple(space.offset for space in shadows), copying.least)
     watch.keeping.racks = copying.racks
+    watch.recorder.copies = HeardCopies(lambda place: 1 + copying.copies - copying.least if watch.keeping.has(place) else 1)
     watch.tell(None, "{}", copying)
 
 

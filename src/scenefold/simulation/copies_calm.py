@@ -33,9 +33,9 @@ def wrong_copies(cluster: Cluster, members: set[int]) -> Iterator[Wrong]:
     if not cluster.watch.keeping.rules:
         return
     nodes = [cluster.nodes[slot] for slot in sorted(members)]
-    for node in nodes:
-        yield from _unsettled(node)
-    yield from _misplaced(cluster, nodes)
+    open_ends = [wrong for node in nodes for wrong in _unsettled(node)]
+    # As long as holders change, copies are where they were.
+    yield from open_ends or _misplaced(cluster, nodes)
 
 
 def _unsettled(node: Node) -> Iterator[Wrong]:

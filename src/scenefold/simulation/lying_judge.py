@@ -12,6 +12,7 @@ from typing import Any
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId
 from scenefold.peer import NodeContext
 from scenefold.simulation.liar import Liar
 from scenefold.simulation.lies import Way
@@ -38,12 +39,12 @@ class LyingJudge:
         judged = store.put
         self._context = context
 
-        async def put(puts: Sequence[Put]) -> list[PutResult]:
-            results: list[PutResult] = list(await judged(puts))
+        async def put(puts: Sequence[Put], *debtors: Sequence[Sequence[NodeId]]) -> list[PutResult]:
+            results: list[PutResult] = list(await judged(puts, *debtors))
             for index, result in enumerate(results):
                 if result.outcome is Outcome.EXISTS and puts[index].record.header.digest in self._overruled:
                     # As a copy: of that nobody asks what it expects.
-                    [merged] = await context.store.merge([puts[index]])
+                    [merged] = await context.store.merge([puts[index]], *([owed[index]] for owed in debtors))
                     results[index] = PutResult(merged.outcome, merged.current, result.location)
             return results
 

@@ -17,10 +17,13 @@ from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
+from scenefold.simulation.heard_copies import HeardCopies
 from scenefold.simulation.history import NEVER_ENDED, Digest, Histories, Listing, Outcome, Place, Read, Version, Write
 from scenefold.simulation.lies import TABLE, Lies, Manner, Way, of_header
 from scenefold.wire import (
     DAMAGED_RECORD,
+    CopiesFound,
+    GetCopies,
     GetMany,
     GetManyReply,
     HandItem,
@@ -76,6 +79,8 @@ class Recorder:
         self.places: dict[tuple[int, int], set[bytes]] = {}
         self.told: Callable[[str, Place, Version], None] = lambda _who, _place, _version: None
         """Called with what a client has read, and who it is."""
+        self.copies: HeardCopies | None = None
+        """Of a run that keeps copies."""
         self._offered: dict[Place, dict[bytes, Version]] = {}
         self._now = now
         self._tell = tell
@@ -96,6 +101,8 @@ class Recorder:
         """A record leaves a client."""
         place, version = named(item)
         self._offered.setdefault(place, {})[version.digest] = version
+        if self.copies is not None:
+            self.copies.offered(item.header, version)
         self.places.setdefault((item.scene, item.space), set()).add(place.location)
         return place, version
 
@@ -152,6 +159,18 @@ class Recorder:
             if not stale:
                 self.histories.add(place, Read(begin, end, digest, who, self._now()))
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
+
+    def read_of_copies(self, way: Way, begin: int, packet: GetCopies, answer: CopiesFound) -> None:
+        """A holder has answered: what it and others say alike may count now."""
+        if self.copies is None:
+            return
+        who = name_of(way.to)
+        for place, version, since in self.copies.heard(who, way.by, begin, packet, answer):
+            digest = None if version is None else version.digest
+            if version is not None:
+                self.told(who, place, version)
+            self.histories.add(place, Read(since, self.histories.moment(), digest, who, self._now()))
+            self._tell(who, place, f"told by holders: {'nothing' if digest is None else digest.hex()[:6]}")
 
     def _is_rotten(self, place: Place, since: int) -> bool:
         """Whether a place was, at any moment since then."""
@@ -263,6 +282,8 @@ class WatchedLinks:
             recorder.written(way, begin, packet.items, outcomes)
         elif isinstance(packet, GetMany) and isinstance(answer, GetManyReply):
             recorder.read(way, begin, packet, answer.records, answer.stale)
+        elif isinstance(packet, GetCopies) and isinstance(answer, CopiesFound):
+            recorder.read_of_copies(way, begin, packet, answer)
         elif isinstance(packet, QueryRange) and isinstance(answer, ReturnRange):
             recorder.listed(way, begin, answer)
 

@@ -1,0 +1,54 @@
+"""If this fails, what too few holders say is taken for read, or what enough of them say is never judged."""
+
+from __future__ import annotations
+
+from scenefold.base.ids import NodeId
+from scenefold.simulation.heard_copies import Counted, HeardCopies
+from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, Member, RecordBytes, RecordKey
+from unit.simulation.test_watch import HERE, PLACE, SCENE, SPACE, record, version
+
+MEMBERS = tuple(Member(NodeId(100 + number), bytes([number]) * 16) for number in range(3))
+ASKED = GetCopies(SCENE, 1, (RecordKey(SPACE, HERE, b""),), False, False)
+
+
+def says(copy: Copy, *, number: int = 7, needed: int = 2) -> CopiesFound:
+    return CopiesFound((Configuration(number, MEMBERS, needed),), (copy,))
+
+
+def it_is(seq: int) -> Copy:
+    found = record(seq)
+    return Copy(CopyState.RECORD, 0, b"", RecordBytes(found.signature, found.header_bytes, found.ciphertext))
+
+
+NOTHING = Copy(CopyState.NOTHING, 0, b"", None)
+UNKNOWN = Copy(CopyState.NO_CUSTODY, 0, b"", None)
+LOST = Copy(CopyState.DAMAGED, 0, b"", None)
+
+
+def heard(*answers: CopiesFound, least: int = 2, by: tuple[str, ...] = ("n1", "n2")) -> list[Counted]:
+    """What the last of these answers makes known; they were asked one after the other."""
+    copies = HeardCopies(lambda _place: least)
+    for seq in (1, 2):
+        copies.offered(record(seq).header_bytes, version(seq))
+    found: list[Counted] = []
+    for moment, answer in enumerate(answers, 1):
+        found = copies.heard("c", by[(moment - 1) % len(by)], moment, ASKED, answer)
+    return found
+
+
+def test_what_enough_say_alike_counts_from_the_first_question_on() -> None:
+    assert heard(says(it_is(1)), says(it_is(1))) == [Counted(PLACE, version(1), 1)]
+    assert heard(says(NOTHING), says(NOTHING)) == [Counted(PLACE, None, 1)]
+    assert heard(says(it_is(1)), says(it_is(1)), says(it_is(1))) == [Counted(PLACE, version(1), 2)]
+
+
+def test_one_alone_or_twice_the_same_does_not_count() -> None:
+    assert heard(says(it_is(1))) == []
+    assert heard(says(it_is(1)), says(it_is(1)), by=("n1",)) == []
+    assert heard(says(it_is(1), needed=3), least=1) == [Counted(PLACE, version(1), 1)]
+
+
+def test_what_they_say_differently_does_not_count() -> None:
+    assert heard(says(it_is(1)), says(it_is(2))) == []
+    assert heard(says(it_is(1)), says(it_is(1), number=8)) == []
+    assert heard(says(UNKNOWN), says(UNKNOWN)) == heard(says(LOST), says(LOST)) == heard(says(it_is(3)), says(it_is(3))) == []
