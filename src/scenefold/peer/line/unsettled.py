@@ -49,6 +49,8 @@ class Pending:
     """At most: its ciphertext's."""
     item: HandItem | None = None
     """None: it is to be read from the disk when it is sent."""
+    is_stored: bool = False
+    """Until then it is on no disk, this node's own among them: it is neither sent nor judged."""
     is_settled: bool = False
     settled: trio.Event | None = None
     """Made by who waits first."""

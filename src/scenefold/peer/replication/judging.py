@@ -79,7 +79,8 @@ class Judging:
     # ------------------------------------------------------------------------------------------------------ doing
 
     def send(self, pending: Pending) -> None:
-        """To all who are not known to have it, unless that is under way. It may be settled as it is."""
+        """Of what is stored: to all who are not known to have it, unless that is under way. It may be settled as it is."""
+        assert pending.is_stored
         rule = self.rule_at(pending.layout, pending.spot)
         if rule is None:
             return
@@ -109,7 +110,7 @@ class Judging:
     def _judge_all(self) -> None:
         layouts = {known.public.scene: known.layouts for known in self._parts.scenes.everyone()} if len(self._unsettled) else {}
         for pending in self._unsettled:
-            if pending.is_settled:
+            if pending.is_settled or not pending.is_stored:
                 continue
             layout = layouts.get(pending.spot.place.scene, {}).get(pending.spot.place.space, pending.layout)
             if layout:
@@ -173,7 +174,7 @@ class Judging:
 
     def has_got(self, member: Member, debt: Debt) -> None:
         for pending in self._unsettled.of(name_of(debt.spot)):
-            if pending.version == debt.version:
+            if pending.version == debt.version and pending.is_stored:
                 self._has(member, pending)
 
     def _has(self, member: Member, pending: Pending) -> None:

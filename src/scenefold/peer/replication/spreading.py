@@ -197,6 +197,7 @@ class Spreading:
             if where is not None:
                 pending.spot = Spot(pending.spot.place._replace(location=where), pending.spot.object)
             pending.item = item_of(pending.spot, put.record)
+            pending.is_stored = True
             self._judging.send(pending)
             return [_Wait(index, [pending], is_stored=True)]
         self._unsettled.drop(pending)

@@ -223,3 +223,30 @@ def test_what_does_not_fit_the_memory_is_paid_from_the_disk(monkeypatch: pytest.
         assert row.owner.living.events["debts paid"] > 0
 
     in_a_row(story)
+
+
+def test_what_is_not_stored_yet_is_not_judged_when_its_holders_change() -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        (place,) = row.places(1)
+        row.cut_off(1, 2)
+        row.net.machine(row.owner.address).disk.slow(1.0)
+        record = row.next_at(place)
+        outcomes: list[PutOutcome] = []
+
+        async def write() -> None:
+            outcomes.extend(await row.put(record))
+
+        async with trio.open_nursery() as nursery:
+            # The disk is busy with this change, behind which the record waits: who holds what is another value before it is there.
+            nursery.start_soon(row.place, 2, 1)
+            await trio.sleep(0.1)
+            nursery.start_soon(row.change, lambda found: found.remove(row.homes[2].member))
+            nursery.start_soon(write)
+            await trio.sleep(5.0)
+            assert outcomes == []
+            row.mend(1, 2)
+            row.net.machine(row.owner.address).disk.slow(0.0)
+        assert [outcome.reason for outcome in outcomes] == [0]
+
+    in_a_row(story)
