@@ -11,6 +11,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
@@ -129,6 +130,19 @@ class Configurations:
 
         return self._each(activated, number)
 
+    def gather(self) -> Configurations:
+        """Neighbours that have come to the same holders at different times are made active anew together: then they are one.
+
+        Else a bound that wanders to and fro would cut the arc into ever more pieces.
+        """
+        number = self.number + 1
+        alike = [_are_alike(left, right, self.me) for left, right in pairwise(self.segments)]
+        is_one = [any(pair) for pair in zip([False, *alike], [*alike, False], strict=True)]
+        if not any(is_one):
+            return self
+        found = zip(self.segments, is_one, strict=True)
+        return self._with([segment.renumber(self.me, number) if renewed else segment for segment, renewed in found], number)
+
     # ------------------------------------------------------------------------------------------------------- pieces
 
     def give(self, piece: Arc) -> tuple[Configurations, int, tuple[Segment, ...]]:
@@ -215,6 +229,15 @@ def _without_all(arc: Arc, taken: Sequence[Arc]) -> list[Arc]:
             break
         left = [*left[:-1], *without(left[-1], other)]
     return left
+
+
+def _are_alike(left: Segment, right: Segment, me: Member) -> bool:
+    """Whether nothing parts them but when they became what they are."""
+    one, other = left.active(me), right.active(me)
+    if one is None or other is None or left.layout != right.layout or left.arc.last.next() != right.arc.first:
+        return False
+    are_done = all(segment.is_idle(me) and segment.sound.issuperset(one.members[1:]) for segment in (left, right))
+    return are_done and (one.members, one.needed) == (other.members, other.needed)
 
 
 def _covers(scope: Arc, segment: Segment) -> bool:

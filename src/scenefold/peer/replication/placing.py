@@ -30,6 +30,8 @@ from scenefold.peer.routing import claims_of
 
 LOOK_S = 1.0
 """Between two looks at who claims what, while nobody waits."""
+GATHER_S = 60.0
+"""Between two looks at whether neighbours have become alike."""
 PLACE_S_MAX = 10.0
 """For a write that comes before the first placement."""
 
@@ -43,6 +45,7 @@ class Placing:
         self._parts = parts
         self._roster = roster
         self._wake = trio.Event()
+        self._gathered_at = parts.world.clock.now()
         self._line_of: tuple[object, ...] = ()
         self._line = Line(())
         self._claimants: frozenset[NodeId] = frozenset()
@@ -131,6 +134,10 @@ class Placing:
         if due:
             await parts.keeper.change_copies(partial(_placed, due))
             parts.events["copies placed"] += len(due)
+        elif now - self._gathered_at >= GATHER_S:
+            self._gathered_at = now
+            if configurations.gather() is not configurations:
+                await parts.keeper.change_copies(lambda copies, _holding: replace(copies, configurations=copies.configurations.gather()))
 
     def _give(self, arc: Arc, wanted: Mapping[Layout, int]) -> None:
         """What placement gives by now for each layout; looked up anew if something has changed."""

@@ -124,6 +124,25 @@ def test_a_placement_that_returns_ends_the_change() -> None:
     assert only(tell(back)).is_idle(P)
 
 
+def test_neighbours_with_the_same_holders_become_one() -> None:
+    found = changed(Configurations(P), A, B, where=arc(0, 49))
+    found = changed(found, A, C, where=arc(50, 79))
+    found = changed(found, A, B, where=arc(80, 99))
+    assert found.gather() is found
+    found = changed(found, A, B, where=arc(50, 79))
+    assert [segment.arc for segment in found.segments] == [arc(0, 49), arc(50, 79), arc(80, 99)]
+    gathered = found.gather()
+    assert gathered.untold() == [], "nobody hears of it before it is done"
+    assert gathered.gather() is gathered
+    done = gathered.activate(lambda _: [])
+    assert only(tell(done)).arc == arc(0, 99)
+    assert only(tell(done)).is_idle(P)
+    assert tell(done).gather().segments == tell(done).segments
+    late = gathered.activate(lambda segment: None if segment.arc == arc(50, 79) else [])
+    assert len(tell(late).segments) == 3, "one of them waits for what is owed"
+    assert only(tell(tell(late.activate(lambda _: [])).gather().activate(lambda _: []))).arc == arc(0, 99)
+
+
 def test_a_removed_node_is_asked_for_nothing_and_read_by_nobody() -> None:
     found = changed(Configurations(P), A, B).remove(A)
     assert only(found).is_closed(only(found).configurations[0], P)
