@@ -71,11 +71,22 @@ class TakingHome:
         problem = await self._why_stays(held, spot.home, peer)
         if problem is not None:
             return problem.reason
+        if not await self._is_placed(held, spot.home):
+            # Nobody knows yet who has what: it may be the only one.
+            return RejectReason.BUSY
         if not (self._parts.keeper.holding.owns(spot.home) and self._parts.lease.holds()):
             return RejectReason.BUSY
         if not has_it:
             return RejectReason.PEER_MISSED
         return RejectReason.BUSY if self._parts.unsettled.within(Arc(spot.home, spot.home)) else 0
+
+    async def _is_placed(self, held: HeldRecord, home: Location) -> bool:
+        """Whether it is known here who holds the copies of a place; none if its space has none."""
+        layout = await layout_of(self._parts, held.scene, held.space)
+        copies = self._parts.keeper.copies
+        if layout is None or not copies.is_recovered(home):
+            return False
+        return not layout or copies.configurations.at(layout, home) is not None
 
     # ------------------------------------------------------------------------------------------------ HandRecords
 

@@ -20,6 +20,8 @@ from scenefold.peer.records.verification import KnownScene
 from scenefold.store import Spot, version_of
 from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, Packet, RecordBytes, RecordKey
 
+_Found = Record | bytes | DamagedData | None
+"""A record, its header alone, what is left of it, or nothing."""
 _NO_CUSTODY = Copy(CopyState.NO_CUSTODY, 0, b"", None)
 _COPY_BYTES = 64
 """Of a record's answer, beside the record."""
@@ -52,7 +54,7 @@ class HoldingReads:
         before = [self._entry(known.layouts.get(key.space), _home_of(key), any_copy=packet.any_copy) for key in keys]
         wanted = [key for key, entry in zip(keys, before, strict=True) if entry is not None]
         spots = [Spot(RecordPlace(packet.scene, key.space, key.location), key.object) for key in wanted]
-        records = iter(await self._parts.store.read(spots) if spots else ())
+        records = iter(await self._found(spots, digests_only=packet.digests_only))
         for key, entry in zip(keys, before, strict=True):
             found = None if entry is None else next(records)
             # What was said in between may have ended the entry: then others may have been told newer things since.
@@ -60,6 +62,15 @@ class HoldingReads:
             if not answer.add(entry if is_still else None, found):
                 return False
         return True
+
+    async def _found(self, spots: Sequence[Spot], *, digests_only: bool) -> list[_Found]:
+        """The records, or their headers if these are enough. What has no sound header is looked at as a whole: it may have rotted."""
+        store = self._parts.store
+        if not digests_only:
+            return list(await store.read(spots))
+        headers = await store.record_headers(spots)
+        others = iter(await store.read([spot for spot, header in zip(spots, headers, strict=True) if header is None]))
+        return [next(others) if header is None else header for header in headers]
 
     def _entry(self, layout: Layout | None, home: Location, *, any_copy: bool) -> Entry | None:
         """Under which entry this node may answer for a place."""
@@ -79,7 +90,7 @@ class _Answer:
         self._places: dict[Configuration, int] = {}
         self._room = BULK_BYTES_MAX
 
-    def add(self, entry: Entry | None, found: Record | DamagedData | None) -> bool:
+    def add(self, entry: Entry | None, found: _Found) -> bool:
         """False, and nothing is added, if there is no room; the first always has."""
         if entry is None or (found is None and not entry.whole):
             # Who has not all of it cannot say that nothing is there.
@@ -88,11 +99,13 @@ class _Answer:
         place = self._places.get(group, len(self.holders))
         return self._append(self._copy(place, found), group)
 
-    def _copy(self, place: int, found: Record | DamagedData | None) -> Copy:
+    def _copy(self, place: int, found: _Found) -> Copy:
         if found is None:
             return Copy(CopyState.NOTHING, place, b"", None)
         if isinstance(found, DamagedData):
             return Copy(CopyState.DAMAGED, place, b"", None)
+        if isinstance(found, bytes):
+            return Copy(CopyState.DIGEST, place, version_of(found), None)
         if self._digests_only:
             return Copy(CopyState.DIGEST, place, version_of(found.header_bytes), None)
         return Copy(CopyState.RECORD, place, b"", RecordBytes(found.signature, found.header_bytes, found.ciphertext))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import trio
 
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record
+from scenefold.peer.copies.configurations import Configurations
+from scenefold.peer.copies.segment import Segment
 from scenefold.wire import (
+    Configuration,
     CopiesStored,
     CustodyEntry,
     CustodySet,
@@ -49,6 +53,19 @@ def arc_of(home: Home) -> Arc:
 
 def some_places(home: Home, count: int) -> list[Location]:
     return places(arc_of(home), count)
+
+
+async def settle_in(terrace: Terrace) -> None:
+    """Every house knows who holds the copies of its arc: nobody, and that is enough."""
+    for home in terrace.homes:
+        await count_on(home, (home.member,), 1)
+
+
+async def count_on(owner: Home, members: tuple[Member, ...], needed: int = 2) -> None:
+    """Have the owner believe that they hold all of its arc."""
+    segment = Segment(THIRDS, arc_of(owner), (Configuration(5, members, needed),))
+    configurations = Configurations(owner.member, 5, (segment,))
+    await owner.living.parts.keeper.change_copies(lambda copies, _: replace(copies, configurations=configurations))
 
 
 def entry(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,17 +13,16 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, wanted_place
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.copies.segment import Segment
 from scenefold.peer.copies.versions import told_version
 from scenefold.peer.line import Side
 from scenefold.peer.line.strays import LEFT_S
 from scenefold.peer.line.unsettled import Doubt
 from scenefold.store import Put
-from scenefold.wire import Configuration, HandRecords, HeldRecord, Member, OfferStrays
+from scenefold.wire import HandRecords, HeldRecord, OfferStrays
 from scenefold.world.sim import Point, run_simulated
 from unit.peer.line.street import places, rot
-from unit.peer.replication.holders import arc_of, entrust, entry, play, send, some_places, tell
-from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
+from unit.peer.replication.holders import arc_of, count_on, entrust, entry, play, send, settle_in, some_places, tell
+from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, Terrace, object_record, record_at
 
 MISSED, BUSY = RejectReason.PEER_MISSED, RejectReason.BUSY
 LONG_S = LEFT_S + 70.0
@@ -34,11 +34,14 @@ def held_of(record: Record) -> HeldRecord:
     return HeldRecord(header.scene, header.space, header.location, b"", told_version(record.header_bytes))
 
 
-async def count_on(owner: Home, members: tuple[Member, ...], number: int = 5) -> None:
-    """Have the owner believe that they hold all of its arc."""
-    segment = Segment(THIRDS, arc_of(owner), (Configuration(number, members, 2),))
-    configurations = Configurations(owner.member, number, (segment,))
-    await owner.living.parts.keeper.change_copies(lambda copies, _: replace(copies, configurations=configurations))
+def settled(story: Callable[[Terrace], Awaitable[None]], seconds: float = 500.0) -> None:
+    """Tell a story on a terrace whose owners know who holds copies."""
+
+    async def whole(terrace: Terrace) -> None:
+        await settle_in(terrace)
+        await story(terrace)
+
+    play(whole, seconds=seconds)
 
 
 def test_copies_in_custody_stay_and_all_else_comes_home() -> None:
@@ -57,7 +60,7 @@ def test_copies_in_custody_stay_and_all_else_comes_home() -> None:
         assert terrace.homes[2].places() == set(foreign)
         assert (await holder.living.remaining()).strays == 0
 
-    play(story)
+    settled(story)
 
 
 def test_what_is_held_no_more_comes_home() -> None:
@@ -69,7 +72,7 @@ def test_what_is_held_no_more_comes_home() -> None:
         await trio.sleep(LONG_S)
         assert (holder.places(), owner.places()) == (set(), set(spots))
 
-    play(story)
+    settled(story)
 
 
 def test_of_a_space_that_is_unknown_nothing_is_given_up_where_anything_is_held() -> None:
@@ -81,7 +84,7 @@ def test_of_a_space_that_is_unknown_nothing_is_given_up_where_anything_is_held()
         await trio.sleep(LONG_S)
         assert holder.places() == set(spots)
 
-    play(story)
+    settled(story)
 
 
 def test_who_does_not_know_yet_that_it_holds_a_place_deletes_nothing_there() -> None:
@@ -96,7 +99,7 @@ def test_who_does_not_know_yet_that_it_holds_a_place_deletes_nothing_there() -> 
         await trio.sleep(LONG_S)
         assert (holder.places(), owner.places()) == (set(), set(spots))
 
-    play(story)
+    settled(story)
 
 
 def test_who_is_told_to_hold_what_it_was_about_to_delete_keeps_it() -> None:
@@ -117,7 +120,7 @@ def test_who_is_told_to_hold_what_it_was_about_to_delete_keeps_it() -> None:
         assert owner.places() == set(spots), "it was asked"
         assert holder.places() == set(spots)
 
-    play(story)
+    settled(story)
 
 
 def test_a_giver_keeps_what_has_copies_until_it_is_told_what_it_holds() -> None:
@@ -141,7 +144,7 @@ def test_a_giver_keeps_what_has_copies_until_it_is_told_what_it_holds() -> None:
         assert giver.places() == {*spots[:4], *held}
         assert receiver.places() >= set(spots[4:])
 
-    play(story, seconds=1000.0)
+    settled(story, seconds=1000.0)
 
 
 def test_what_its_owner_has_is_not_sent() -> None:
@@ -165,7 +168,7 @@ def test_what_its_owner_has_is_not_sent() -> None:
         assert owner.places() == set(spots)
         assert sorted(brought) == [*((SPACE, place) for place in spots[:2]), *((terrace.space, place) for place in spots[2:])]
 
-    play(story)
+    settled(story)
 
 
 @pytest.mark.expect_log("damaged|changed")
@@ -174,6 +177,10 @@ def test_an_owner_says_of_each_stray_what_is_to_become_of_it() -> None:
         owner, holder, other = terrace.homes
         spots = some_places(owner, 6)
         await owner.store.put([Put(record_at(place)) for place in spots[:4]])
+        await owner.living.parts.keeper.change_copies(lambda copies, _: replace(copies, configurations=Configurations(owner.member)))
+        whatever = OfferStrays((held_of(record_at(spots[0])),))
+        assert (await owner.asked(whatever, holder.node)).reasons == (BUSY,), "who holds copies of it is not known yet"
+        await count_on(owner, (owner.member, other.member))
         rot(owner, [spots[1]], -1)
         unsettled = owner.living.parts.unsettled
         doubted = Arc(spots[2], spots[2])
@@ -190,7 +197,7 @@ def test_an_owner_says_of_each_stray_what_is_to_become_of_it() -> None:
         await count_on(owner, (owner.member, holder.member, other.member))
         assert set((await owner.asked(packet, holder.node)).reasons) == {BUSY}, "these are copies"
 
-    play(story)
+    settled(story)
 
 
 def test_an_object_that_a_giver_keeps_beside_its_home_slides_there_when_its_place_is_the_nodes_own() -> None:
@@ -205,7 +212,7 @@ def test_an_object_that_a_giver_keeps_beside_its_home_slides_there_when_its_plac
         assert [spot.place.location for spot in holder.spots(OBJECTS)] == [wanted_place(name)]
         assert (await holder.store.range(HEADER.scene, OBJECTS, arc, 9)).locations == []
 
-    play(story, seconds=1000.0)
+    settled(story, seconds=1000.0)
 
 
 def test_an_object_beside_its_home_blocks_no_handover() -> None:
@@ -227,7 +234,7 @@ def test_an_object_beside_its_home_blocks_no_handover() -> None:
         await trio.sleep(LONG_S)
         assert len(holder.spots(OBJECTS)) == 1, "it is a copy"
 
-    play(story, seconds=1000.0)
+    settled(story, seconds=1000.0)
 
 
 def test_a_stray_is_deleted_once_all_that_its_space_asks_for_have_it() -> None:

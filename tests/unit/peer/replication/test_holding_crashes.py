@@ -15,7 +15,7 @@ from scenefold.peer.copies.numbers import first_number
 from scenefold.store import Put
 from scenefold.wire import HeldListed
 from scenefold.world.sim import Point, run_simulated
-from unit.peer.replication.holders import arc_of, ask, entry, listing, send, some_places, tell
+from unit.peer.replication.holders import arc_of, ask, entry, listing, send, settle_in, some_places, tell
 from unit.peer.replication.terrace import Terrace, record_at
 
 T = TypeVar("T")
@@ -78,6 +78,7 @@ def crashing(story: Callable[[Terrace], Awaitable[None]], number: int, point: Po
         terrace = Terrace(3, is_quiet=True)
         async with trio.open_nursery() as nursery:
             await terrace.begin(nursery)
+            await settle_in(terrace)
             sprung = False
 
             def spring() -> None:

@@ -206,6 +206,11 @@ def test_what_has_rotted_is_said_to_be_damaged() -> None:
         assert await send(owner, holder, record_at(spot)) == (0,)
         rot(holder, [spot], IN_BODY)
         assert [copy.state for copy in (await copies(holder, key(spot))).copies] == [CopyState.DAMAGED]
+        assert [copy.state for copy in (await copies(holder, key(spot), digests_only=True)).copies] == [CopyState.DIGEST], "it was there"
+        rot(holder, [spot], IN_HEADER)
+        for digests_only in (False, True):
+            found = await copies(holder, key(spot), digests_only=digests_only)
+            assert [copy.state for copy in found.copies] == [CopyState.DAMAGED], "and never that nothing is there"
 
     play(story)
 
