@@ -8,7 +8,7 @@ What is settled and not everywhere is a debt that is paid beside all else (payin
 from __future__ import annotations
 
 import logging
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import trio
@@ -37,8 +37,6 @@ ANSWER_S_MAX = 10.0
 """How long a write waits for its holders, all in all."""
 PENDING_MAX = 65_536
 """Versions that are unsettled at a time; beyond it nothing more is taken."""
-
-Keep = Callable[[Sequence[Put], Sequence[Sequence[NodeId]]], Awaitable[list[PutResult]]]
 
 _Space = tuple[SceneId, SpaceId]
 
@@ -94,23 +92,29 @@ class Spreading:
 
     async def put(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene]) -> list[PutResult | NotKept]:
         """Store verified records of clients, and return once they are settled, or will not be soon."""
-        return await self._keep(puts, scenes, self._parts.store.put, wait=True)
+        return await self._keep(puts, scenes, is_new=True, wait=True)
 
     async def merge(self, puts: Sequence[Put], *, wait: bool = True) -> list[PutResult | NotKept]:
-        """Take verified copies into this node's own arc, like puts. Without `wait` they may be unsettled on return."""
+        """Take verified copies into this node's own arc. They settle like puts; without `wait` they may be unsettled on return.
+
+        What others have already is taken also if too few are there for it to settle: it is safer here than nowhere else.
+        """
         scenes = {scene: await self._parts.scenes.known(scene) for scene in sorted({put.record.header.scene for put in puts})}
-        return await self._keep(puts, scenes, self._parts.store.merge, wait=wait)
+        return await self._keep(puts, scenes, is_new=False, wait=wait)
 
     async def _keep(
-        self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], keep: Keep, *, wait: bool
+        self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], *, is_new: bool, wait: bool
     ) -> list[PutResult | NotKept]:
         until = trio.current_time() + ANSWER_S_MAX
-        refused = await self._place(puts, scenes)
+        refused = await self._place(puts, scenes, is_new=is_new)
+        keep = self._parts.store.put if is_new else self._parts.store.merge
         outcomes: dict[int, PutResult | NotKept] = {}
         kept: list[tuple[int, Put, Pending | None]] = []
         judged: dict[tuple[Rule, int], bool] = {}
         for index, put in enumerate(puts):
-            planned = self._planned(put, scenes[put.record.header.scene], refused, judged)
+            planned = self._planned(put, scenes[put.record.header.scene], refused)
+            if is_new and isinstance(planned, Pending):
+                planned = self._hopeful(planned, judged)
             if isinstance(planned, NotKept):
                 outcomes[index] = planned
             else:
@@ -136,7 +140,7 @@ class Spreading:
 
     # ------------------------------------------------------------------------------------------ before it is stored
 
-    async def _place(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene]) -> dict[_Space, NotKept]:
+    async def _place(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], *, is_new: bool) -> dict[_Space, NotKept]:
         """Have holders for all places; in which spaces none can count, and why."""
         refused: dict[_Space, NotKept] = {}
         unplaced: dict[_Space, Layout] = {}
@@ -152,7 +156,8 @@ class Spreading:
                     unplaced[space] = layout
         for space in sorted(spaces):
             try:
-                self._places.check(scenes[space[0]], space[1])
+                if is_new:
+                    self._places.check(scenes[space[0]], space[1])
                 if space in unplaced:
                     await self._places.ensure_placed(unplaced[space])
             except Refused as refusal:
@@ -160,13 +165,8 @@ class Spreading:
                 refused[space] = NotKept(refusal.reason, self._parts.own.me)
         return refused
 
-    def _planned(
-        self, put: Put, known: KnownScene, refused: Mapping[_Space, NotKept], judged: dict[tuple[Rule, int], bool]
-    ) -> Pending | NotKept | None:
-        """What is to become of it: None if it has one copy; NotKept if it is known before that it would not be settled.
-
-        `judged`: by which rules others of the same write could be.
-        """
+    def _planned(self, put: Put, known: KnownScene, refused: Mapping[_Space, NotKept]) -> Pending | NotKept | None:
+        """What is to become of it: None if it has one copy; NotKept if nobody knows who is to hold it."""
         record = put.record
         header = record.header
         layout = known.layouts.get(header.space, ())
@@ -176,17 +176,23 @@ class Spreading:
             return refused[header.scene, header.space]
         spot = _spot(put)
         rule = self._judging.rule_at(layout, spot)
-        nothing_stored = NotKept(RejectReason.NOT_READY, self._parts.own.me)
         if rule is None or not rule.is_placed or len(self._unsettled) >= PENDING_MAX:
-            return nothing_stored
-        wanted = known.needed[header.space]
-        if (rule, wanted) not in judged:
-            judged[rule, wanted] = self._judging.could_settle(rule, wanted)
-        if not judged[rule, wanted]:
-            missing = [target.node for target in rule.targets if not self._judging.is_alive(target.node)]
-            self._say("too few", f"writes are refused, since too few of who holds copies are there; {_names(missing)}")
-            return nothing_stored
-        return Pending(spot, version_of(record.header_bytes), layout, wanted, frozenset(rule.debtors), {rule.me}, len(record.ciphertext))
+            return NotKept(RejectReason.NOT_READY, self._parts.own.me)
+        version, needed = version_of(record.header_bytes), known.needed[header.space]
+        return Pending(spot, version, layout, needed, frozenset(rule.debtors), {rule.me}, len(record.ciphertext))
+
+    def _hopeful(self, pending: Pending, judged: dict[tuple[Rule, int], bool]) -> Pending | NotKept:
+        """NotKept if it is known before that it would not be settled. `judged`: by which rules others of the same write could be."""
+        rule = self._judging.rule_at(pending.layout, pending.spot)
+        assert rule is not None
+        asked = rule, pending.needed
+        if asked not in judged:
+            judged[asked] = self._judging.could_settle(*asked)
+        if judged[asked]:
+            return pending
+        missing = [target.node for target in rule.targets if not self._judging.is_alive(target.node)]
+        self._say("too few", f"writes are refused, since too few of who holds copies are there; {_names(missing)}")
+        return NotKept(RejectReason.NOT_READY, self._parts.own.me)
 
     # ------------------------------------------------------------------------------------------- once it is stored
 

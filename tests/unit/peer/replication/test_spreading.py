@@ -8,8 +8,10 @@ import trio
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import object_of, wanted_place
+from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication import lane
 from scenefold.peer.replication.placing_wishes import Shortage
+from scenefold.store import Outcome, Put, PutResult
 from scenefold.wire import GetMany, PutOutcome, RecordKey
 from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, object_record, record_at
 from unit.peer.replication.writers import Row, as_bytes, in_a_row, names, until
@@ -116,15 +118,21 @@ def test_holders_that_are_known_to_be_too_few_are_not_tried() -> None:
     async def story(row: Row) -> None:
         await row.hold(1, 2)
         (place,) = row.places(1)
+        row.cut_off(1, 2)
         for number in (1, 2):
-            row.homes[number].stays_down = True
-            row.homes[number].crash()
             row.owner.roster.note_refusal(row.homes[number].node)
         begin = trio.current_time()
-        (outcome,) = await row.put(row.next_at(place))
+        record = row.next_at(place)
+        (outcome,) = await row.put(record)
         assert (outcome.reason, outcome.owner) == (RejectReason.NOT_READY, row.owner.node), "nothing was stored"
         assert trio.current_time() - begin < 1.0
         assert not row.owner.places()
+        # What comes from another node is taken: it is in doubt like any other that too few have.
+        (brought,) = await row.owner.replication.spreading.merge([Put(record)], wait=False)
+        assert brought == PutResult(Outcome.STORED, record.header.digest)
+        assert row.owner.has(record)
+        (same,) = await row.owner.replication.spreading.merge([Put(record)])
+        assert isinstance(same, NotKept)
 
     in_a_row(story)
 
