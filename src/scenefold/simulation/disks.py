@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 from typing import Protocol
 
 from scenefold.base.errors import DamagedData
@@ -163,8 +164,14 @@ def copies_of(disk: Disk) -> Copies | None:
     node = _kept(disk, IDENTITY, _NODE)
     if not note or incarnation is None or not node:
         return None
+    return _decoded(note, Member(NodeId(int.from_bytes(node, "big")), incarnation))
+
+
+@lru_cache(maxsize=64)
+def _decoded(note: bytes, me: Member) -> Copies | None:
+    # Each disk is looked at many times a second, and changes seldom.
     try:
-        return decode_copies(note, Member(NodeId(int.from_bytes(node, "big")), incarnation))
+        return decode_copies(note, me)
     except DamagedData:
         return None
 

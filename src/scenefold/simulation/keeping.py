@@ -88,29 +88,31 @@ class Keeping:
             self._violated(laws.COPIED, words, place.location, (slot, *sorted(held)))
 
     def read(self, who: str, place: Place, version: Version) -> None:
-        """A client is told by an owner, or by enough holders, that this is there."""
-        if not self.has(place):
+        """A client is told by an owner, or by enough holders, that this is there. What was told before may have lost disks since."""
+        if not self.has(place) or not self._tell(place, version):
             return
-        self._tell(place, version)
-        held = self._held(place, version)
+        held = self._held(place, version, ever=True)
         if len(held) < self.needed(place):
             words = f"{who} reads {_name(place, version)}, which lies on {_names(held)} only; {self.needed(place)} must have it"
             self._violated(laws.COPIED, words, place.location, tuple(sorted(held)))
 
-    def _tell(self, place: Place, version: Version) -> None:
+    def _tell(self, place: Place, version: Version) -> bool:
+        """Whether this was not told before."""
         told = self._told.get(place)
-        if told is None or told.order < version.order:
-            self._told[place] = version
+        if told is not None and told.order >= version.order:
+            return False
+        self._told[place] = version
+        return True
 
-    def _held(self, place: Place, version: Version) -> set[int]:
-        """The disks that have this or something newer, and those that had it a while ago and are gone."""
+    def _held(self, place: Place, version: Version, *, ever: bool = False) -> set[int]:
+        """The disks that have this or something newer, and those that had it a while ago, or ever, and are gone."""
         found = {slot for slot, disk in self._disks.items() if _is_newer(found_at(disk, place), version)}
         since = self._now() - RECENT_S
         witnesses = self._witnesses.get(place, {}).items()
         return found | {
             slot
             for slot, witness in witnesses
-            if witness.version.order >= version.order and (witness.at_s > since or self._is_rotten(slot, place))
+            if witness.version.order >= version.order and (ever or witness.at_s > since or self._is_rotten(slot, place))
         }
 
     # ------------------------------------------------------------------------------------------------------ leaving

@@ -82,6 +82,17 @@ def test_a_disk_that_was_lost_a_moment_ago_counts_and_later_does_not() -> None:
         assert stage.laws == ([] if right else [laws.COPIED])
 
 
+def test_what_was_told_may_be_read_after_disks_were_lost_and_what_was_not_may_not_from_too_few() -> None:
+    stage = told(stage_with(1, 2))
+    loses(stage, 2)
+    stage.now = 2 * RECENT_S
+    stage.watch.recorder.told("c", PLACE, version(1))
+    assert stage.laws == []
+    stage.machines[OWNER].store(record(2))
+    stage.watch.recorder.told("c", PLACE, version(2))
+    assert stage.laws == [laws.COPIED]
+
+
 def test_a_copy_may_leave_if_enough_are_left_and_the_owner_has_one() -> None:
     stage = told(stage_with(0, 1, 2))
     drops(stage, 2)
