@@ -99,7 +99,7 @@ def _summary(checked: Checked) -> str:
 
 def _lines(findings: Iterable[Finding]) -> list[str]:
     listed = list(findings)
-    lines = [f"  {finding.table}, {finding.where}: {finding.what}" for finding in listed[:SHOWN_MAX]]
+    lines = [f"  {', '.join(filter(None, (finding.table, finding.where)))}: {finding.what}" for finding in listed[:SHOWN_MAX]]
     return [*lines, f"  and {len(listed) - SHOWN_MAX} more"] if len(listed) > SHOWN_MAX else lines
 
 

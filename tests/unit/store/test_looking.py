@@ -17,6 +17,7 @@ from scenefold.store.checking import check_store
 from scenefold.store.folder import LOCK_NAME
 from scenefold.store.layout import RECORDS, STATISTICS, TABLES
 from scenefold.store.lmdb_disk import CUT_BYTES_MAX, DATA_NAME
+from scenefold.store.lmdb_pages import PagesDamaged
 from scenefold.store.lmdb_reading import looked_at
 from unit.store.samples import NODE, put, whole_store, world
 from unit.store.test_folder import process_that_locks
@@ -100,9 +101,9 @@ async def test_a_file_that_is_cut_off_is_told_from_one_that_is_whole_and_no_page
     data = tmp_path / DATA_NAME
     os.truncate(data, data.stat().st_size - 2 * CUT_BYTES_MAX - (1 << 21))
     before = data.stat().st_size
-    with pytest.raises(LocalFault, match="cut off") as fault, looked_at(tmp_path, TABLES):
+    with pytest.raises(PagesDamaged, match="tree of the store is damaged") as damage, looked_at(tmp_path, TABLES):
         pass
-    assert "wipe the folder" in fault.value.remedy
+    assert "wipe the folder" in damage.value.remedy and "cut off" in str(damage.value.problems)
     with pytest.raises(LocalFault, match="cut off") as fault:
         async with open_store(world(), tmp_path, NODE):
             pass

@@ -33,6 +33,7 @@ from scenefold.store.checking import (
     sound_holding,
 )
 from scenefold.store.layout import HEADERS, HOLDING, NOTES, TABLES, record_key
+from scenefold.store.lmdb_pages import PagesDamaged
 from scenefold.store.lmdb_reading import looked_at
 from scenefold.store.sealing import SealedEnvironment
 from scenefold.world import DiskFailed, DiskFull, Environment, ReadTransaction
@@ -56,9 +57,14 @@ class Repaired:
 
 def check_folder(folder: Path, *, signatures: bool = True, tell: Tell = silent) -> Checked:
     """Look at all of a node's folder; nothing in it changes. LocalFault if it is in use, no store, or of another format."""
-    with looked_at(folder, TABLES) as raw:
-        check_format(raw, str(folder))
-        return Checked(read_identity(raw), check_view(raw, signatures=signatures, tell=tell))
+    try:
+        with looked_at(folder, TABLES) as raw:
+            check_format(raw, str(folder))
+            return Checked(read_identity(raw), check_view(raw, signatures=signatures, tell=tell))
+    except PagesDamaged as damage:
+        found = Findings()
+        found.add_all(Finding("the tree", "", problem, Helps.WIPE) for problem in damage.problems)
+        return Checked(None, found)
 
 
 def mend_folder(folder: Path, *, dry_run: bool = False, signatures: bool = True, tell: Tell = silent) -> Repaired:
