@@ -28,9 +28,10 @@ class Provocation:
     law: str
     kinds: tuple[Kind, ...]
     storm_s: float = 30.0
+    copies: bool = False
 
     def order(self, seed: int, mutant: str | None = None) -> Order:
-        return Order(seed, kinds=self.kinds, storm_s=self.storm_s, mutant=mutant)
+        return Order(seed, kinds=self.kinds, storm_s=self.storm_s, mutant=mutant, copies=self.copies)
 
 
 BUSY = (Kind.RESET, Kind.DUPLICATION, Kind.CLOCK_OFFSET)
@@ -47,6 +48,7 @@ LYING_MOVES = (Kind.LIAR, Kind.JOIN, Kind.DRAIN, Kind.RESET)
 BACKUPS = (Kind.RESTORED_BACKUP, Kind.RESET)
 
 PROVOKED = {
+    "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
     "decided header": Provocation(laws.VERIFIED, LIES),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
@@ -78,16 +80,16 @@ def test_a_mutant_is_found(name: str) -> None:
     assert any(provoked.law in {found.law for found in run(provoked.order(seed, name)).violations} for seed in SEEDS)
 
 
-Climate = tuple[tuple[Kind, ...], float]
-CLIMATES: list[Climate] = list(dict.fromkeys((each.kinds, each.storm_s) for each in PROVOKED.values()))
+Climate = tuple[tuple[Kind, ...], float, bool]
+CLIMATES: list[Climate] = list(dict.fromkeys((each.kinds, each.storm_s, each.copies) for each in PROVOKED.values()))
 
 
 def name_of(climate: Climate) -> str:
-    kinds, storm_s = climate
-    return f"{', '.join(kind.value for kind in kinds)} for {storm_s:g} s"
+    kinds, storm_s, copies = climate
+    return f"{', '.join(kind.value for kind in kinds)} for {storm_s:g} s{' with copies' if copies else ''}"
 
 
 @pytest.mark.parametrize("climate", CLIMATES, ids=name_of)
 def test_without_a_mutant_the_same_climate_breaks_nothing(climate: Climate) -> None:
-    kinds, storm_s = climate
-    fail_with_stories([run(Order(SEEDS[0], kinds=kinds, storm_s=storm_s))])
+    kinds, storm_s, copies = climate
+    fail_with_stories([run(Order(SEEDS[0], kinds=kinds, storm_s=storm_s, copies=copies))])

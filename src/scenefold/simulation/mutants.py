@@ -152,6 +152,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
         Patch("scenefold.peer.membership.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
     ),
     "others' claims": (Patch("scenefold.peer.line.claims", "claimants", lambda _original: lambda *_args: iter(())),),
+    "acknowledged at one copy": (Patch("scenefold.peer.replication.settling_rule", "Rule.is_settled", _always(True)),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 
