@@ -1,4 +1,4 @@
-"""What a service must know before it may speak for a place: three small protocols, kept by line, lease and routing.
+"""What a service must know before it may speak for a place: four small protocols, kept by line, lease, routing and recovery.
 
 A write is acknowledged, and nothing is called absent, only by a node that owns the place *and* holds an owner lease at
 the moment of answering (storage.md, Members and owners). So each answer is checked twice: before the work, to do none in
@@ -58,6 +58,35 @@ class Owners(Protocol):
         ...
 
 
+class Known(Protocol):
+    """What of this node's arc it knows all that was acknowledged there (peer/replication). Else it may have owned the place for a moment only."""
+
+    def is_known(self, location: Location) -> bool:
+        """Look before the store is read: what is known in the end may not have been when it was."""
+        ...
+
+    def is_recovered(self, piece: Arc) -> bool:
+        """Whether all of the piece is known."""
+        ...
+
+    async def look_up(self, locations: Sequence[Location], until: float) -> None:
+        """Find out about those that are not known, as far as it is possible until then (Trio's time)."""
+        ...
+
+
+class AllKnown:
+    """For a node that has no place but by being given it."""
+
+    def is_known(self, _location: Location) -> bool:
+        return True
+
+    def is_recovered(self, _piece: Arc) -> bool:
+        return True
+
+    async def look_up(self, _locations: Sequence[Location], _until: float) -> None:
+        return None
+
+
 def other_owner(owners: Owners, location: Location, me: NodeId) -> NodeId:
     """The other node that owns a place that is not ours; Refused (16) if it is between two owners, or nobody is known."""
     owner = owners.owner_of(location)
@@ -80,6 +109,15 @@ def no_lease() -> Refused:
         RejectReason.NOT_READY,
         "the node holds no lease just now, so it cannot answer for its places",
         remedy="try again in a while; if it lasts, the cluster's voter cannot be reached",
+    )
+
+
+def not_recovered() -> Refused:
+    """Why a node says nothing of places whose owner was removed."""
+    return Refused(
+        RejectReason.NOT_READY,
+        "the place's owner was removed, and not all nodes have said yet what they have of it",
+        remedy="try again in a while; it takes until all nodes are heard, or removed",
     )
 
 

@@ -107,7 +107,7 @@ class PeerServices:
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
         self._replication = Replication(line.parts, roster, routing)
-        data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading)
+        data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
         sharing = Sharing(store, line, cluster_log, own, roster)

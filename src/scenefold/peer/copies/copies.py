@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
 from scenefold.base.limits import SEGMENT_CONFIGURATIONS_MAX, SEGMENT_CONFIRMED_MAX
-from scenefold.base.location import Arc, Location
+from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.custody import Custody
@@ -54,9 +54,9 @@ class Copies:
 
     # ------------------------------------------------------------------------------------------------- questions
 
-    def is_recovered(self, location: Location) -> bool:
-        """Whether this node knows all that was acknowledged at a place that it owns."""
-        return not any(location in gap for gap in self.unrecovered)
+    def is_recovered(self, piece: Arc) -> bool:
+        """Whether this node knows all that was acknowledged in a piece that it owns."""
+        return all(gap.intersection(piece) is None for gap in self.unrecovered)
 
     def passed(self, handover: bytes) -> Passing | None:
         """What ClaimRange tells; None if that was told, or never was anything."""
@@ -94,7 +94,7 @@ class Copies:
 
     def _given(self, handover: Handover) -> Copies:
         piece = handover.piece
-        if any(part.intersection(piece) is not None for part in self.unrecovered):
+        if not self.is_recovered(piece):
             raise Refused(RejectReason.NOT_READY, "what was acknowledged there is not known yet: the piece is being recovered")
         met = self.custody.highest(piece)
         own = self.configurations if self.configurations.number > met else replace(self.configurations, number=met)

@@ -76,6 +76,8 @@ class Giving:
         settles_in_s = parts.settling.settles_in_s(piece)
         if settles_in_s:
             raise Refused(RejectReason.BUSY, f"what was received lately stays: wait {settles_in_s:.1f} s")
+        if not parts.keeper.copies.is_recovered(piece):
+            raise Refused(RejectReason.BUSY, "not all is known yet that was acknowledged there: it is being asked for")
         salt = parts.world.entropy.token(SALT_BYTES)
 
         def offer(holding: Holding) -> Holding:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import Protocol
 
 import trio
@@ -71,9 +70,7 @@ class Keeper:
             await self._begin()
             after = transition(self.holding.drop_removed(self.is_removed))
             if after != self.holding:
-                followed = self.copies.follow(self.holding, after, told)
-                # As long as nodes keep one copy, nobody else can say what was acknowledged in a gap.
-                await self._keep(after, replace(followed, unrecovered=()))
+                await self._keep(after, self.copies.follow(self.holding, after, told))
             return after
 
     async def change_copies(self, transition: CopiesTransition) -> Copies:

@@ -106,8 +106,11 @@ class Line:
         return self._parts.keeper.holding.on(side) is not None
 
     def settled(self, arc: Arc) -> bool:
-        """Whether everything in the arc may move on: nothing was received within the settling time, and no giver may still take it back."""
-        return not (self._parts.settling.settles_in_s(arc) or self._parts.keeper.holding.may_be_taken_back(arc))
+        """Whether everything in the arc may move on: nothing was received within the settling time, no giver may still take it back,
+        and all that was acknowledged there is known."""
+        keeper = self._parts.keeper
+        unsettled = self._parts.settling.settles_in_s(arc) or keeper.holding.may_be_taken_back(arc)
+        return not unsettled and keeper.copies.is_recovered(arc)
 
     def open_handovers(self) -> list[tuple[Side, Handover]]:
         """All handovers that have not ended, for reports."""

@@ -84,7 +84,7 @@ class TakingHome:
         """Whether it is known here who holds the copies of a place; none if its space has none."""
         layout = await layout_of(self._parts, held.scene, held.space)
         copies = self._parts.keeper.copies
-        if layout is None or not copies.is_recovered(home):
+        if layout is None or not copies.is_recovered(Arc(home, home)):
             return False
         return not layout or copies.configurations.at(layout, home) is not None
 
@@ -139,9 +139,13 @@ class TakingHome:
         return problems
 
     async def _why_not(self, item: HandItem) -> Refused | None:
+        home = home_of(item)
         try:
-            if not self._parts.keeper.holding.owns(home_of(item)):
+            if not self._parts.keeper.holding.owns(home):
                 raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's")
+            if not self._parts.keeper.copies.is_recovered(Arc(home, home)):
+                # It is asked for, among all else. Who brings it has to keep it until then.
+                raise Refused(RejectReason.NOT_READY, "not all is known yet that was acknowledged there")
             self._parts.require_lease()
             await self._check_mode(item)
         except Refused as refusal:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.holdings import Holdings, Lease, Owners
+from scenefold.peer.holdings import AllKnown, Holdings, Known, Lease, Owners
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.copying import Copying, OneCopy
 from scenefold.peer.records.ranges import Ranges
@@ -35,12 +35,13 @@ class DataService:
         routing: Owners,
         me: NodeId,
         copying: Copying | None = None,
+        known: Known | None = None,
     ) -> None:
-        """`copying`: None where every space has one copy."""
-        copying = copying or OneCopy(store)
-        self.writes = Writes(world, store, scenes, line, lease, routing, me, copying)
-        self.reads = Reads(store, peers, scenes, line, lease, routing, me, copying)
-        self.ranges = Ranges(store, scenes, line, lease, copying)
+        """`copying`: None where every space has one copy. `known`: None where no place is ever adopted."""
+        copying, known = copying or OneCopy(store), known or AllKnown()
+        self.writes = Writes(world, store, scenes, line, lease, routing, me, copying, known)
+        self.reads = Reads(store, peers, scenes, line, lease, routing, me, copying, known)
+        self.ranges = Ranges(store, scenes, line, lease, copying, known)
 
     def register(self, handlers: Handlers) -> None:
         self.writes.register(handlers)

@@ -13,7 +13,7 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import wanted_place
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.holdings import LOOKS_MAX, Holdings, Lease
+from scenefold.peer.holdings import LOOKS_MAX, Holdings, Known, Lease
 from scenefold.peer.records.copying import TOLD_S_MAX, Copying
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import RangeAnswer, Store
@@ -23,12 +23,13 @@ from scenefold.wire import Packet, QueryRange, RejectRange, ReturnRange
 class Ranges:
     """The owner's side of range queries."""
 
-    def __init__(self, store: Store, scenes: Scenes, line: Holdings, lease: Lease, copying: Copying) -> None:
+    def __init__(self, store: Store, scenes: Scenes, line: Holdings, lease: Lease, copying: Copying, known: Known) -> None:
         self._store = store
         self._scenes = scenes
         self._line = line
         self._lease = lease
         self._copying = copying
+        self._known = known
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(QueryRange, self._on_query)
@@ -48,12 +49,13 @@ class Ranges:
             if mine is None:
                 return range_rejection(packet, RejectReason.OUTSIDE_BOUNDS)
             arc = self._line.arc
+            is_recovered = self._known.is_recovered(mine)
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
             is_settled = await self._copying.list_settled(packet.scene, packet.space, answer.covered, until)
             if self._line.arc is not arc:
                 # What was given away may have been deleted while we looked, also if an equal arc is ours again.
                 continue
-            stale = not (is_settled and self._lease.holds())
+            stale = not (is_recovered and is_settled and self._lease.holds())
             locations, objects = self._decided_here(answer)
             if stale and not locations:
                 return range_rejection(packet, RejectReason.NOT_READY)

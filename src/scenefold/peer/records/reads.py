@@ -21,7 +21,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordPlace, wanted_place
 from scenefold.peer.handlers import Handlers, node_of
-from scenefold.peer.holdings import LOOKS_MAX, Holdings, Lease, Owners, no_lease, other_candidates, silent_owner
+from scenefold.peer.holdings import LOOKS_MAX, Holdings, Known, Lease, Owners, no_lease, not_recovered, other_candidates, silent_owner
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.copying import TOLD_S_MAX, Copying
 from scenefold.peer.scene_log.scenes import Scenes
@@ -49,7 +49,16 @@ class Reads:
     """The owner's side of every read, and the way to it for all others."""
 
     def __init__(
-        self, store: Store, peers: Peers, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId, copying: Copying
+        self,
+        store: Store,
+        peers: Peers,
+        scenes: Scenes,
+        line: Holdings,
+        lease: Lease,
+        owners: Owners,
+        me: NodeId,
+        copying: Copying,
+        known: Known,
     ) -> None:
         self._store = store
         self._peers = peers
@@ -59,6 +68,7 @@ class Reads:
         self._owners = owners
         self._me = me
         self._copying = copying
+        self._known = known
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(GetData, self._on_get)
@@ -108,8 +118,11 @@ class Reads:
         if not keys:
             return False
         spots = [Spot(RecordPlace(scene, key.space, key.location), key.object) for key in keys]
+        homes = [_home_of(key) for key in keys]
+        await self._known.look_up(homes, until)
         for _ in range(LOOKS_MAX):
             arc = self._line.arc
+            known = [self._known.is_known(home) for home in homes]
             records = await self._store.read(spots)
             is_settled = await self._copying.records_settled(spots, records, until)
             if self._line.arc is arc:
@@ -121,11 +134,13 @@ class Reads:
         else:
             raise Refused(RejectReason.NOT_READY, "the arc is changing all the time")
         leased = self._lease.holds()
-        for key, record in zip(keys, records, strict=True):
+        for key, record, is_known in zip(keys, records, known, strict=True):
             if record is None and not leased:
                 raise no_lease()
+            if record is None and not is_known:
+                raise not_recovered()
             found[key] = _as_bytes(record)
-        return not (leased and is_settled)
+        return not (leased and is_settled and all(known))
 
     async def _ask_in_turn(self, candidates: tuple[NodeId, ...], request: GetMany) -> GetManyReply:
         """The answer of the first that has one; the first refusal if none has, rather than nonsense."""

@@ -18,8 +18,8 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.holdings import Holdings, Lease, Owners, other_owner
-from scenefold.peer.records.copying import Copying, NotKept
+from scenefold.peer.holdings import Holdings, Known, Lease, Owners, other_owner
+from scenefold.peer.records.copying import TOLD_S_MAX, Copying, NotKept
 from scenefold.peer.records.verification import KnownScene, epochs_of, home_of, verify_all
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Outcome, Put, PutResult, Store
@@ -43,7 +43,16 @@ class Writes:
     """The owner's side of every write."""
 
     def __init__(
-        self, world: World, store: Store, scenes: Scenes, line: Holdings, lease: Lease, owners: Owners, me: NodeId, copying: Copying
+        self,
+        world: World,
+        store: Store,
+        scenes: Scenes,
+        line: Holdings,
+        lease: Lease,
+        owners: Owners,
+        me: NodeId,
+        copying: Copying,
+        known: Known,
     ) -> None:
         self._world = world
         self._store = store
@@ -53,6 +62,7 @@ class Writes:
         self._owners = owners
         self._me = me
         self._copying = copying
+        self._known = known
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(ProposeData, self._on_propose)
@@ -80,6 +90,7 @@ class Writes:
                     outcomes[index] = _outcome(items[index], verdict.reason)
                 else:
                     puts.append((index, verdict))
+        puts = await self._looked_up(items, puts, outcomes)
         results = await self._store_all([put for _, put in puts], scenes)
         for (index, _), result in zip(puts, results, strict=True):
             outcomes[index] = self._judged(items[index], result)
@@ -113,6 +124,17 @@ class Writes:
             return PutOutcome(RejectReason.NOT_MY_LOCATION, item.location, other_owner(self._owners, place, self._me))
         except Refused as refusal:
             return _outcome(item, refusal.reason)
+
+    async def _looked_up(
+        self, items: Sequence[PutItem], puts: Sequence[tuple[int, Put]], outcomes: list[PutOutcome | None]
+    ) -> list[tuple[int, Put]]:
+        """Those of the puts whose places are known: what else was acknowledged there might be newer, or not what the writer expects."""
+        homes = [home_of(items[index]) for index, _ in puts]
+        await self._known.look_up(homes, trio.current_time() + TOLD_S_MAX)
+        unknown = {index for (index, _), home in zip(puts, homes, strict=True) if not self._known.is_known(home)}
+        for index in unknown:
+            outcomes[index] = PutOutcome(RejectReason.NOT_READY, items[index].location, self._me)
+        return [(index, put) for index, put in puts if index not in unknown]
 
     async def _store_all(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene]) -> list[PutResult | NotKept | RejectReason]:
         """Store while nothing of it is frozen; BUSY for all if that lasts too long. Where a space has copies, return once enough have it."""

@@ -18,8 +18,6 @@ from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.replication.recovering_gap import Asking
 
-LOOK_UP_S_MAX = 3.0
-"""For places of a gap to be looked up; then the asker is told to come again."""
 LOOK_UPS_MAX = 8
 """Places that are looked up at one time, each at every node."""
 LOOKED_UP_MAX = 65_536
@@ -29,11 +27,11 @@ _log = logging.getLogger("scenefold.peer.replication")
 
 
 class Recovering:
-    """Used from the Trio thread only. `doubt`: told of a gap that is about to be recovered, of which nothing has settled yet."""
+    """Used from the Trio thread only. `doubt`: told of a gap that is about to be recovered: nothing in it has settled yet."""
 
-    def __init__(self, parts: Parts, doubt: Callable[[Arc], None]) -> None:
+    def __init__(self, parts: Parts) -> None:
         self._parts = parts
-        self._doubt = doubt
+        self.doubt: Callable[[Arc], object] = lambda _: None
         self._askings: dict[Arc, Asking | None] = {}
         """Of each gap that is being recovered; None in a pause."""
         self._looked_up: dict[Location, None] = {}
@@ -43,18 +41,18 @@ class Recovering:
 
     def is_known(self, location: Location) -> bool:
         """Whether all that was acknowledged at a place of the arc is here, as far as registered nodes have it."""
-        return location in self._looked_up or self._parts.keeper.copies.is_recovered(location)
+        return location in self._looked_up or self.is_recovered(Arc(location, location))
 
     def is_recovered(self, arc: Arc) -> bool:
         """Whether that is so everywhere in the arc."""
-        return all(gap.intersection(arc) is None for gap in self._parts.keeper.copies.unrecovered)
+        return self._parts.keeper.copies.is_recovered(arc)
 
-    async def look_up(self, locations: Sequence[Location]) -> None:
-        """Ask everybody about those places that are not known; returns when they are, or LOOK_UP_S_MAX later: look again."""
+    async def look_up(self, locations: Sequence[Location], until: float) -> None:
+        """Ask everybody about those places that are not known, until they are, or it is in vain at this moment."""
         unknown = [location for location in dict.fromkeys(locations) if not self.is_known(location)]
         if not unknown:
             return
-        with trio.move_on_after(LOOK_UP_S_MAX):
+        with trio.CancelScope(deadline=until):
             async with trio.open_nursery() as nursery:
                 for location in unknown:
                     nursery.start_soon(self._look_up, location)
@@ -71,10 +69,11 @@ class Recovering:
 
     # ------------------------------------------------------------------------------------------------------ doing
 
-    async def run(self) -> None:
+    async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Recover whatever is not, until cancelled."""
         keeper = self._parts.keeper
         async with trio.open_nursery() as nursery:
+            task_status.started()
             while True:
                 copies = keeper.copies
                 for gap in _apart(copies.unrecovered, self._askings):
@@ -92,9 +91,12 @@ class Recovering:
 
     async def _try(self, gap: Arc) -> bool:
         asking = self._askings[gap] = Asking(self._parts, gap)
+        # What is looked up meanwhile must not be told either as long as nobody knows by whom else it was to be had.
+        self.doubt(gap)
         try:
             await asking.run()
-            self._doubt(gap)
+            # There may be scenes that were not known here before.
+            self.doubt(gap)
             await self._parts.keeper.change_copies(lambda copies, _: asking.roll.recover(copies))
         except Refused as problem:
             # The disk is full, or this life is ending.

@@ -16,6 +16,7 @@ from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
 from scenefold.peer.replication.placing import Placing
+from scenefold.peer.replication.recovering import Recovering
 from scenefold.peer.replication.spreading import Spreading
 from scenefold.peer.replication.telling import Telling
 from scenefold.peer.routing import Routing
@@ -36,6 +37,8 @@ class Replication:
         self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False))
         self.health = Health(parts, roster, self.placing, lambda: self.comparing.left)
         self._activating = Activating(parts)
+        self.recovering = Recovering(parts)
+        self.recovering.doubt = self.spreading.doubt
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
@@ -50,4 +53,5 @@ class Replication:
             nursery.start_soon(self.comparing.run)
             nursery.start_soon(self._activating.run)
             await nursery.start(self.spreading.run)
+            nursery.start_soon(self.recovering.run)
             task_status.started()

@@ -81,7 +81,7 @@ def test_who_claims_a_piece_knows_who_may_be_answered_for_it_and_holds_nothing_t
     assert taker[1].configurations.number > told.number
     assert not taker[1].custody.within(RIGHT_HALF)
     assert taker[1].custody.within(arc(0, 49)), "what is still the giver's is held on"
-    assert taker[1].is_recovered(Location.from_number(50))
+    assert taker[1].is_recovered(arc(50, 50))
     # Told again, since the answer was lost.
     assert taker[1].follow(taker[0], taker[0].claim(handover, RIGHT_HALF), told) is taker[1]
 
@@ -93,8 +93,8 @@ def test_a_piece_of_which_nothing_is_told_is_unrecovered(told: Passing | None) -
     taker = step(taker, taker[0].note(handover, Side.LEFT, P, RIGHT_HALF))
     taker = step(taker, taker[0].claim(handover, RIGHT_HALF), told)
     assert taker[1].unrecovered == (RIGHT_HALF,)
-    assert not taker[1].is_recovered(Location.from_number(50))
-    assert taker[1].is_recovered(Location.from_number(100))
+    assert not taker[1].is_recovered(arc(50, 50))
+    assert taker[1].is_recovered(arc(100, 199))
 
 
 def test_a_piece_that_is_taken_back_is_unrecovered() -> None:

@@ -7,6 +7,7 @@ test only has to crash nodes where it likes, and to ask at the end whether the l
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -155,6 +156,28 @@ class News:
         return self.former
 
 
+class NothingElsewhere:
+    """Gaps are recovered at once: on a street without copies nobody else has anything to say of them."""
+
+    def __init__(self, line: Line) -> None:
+        self._keeper = line.parts.keeper
+
+    def register(self, _handlers: Handlers) -> None:
+        return None
+
+    async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        task_status.started()
+        while True:
+            copies = self._keeper.copies
+            for gap in copies.unrecovered:
+                try:
+                    await self._keeper.change_copies(partial(lambda now, _, gap: now.recover(gap, {}, 0), gap=gap))
+                except Refused:
+                    await trio.sleep(0.5)
+            if self._keeper.copies is copies:
+                await self._keeper.copies_changed_after(copies)
+
+
 class House:
     """One machine, life after life. `line` is that of the current life."""
 
@@ -213,9 +236,9 @@ class House:
         """Whom the line asks, which scenes it knows, and who owns what."""
         return Asker(links, own), Scenes(), Owners(self.street)
 
-    def others(self, _world: Any, _line: Line) -> list[Any]:
+    def others(self, _world: Any, line: Line) -> list[Any]:
         """Services that live here beside the line: what they answer, and what goes on by itself if they have a `run`."""
-        return []
+        return [NothingElsewhere(line)]
 
     def hear(self, _mini: MiniStatus) -> None:
         """A node that asks says this of itself."""

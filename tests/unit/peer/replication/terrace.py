@@ -139,7 +139,16 @@ class Home(House):
         self.replication = Replication(parts, self.roster, self.routing)
         copying = self.replication.spreading
         self.data = DataService(
-            world, parts.store, self.peers, cast(Any, parts.scenes), line, parts.lease, cast(Any, self.routing), self.node, copying
+            world,
+            parts.store,
+            self.peers,
+            cast(Any, parts.scenes),
+            line,
+            parts.lease,
+            cast(Any, self.routing),
+            self.node,
+            copying,
+            self.replication.recovering,
         )
         if not self.street.is_quiet:
             return [self.replication, self.data]
