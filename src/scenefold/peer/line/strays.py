@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import trio
 
@@ -21,6 +22,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
+from scenefold.peer.copies.custody import Custody
 from scenefold.peer.copies.versions import told_version
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.copying import hand_item
@@ -30,7 +32,7 @@ from scenefold.peer.line.settling import Settling
 from scenefold.peer.line.taking_home import TakingHome
 from scenefold.store import Entry, Spot
 from scenefold.wire import HandRecords, HeldRecord, OfferStrays, PutManyReply, StraysJudged
-from scenefold.world import Priority
+from scenefold.world import Priority, first_of
 
 BATCH_RECORDS = 32
 """Of one HandRecords: 2 MiB of the largest records."""
@@ -50,6 +52,8 @@ class Strays:
         self._parts = parts
         self.left = 0
         self._damaged = 0
+        self._waits_s = PAUSE_S_MAX
+        """Until some that are let alone are so no more."""
         self._kept: list[Arc] = []
         self._left_lately = Settling(parts.world.clock, LEFT_S)
         self._taking_home = TakingHome(parts)
@@ -59,17 +63,24 @@ class Strays:
 
     async def run(self) -> None:
         """Look through the store again and again, more seldom while there is nothing to bring home, until cancelled."""
-        pause_s, known = PAUSE_S_MIN, 0
+        keeper = self._parts.keeper
+        pause_s, known = PAUSE_S_MIN, (0, keeper.copies.custody)
         while True:
+            self._waits_s = PAUSE_S_MAX
             moved = await self._look()
-            position = self._parts.cluster_log.registry.position
-            pause_s = PAUSE_S_MIN if moved or position != known else min(PAUSE_S_MAX, 2 * pause_s)
             # Who owned a place may have been removed: whoever adopts it must not lack for long what is here.
-            known = position
-            with trio.move_on_after(pause_s):
-                await self._parts.something_new(self._parts.keeper.holding.revision, position)
+            position, custody = self._parts.cluster_log.registry.position, keeper.copies.custody
+            pause_s = PAUSE_S_MIN if moved or (position, custody) != known else min(PAUSE_S_MAX, 2 * pause_s)
+            known = position, custody
+            with trio.move_on_after(min(pause_s, self._waits_s)):
+                something_new = partial(self._parts.something_new, keeper.holding.revision, position)
+                await first_of(something_new, partial(self._custody_changed, custody))
                 # What has just changed may have left something; but its handover comes first.
                 await self._parts.world.clock.sleep(PAUSE_S_MIN)
+
+    async def _custody_changed(self, seen: Custody) -> None:
+        while self._parts.keeper.copies.custody is seen:
+            await self._parts.keeper.copies_changed_after(self._parts.keeper.copies)
 
     async def _look(self) -> int:
         """One walk over all strays; how many were brought home."""
@@ -126,9 +137,11 @@ class Strays:
 
     async def _waits(self, entry: Entry) -> bool:
         """Whether it may well be told that this node holds it."""
-        if not self._left_lately.settles_in_s(Arc(entry.home, entry.home)):
+        left_s = self._left_lately.settles_in_s(Arc(entry.home, entry.home))
+        if not left_s or await layout_of(self._parts, *entry.place[:2]) == NO_COPIES:
             return False
-        return await layout_of(self._parts, *entry.place[:2]) != NO_COPIES
+        self._waits_s = min(self._waits_s, left_s)
+        return True
 
     def _by_owner(self, entries: Sequence[Entry]) -> list[tuple[NodeId, list[Entry]]]:
         owners: dict[NodeId, list[Entry]] = {}
