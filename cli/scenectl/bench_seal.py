@@ -111,7 +111,8 @@ def _works(key: SigningKey, size: int, most: int) -> list[Work]:
     from scenefold.base.limits import CLIENT_BATCH_BYTES
     from scenefold.base.location import Location
     from scenefold.base.measuring import Work
-    from scenefold.client.sealing import Draft, SceneIdentity, open_all, seal_all, writers_of
+    from scenefold.client.sealing import Draft, SceneIdentity, open_all, seal_all
+    from scenefold.client.verifying import writers_of
     from scenefold.crypto import ED25519, RECORD_DOMAIN, Record, new_symmetric_key
     from scenefold.crypto.bare import BareCalls
     from scenefold.peer.records.verification import KnownScene, verify_all

@@ -20,8 +20,9 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.calls import Calls
 from scenefold.client.managed import ManagedPlace
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import SceneIdentity, WriterKey
+from scenefold.client.sealing import SceneIdentity
 from scenefold.client.space import ABSENT
+from scenefold.client.verifying import WriterKey
 from scenefold.crypto import wanted_place
 from scenefold.scene.log import EpochKeys
 from scenefold.store import Put

@@ -25,10 +25,11 @@ from scenefold.client.known_log import LOOK_S
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
-from scenefold.client.sealing import Key, NewerThanKnown, Opened, SceneIdentity, deleted_all, key_withheld, open_all
+from scenefold.client.sealing import Opened, SceneIdentity, deleted_all, key_withheld, open_all
 from scenefold.client.setbacks import Setbacks
 from scenefold.client.split import frames
 from scenefold.client.tombstones import Lengths, tombstone
+from scenefold.client.verifying import Key, NewerThanKnown
 from scenefold.client.versions import Sequencer
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import EXPECTS_NOTHING, SigningKey

@@ -18,7 +18,7 @@ from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import Location
 from scenefold.client.calls import Calls
 from scenefold.client.copy_words import CopyWords, enough
-from scenefold.client.sealing import Key
+from scenefold.client.verifying import Key
 from scenefold.scene.log import Layouts
 from scenefold.wire import CopiesFound, CopyState, GetCopies, RecordBytes, RecordKey
 from scenefold.world import background_tasks, first_of

@@ -18,10 +18,10 @@ from scenefold.client.calls import Calls
 from scenefold.client.copy_reads import CopyReads
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, as_told, heaviest, is_passing
-from scenefold.client.sealing import Key
 from scenefold.client.seeking import Search
 from scenefold.client.split import frames
 from scenefold.client.together import together
+from scenefold.client.verifying import Key
 from scenefold.crypto import wanted_place
 from scenefold.wire import DAMAGED_RECORD, GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
 

@@ -20,7 +20,7 @@ from scenefold.base.location import FIRST, LAST, Arc, arcs_between, even_right_b
 from scenefold.client.access import SceneAccess
 from scenefold.client.ranging import entries
 from scenefold.client.reencryption import under_older_keys
-from scenefold.client.sealing import Key
+from scenefold.client.verifying import Key
 
 LOOK_S = 3.0
 SPACES_AT_ONCE = 4

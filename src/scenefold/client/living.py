@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from typing import TypeVar
 
 from scenefold.client.access import SceneAccess
-from scenefold.client.sealing import Key
+from scenefold.client.verifying import Key
 
 BATCH = 256
 """Records read together: 16 MB of the largest."""

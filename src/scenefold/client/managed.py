@@ -15,7 +15,8 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.living import alive
-from scenefold.client.sealing import Key, payload_of
+from scenefold.client.sealing import payload_of
+from scenefold.client.verifying import Key
 from scenefold.client.wishes import Wish
 from scenefold.crypto import EXPECTS_NOTHING, OBJECT_BYTES, signed_place
 

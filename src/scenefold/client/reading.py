@@ -14,7 +14,8 @@ from scenefold.client.calls import Calls
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.scene_memory import Met, SceneMemory
-from scenefold.client.sealing import SceneIdentity, writers_of
+from scenefold.client.sealing import SceneIdentity
+from scenefold.client.verifying import writers_of
 from scenefold.scene.log import EpochKeys, SceneKeys
 from scenefold.wire import Role, SceneLogPublic
 from scenefold.world import Links, World

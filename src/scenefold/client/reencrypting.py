@@ -21,8 +21,9 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.progress import ProgressCallback, ProgressState, no_progress
 from scenefold.client.ranging import entries
 from scenefold.client.reencryption import Pace, Reencryption, is_damaged, under_older_keys
-from scenefold.client.sealing import Key, NewerThanKnown, Opened, SceneIdentity, open_all
+from scenefold.client.sealing import Opened, SceneIdentity, open_all
 from scenefold.client.together import together
+from scenefold.client.verifying import Key, NewerThanKnown
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import signed_place
 from scenefold.wire import RecordBytes

@@ -22,7 +22,8 @@ from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.scene_memory import Met, SceneMemory
-from scenefold.client.sealing import SceneIdentity, writers_of
+from scenefold.client.sealing import SceneIdentity
+from scenefold.client.verifying import writers_of
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import Decider, check_granter
 from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed, check_page

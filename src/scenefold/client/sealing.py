@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Self
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId, SceneId, SpaceId
@@ -18,67 +17,21 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.copies import check_no_shadow
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, is_tombstone
+from scenefold.client.verifying import Key, NewerThanKnown, WriterKey, newer, verified, writers_of
 from scenefold.crypto import (
     EXPECTS_ANYTHING,
     PLACED_BY_CLIENT,
     PLACED_BY_NODE,
-    SUITES,
     UNKNOWN_DIGEST,
-    PublicKey,
-    Record,
     RecordHeader,
-    RecordPlace,
     SigningKey,
-    check_claim,
-    check_signature,
     open_record,
     seal_records,
     signed_place,
 )
 from scenefold.crypto.record_header import TAG_BYTES, Version, version_key
-from scenefold.scene.log import FOR_EVER, EpochKeys, Layouts
-from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode, WriterEntry
-
-Key = tuple[SpaceId, Location] | tuple[SpaceId, Location, bytes]
-"""Where a record lies; in a node-managed space with its object id."""
-
-
-class NewerThanKnown(DamagedData):
-    """A record that says that it is by a writer, or under a key, that is not known here: both may be younger than what is known.
-
-    `epoch`: the log position that it names; `key_epoch`: that of its key, if that is what is missing.
-    """
-
-    epoch = 0
-    key_epoch: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class WriterKey:
-    """A writer's key, and the log positions that it may sign under."""
-
-    key: PublicKey
-    terms: tuple[WriterEntry, ...]
-
-    @classmethod
-    def always(cls, key: PublicKey) -> Self:
-        """A writer from the beginning on and for ever."""
-        return cls(key, (WriterEntry(key.key_id, 0, FOR_EVER),))
-
-    def may_write_at(self, epoch: int) -> bool:
-        return any(term.from_position <= epoch <= term.until_position for term in self.terms)
-
-
-def writers_of(header: SceneLogPublic) -> dict[KeyId, WriterKey]:
-    """All writers that a header names in full, those of former times too; DamagedData if an id means two keys."""
-    terms: dict[KeyId, list[WriterEntry]] = {}
-    for term in header.writers:
-        terms.setdefault(term.key, []).append(term)
-    keys = [PublicKey(entry.raw, entry.suite) for entry in header.keys if entry.suite in SUITES]
-    found = {key.key_id: WriterKey(key, tuple(terms[key.key_id])) for key in keys if key.key_id in terms}
-    if len({key.key_id for key in keys}) != len(keys):
-        raise DamagedData("the scene's header holds two keys of one id", where=f"scene {header.scene:08x}")
-    return found
+from scenefold.scene.log import EpochKeys, Layouts
+from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,12 +141,6 @@ def key_withheld(where: str) -> Refused:
     return Refused(RejectReason.KEY_REVOKED, "the scene's key was changed, and is not sealed to you", where=where, remedy=remedy)
 
 
-def _newer(what: str, epoch: int, key_epoch: int | None = None) -> NewerThanKnown:
-    error = NewerThanKnown(what)
-    error.epoch, error.key_epoch = epoch, key_epoch
-    return error
-
-
 def seal_all(identity: SceneIdentity, writer: SigningKey, session: int, drafts: Sequence[Draft]) -> list[PutItem]:
     """Encrypt and sign every draft."""
     key_epoch, symmetric_key = identity.sealing_key
@@ -265,27 +212,12 @@ def _content_position(identity: SceneIdentity, draft: Draft) -> int:
 
 
 def _open(identity: SceneIdentity, space: SpaceId, location: Location, object_id: bytes, found: RecordBytes) -> Opened:
-    record = Record(found.header, found.signature, found.ciphertext)
     try:
+        record = verified(identity, space, location, object_id, found)
         header = record.header
-        if header.genesis != identity.genesis:
-            raise DamagedData("a node answered with the record of another scene")
-        writer = identity.writers.get(header.writer)
-        if writer is None or not writer.may_write_at(header.epoch):
-            when = "" if writer is None else f" at position {header.epoch}"
-            raise _newer(f"a record by key {header.writer:08x}, which is no writer of the scene{when}", header.epoch)
-        # A node-managed record may lie anywhere; that it is this object is what its writer signed.
-        place = signed_place(object_id) if object_id else location
-        check_claim(record, writer.key, RecordPlace(identity.scene, space, place))
-        check_signature(record, writer.key)
-        if header.epoch > identity.position:
-            # Until that position is known here nobody can tell whether its writer still was one.
-            raise _newer(f"a record of position {header.epoch}, which the scene has not come to", header.epoch)
-        if header.placement != (PLACED_BY_NODE if object_id else PLACED_BY_CLIENT):
-            raise DamagedData("a node answered with a record of another kind of space")
         key = identity.keys.get(header.key_epoch)
         if key is None:
-            raise _newer(f"the record is sealed under key epoch {header.key_epoch} of the scene", header.epoch, header.key_epoch)
+            raise newer(f"the record is sealed under key epoch {header.key_epoch} of the scene", header.epoch, header.key_epoch)
         payload = open_record(record, key)
         return Opened(payload, header.seq, header.digest, header.content_position, header.key_epoch, version_key(header))
     except NewerThanKnown as error:

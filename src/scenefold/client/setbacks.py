@@ -11,7 +11,8 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenefold.client.sealing import Key, Opened
+from scenefold.client.sealing import Opened
+from scenefold.client.verifying import Key
 from scenefold.crypto.record_header import Version
 from scenefold.world import QuietLog
 

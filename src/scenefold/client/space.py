@@ -17,8 +17,9 @@ from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space
-from scenefold.client.sealing import Key, Opened, payload_of
+from scenefold.client.sealing import Opened, payload_of
 from scenefold.client.steps import checked_factor, checked_offset, movable
+from scenefold.client.verifying import Key
 from scenefold.client.wishes import Wish
 from scenefold.crypto import EXPECTS_NOTHING
 from scenefold.scene.log import LoggedSpace

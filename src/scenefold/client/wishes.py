@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import Location
-from scenefold.client.sealing import Key
+from scenefold.client.verifying import Key
 from scenefold.crypto import wanted_place
 
 

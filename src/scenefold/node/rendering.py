@@ -18,8 +18,9 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.client.sealing import NewerThanKnown, Opened, SceneIdentity, open_all, payload_of, writers_of
+from scenefold.client.sealing import Opened, SceneIdentity, open_all, payload_of
 from scenefold.client.trying import patiently
+from scenefold.client.verifying import NewerThanKnown, writers_of
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys

@@ -19,7 +19,8 @@ from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
 from scenefold.client.known_log import LOOK_S
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import Draft, NewerThanKnown, Opened, SceneIdentity, WriterKey, open_all, seal_all
+from scenefold.client.sealing import Draft, Opened, SceneIdentity, open_all, seal_all
+from scenefold.client.verifying import NewerThanKnown, WriterKey
 from scenefold.crypto import NONCE_BYTES, RecordHeader, SigningKey
 from scenefold.scene.layout import GEOMETRY
 from scenefold.scene.log import EpochKeys

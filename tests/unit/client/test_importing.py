@@ -14,7 +14,8 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.importing import scene_name_of
 from scenefold.client.progress import ProgressState
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import SceneIdentity, WriterKey
+from scenefold.client.sealing import SceneIdentity
+from scenefold.client.verifying import WriterKey
 from scenefold.crypto import SigningKey
 from scenefold.scene.layout import GEOMETRY, META
 from scenefold.scene.log import EpochKeys

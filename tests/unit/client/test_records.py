@@ -17,8 +17,9 @@ from scenefold.client.births import born, first_header, kept_keys, maker_of
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.reading import open_scene_with_keys
 from scenefold.client.scene import Scene
-from scenefold.client.sealing import SceneIdentity, WriterKey
+from scenefold.client.sealing import SceneIdentity
 from scenefold.client.space import ABSENT
+from scenefold.client.verifying import WriterKey
 from scenefold.client.versions import SEQ_MAX
 from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, RecordHeader, SigningKey
 from scenefold.scene.log import EpochKeys, decided

@@ -10,9 +10,10 @@ from trio.testing import MockClock
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.client import setbacks
-from scenefold.client.sealing import Key, Opened
+from scenefold.client.sealing import Opened
 from scenefold.client.setbacks import Setbacks
 from scenefold.client.tombstones import tombstone
+from scenefold.client.verifying import Key
 from scenefold.crypto.record_header import Version
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, PLACES, _scene

@@ -13,7 +13,8 @@ from scenefold.base.errors import DamagedData, Refused, ScenefoldError
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.client.sealing import SceneIdentity, open_all, writers_of
+from scenefold.client.sealing import SceneIdentity, open_all
+from scenefold.client.verifying import writers_of
 from scenefold.crypto import (
     ED25519,
     HEADER_BYTES,
