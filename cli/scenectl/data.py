@@ -77,6 +77,7 @@ def get(
     *,
     scene: SceneOption,
     to: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    any_copy: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Fetch a record, verify and decrypt it, and write it to a file or to standard output.
@@ -93,6 +94,8 @@ def get(
         Name of the scene.
     to
         File to write; by default standard output, with --json the field data_base64.
+    any_copy
+        Take what any one node has, also if something newer may have been written since: for when too many nodes are away.
     """
     from scenectl.running import connected, run
     from scenefold.base.errors import LocalFault
@@ -100,7 +103,7 @@ def get(
     async def work() -> tuple[int, bytes | None]:
         async with connected(output.profile) as cluster:
             asked = await _space(await cluster.scenes.open(scene), space)
-            return asked.id, await asked.get(location.first)
+            return asked.id, await asked.get(location.first, any_copy=any_copy)
 
     number, payload = run(work)
     if payload is None:

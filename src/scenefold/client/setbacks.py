@@ -56,6 +56,11 @@ class Setbacks:
         self.count += len(behind)
         return behind
 
+    def is_behind(self, key: Key, found: Opened | None, asked_at: int) -> bool:
+        """Whether one node's word, asked for at that moment, is older than what was met. Nothing is remembered of it."""
+        met = self._met.get((key[0], key[-1]))
+        return met is not None and met.moment <= asked_at and _is_behind(found, met)
+
     def of(self, key: Key) -> int:
         """How often a record was found behind, as far as that is remembered."""
         met = self._met.get((key[0], key[-1]))

@@ -12,6 +12,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAMES_IN_FLIGHT
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client.access import SceneAccess
+from scenefold.client.any_copy import any_copies
 from scenefold.client.copies import is_so_already, new_copies
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
@@ -76,20 +77,21 @@ class Space:
         """
         return await self.put(location, self._access.tombstone((self.id, location)), expect=expect)
 
-    async def get(self, location: Location, *, stale_ok: bool = False) -> bytes | None:
+    async def get(self, location: Location, *, stale_ok: bool = False, any_copy: bool = False) -> bytes | None:
         """The payload at a location, verified; None if the owner says that nothing is there, or it was deleted.
 
         An owner that may have been replaced without knowing is asked again for a while, then Refused with NOT_READY;
-        with `stale_ok` its answer counts.
+        with `stale_ok` its answer counts. `any_copy`: any one node's word counts, if it is not older than what this client has met.
         """
-        return (await self.get_many([location], stale_ok=stale_ok))[0]
+        return (await self.get_many([location], stale_ok=stale_ok, any_copy=any_copy))[0]
 
-    async def get_many(self, locations: Sequence[Location], *, stale_ok: bool = False) -> list[bytes | None]:
+    async def get_many(self, locations: Sequence[Location], *, stale_ok: bool = False, any_copy: bool = False) -> list[bytes | None]:
         """The payloads at many locations, in their order, fetched in parallel from all owners."""
         payloads: list[bytes | None] = []
         for start in range(0, len(locations), _GET_BATCH):
             keys = [(self.id, location) for location in locations[start : start + _GET_BATCH]]
-            payloads += map(payload_of, await self._access.get(keys, stale_ok=stale_ok))
+            found = await (any_copies(self._access, keys) if any_copy else self._access.get(keys, stale_ok=stale_ok))
+            payloads += map(payload_of, found)
         return payloads
 
     async def read(self, locations: Sequence[Location]) -> list[Opened | None]:
