@@ -110,7 +110,7 @@ class Unsettled:
 
     def is_doubted(self, layout: Layout, arc: Arc) -> bool:
         """Whether anything of this layout in the arc may be unsettled without being pending."""
-        return not self.is_read or any(doubt.layout == layout and doubt.arc.intersection(arc) is not None for doubt in self.doubts)
+        return any(doubt.layout == layout and doubt.arc.intersection(arc) is not None for doubt in self.doubts)
 
     def within(self, piece: Arc) -> bool:
         """Whether anything in a piece may be unsettled: then it must not be given away."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import trio
 
@@ -10,18 +10,22 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc
 from scenefold.crypto import Record
-from scenefold.peer.copies.placement import Layout
-from scenefold.peer.line.unsettled import Pending, Unsettled, first_unsettled, name_of
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.unsettled import Pending, first_unsettled, name_of
+from scenefold.peer.replication.judging import Judging
 from scenefold.store import Spot
 from scenefold.store.versions import version_of
 
+Place = tuple[SceneId, SpaceId, Arc]
+
 
 class Settled:
-    """Used from the Trio thread only."""
+    """Used from the Trio thread only. Times are Trio's."""
 
-    def __init__(self, unsettled: Unsettled, layout_of: Callable[[SceneId, SpaceId], Layout | None]) -> None:
-        self._unsettled = unsettled
-        self._layout_of = layout_of
+    def __init__(self, parts: Parts, judging: Judging) -> None:
+        self._store = parts.store
+        self._unsettled = parts.unsettled
+        self._judging = judging
 
     async def records(self, spots: Sequence[Spot], found: Sequence[Record | DamagedData | None], until: float) -> bool:
         """Whether these records, which were just read there, may be told; waits for that.
@@ -31,27 +35,46 @@ class Settled:
         """
         if self._unsettled.is_quiet:
             return True
-        pendings: list[Pending] = []
-        for spot, record in zip(spots, found, strict=True):
-            others = self._unsettled.of(name_of(spot))
-            if others and isinstance(record, Record):
-                version = version_of(record.header_bytes)
-                pendings += [pending for pending in others if pending.version == version]
-        if await first_unsettled(pendings, until) is not None:
+        here = [(spot, record) for spot, record in zip(spots, found, strict=True) if isinstance(record, Record)]
+        if not self._unsettled.is_read and await self._owe([spot for spot, _ in here]) and not await self._read_before(until):
             return False
-        places = [(spot.place.scene, spot.place.space, Arc(spot.home, spot.home)) for spot, one in zip(spots, found, strict=True) if one]
-        return await self._undoubted(places, until)
+        if await first_unsettled(self._pending(here), until) is not None:
+            return False
+        return await self._undoubted([(*spot.place[:2], Arc(spot.home, spot.home)) for spot, _ in here], until)
 
     async def listed(self, scene: SceneId, space: SpaceId, arc: Arc, until: float) -> bool:
         """Whether a list of this part of the arc, which was just made, may be told; waits for that."""
         if self._unsettled.is_quiet:
             return True
+        if not self._unsettled.is_read and self._judging.layout_of(scene, space) and not await self._read_before(until):
+            return False
         if await first_unsettled(self._unsettled.listed(scene, space, arc), until) is not None:
             return False
         return await self._undoubted([(scene, space, arc)], until)
 
-    async def _undoubted(self, places: Sequence[tuple[SceneId, SpaceId, Arc]], until: float) -> bool:
-        doubted = [(self._layout_of(scene, space), arc) for scene, space, arc in places]
+    async def _owe(self, spots: Sequence[Spot]) -> bool:
+        """Whether any of this is owed to anybody: then it may be unsettled since before the start."""
+        return any(await self._store.debtors_of(spots))
+
+    async def _read_before(self, until: float) -> bool:
+        """Whether what was owed at the start is looked through by then: what of it is unsettled is pending from then on."""
+        with trio.CancelScope(deadline=until):
+            await self._unsettled.until(lambda: self._unsettled.is_read)
+        return self._unsettled.is_read
+
+    def _pending(self, here: Sequence[tuple[Spot, Record]]) -> list[Pending]:
+        found: list[Pending] = []
+        for spot, record in here:
+            others = self._unsettled.of(name_of(spot))
+            if others:
+                version = version_of(record.header_bytes)
+                found += [pending for pending in others if pending.version == version]
+        return found
+
+    async def _undoubted(self, places: Sequence[Place], until: float) -> bool:
+        if not self._unsettled.doubts:
+            return True
+        doubted = [(self._judging.layout_of(scene, space), arc) for scene, space, arc in places]
 
         def is_over() -> bool:
             return not any(layout and self._unsettled.is_doubted(layout, arc) for layout, arc in doubted)

@@ -71,7 +71,7 @@ class Spreading:
         self._judging = Judging(parts, roster)
         self._places = places
         self._unsettled = parts.unsettled
-        self._settled = Settled(parts.unsettled, self._judging.layout_of)
+        self._settled = Settled(parts, self._judging)
         self.records_settled = self._settled.records
         self.list_settled = self._settled.listed
         self._quiet = QuietLog(_log, logging.INFO)

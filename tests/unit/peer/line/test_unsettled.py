@@ -87,7 +87,7 @@ def test_doubts_end_where_it_is_known_that_all_counts() -> None:
 def test_until_all_that_is_owed_was_read_anything_may_be_unsettled() -> None:
     unsettled = Unsettled(is_read=False)
     assert unsettled.within(arc(0, 0))
-    assert unsettled.is_doubted(LAYOUT, arc(0, 0))
+    assert not unsettled.is_quiet
     unsettled.read_all()
     assert not unsettled.within(arc(0, 0))
 

@@ -14,7 +14,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.ends import Side
-from scenefold.peer.replication import paying
+from scenefold.peer.replication import beginning, paying
 from scenefold.store import Put
 from scenefold.world import DiskFailed
 from scenefold.world.sim import Point
@@ -207,5 +207,38 @@ def test_more_debts_than_a_page_are_all_paid(monkeypatch: pytest.MonkeyPatch) ->
         row.mend(2)
         await until(lambda: not row.owner.debts())
         assert all(row.copies_of(record) == 3 for record in records)
+
+    in_a_row(story)
+
+
+def test_what_nobody_is_owed_is_told_while_what_was_owed_is_still_looked_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story(row: Row) -> None:
+        monkeypatch.setattr(beginning, "PENDING_MAX", 0)
+        await row.hold(1, 2)
+        here, owed, later = row.places(3)
+        everywhere = row.next_at(here)
+        await row.put(everywhere)
+        await until(lambda: not row.owner.debts())
+        row.cut_off(1, 2)
+        doubtful = row.next_at(owed)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(row.tried, doubtful)
+            await until(lambda: row.copies_of(doubtful) == 1)
+            row.net.reset(row.owner.address, row.homes[1].address)
+            row.net.reset(row.owner.address, row.homes[2].address)
+            row.owner.crash()
+        await row.awake()
+        await trio.sleep(1.0)
+        assert not row.owner.living.parts.unsettled.is_read
+        assert row.owner.living.parts.unsettled.within(Arc(later, later))
+        found = await row.read(here, later)
+        assert (found.stale, found.records) == (False, (as_bytes(everywhere), None))
+        assert (await row.read(owed)).stale
+        assert (await row.listed()).stale
+        row.mend(1)
+        await until(lambda: row.is_settled)
+        found = await row.read(owed)
+        assert (found.stale, found.records) == (False, (as_bytes(doubtful),))
+        assert not (await row.listed()).stale
 
     in_a_row(story)
