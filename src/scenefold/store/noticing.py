@@ -6,6 +6,7 @@ Whoever asks for such a record, or writes where it lies and is refused, leaves i
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 from scenefold.store.layout import Spot
 from scenefold.world.ports import Clock
@@ -20,9 +21,12 @@ class Noticed:
         self._quiet = QuietLog(logging.getLogger("scenefold.store"), logging.ERROR)
         self.count = 0
         """Reads and writes that met a record which had changed on the disk."""
+        self.hear: Callable[[Spot], None] = _nobody_hears
+        """Called for each record that cannot be read; must return at once."""
 
     def read(self, spot: Spot, problem: str) -> None:
         self._met(spot, "read", problem)
+        self.hear(spot)
 
     def written_over(self, spot: Spot) -> None:
         """A write was judged by what is left of the record there."""
@@ -34,3 +38,7 @@ class Noticed:
         # An object is wherever its node put it: its name says which one it is.
         what = f"object {name.hex()}" if name else location.hex()
         self._quiet.say(self._clock.now(), f"scene {scene:08x}, space {space}, {what}", kind, text)
+
+
+def _nobody_hears(_spot: Spot) -> None:
+    """It is met again."""

@@ -6,7 +6,7 @@ write. Records must have been verified before they come here.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -58,6 +58,10 @@ class Store(ComparingStore, OwingStore):
     def damaged(self) -> int:
         """Reads and writes since the start that met a record which had changed on the disk."""
         return self._noticed.count
+
+    def tell_of_rot(self, hear: Callable[[Spot], None]) -> None:
+        """Have each record told that cannot be read any more, whoever reads it. `hear` must return at once."""
+        self._noticed.hear = hear
 
     @property
     def commits(self) -> int:

@@ -170,14 +170,23 @@ class SpaceComparison:
     async def _bring(self, newer: Sequence[Known]) -> None:
         """Whatever the holder has newer, or alone: the highest version counts, whoever has it."""
         for start in range(0, len(newer), FETCH_RECORDS):
-            batch = newer[start : start + FETCH_RECORDS]
-            headers = await self._parts.store.record_headers([known.spot for known in batch])
-            # Some of it came from here in the meantime.
-            wanted = [
-                known for known, header in zip(batch, headers, strict=True) if header is None or rank_of(told_version(header)) < known.rank
-            ]
+            wanted = await self._wanted(newer[start : start + FETCH_RECORDS])
             while wanted:
                 wanted = wanted[await self._fetch(wanted) :]
+
+    async def _wanted(self, named: Sequence[Known]) -> list[Known]:
+        """Those that are newer than what lies here. Where nobody knows what lay, other members have to be heard first (healing.py)."""
+        spots = [known.spot for known in named]
+        headers = await self._parts.store.record_headers(spots)
+        unknown = [spot for spot, header in zip(spots, headers, strict=True) if header is None]
+        found = await self._parts.store.read(unknown) if unknown else []
+        wrecks = {spot for spot, record in zip(unknown, found, strict=True) if record is not None}
+        # Some of it came from here in the meantime.
+        return [
+            known
+            for known, header in zip(named, headers, strict=True)
+            if (known.spot not in wrecks if header is None else rank_of(told_version(header)) < known.rank)
+        ]
 
     async def _fetch(self, wanted: Sequence[Known]) -> int:
         """How many of the first of these were answered for."""

@@ -11,6 +11,7 @@ from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.activating import Activating
 from scenefold.peer.replication.comparing import Comparing
+from scenefold.peer.replication.healing import Healing
 from scenefold.peer.replication.health import Health
 from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
@@ -37,6 +38,7 @@ class Replication:
         self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False))
         self.health = Health(parts, roster, self.placing, lambda: self.comparing.left)
         self._activating = Activating(parts)
+        self.healing = Healing(parts, partial(self.spreading.merge, wait=False))
         self.recovering = Recovering(parts)
         self.recovering.doubt = self.spreading.doubt
 
@@ -52,6 +54,7 @@ class Replication:
             nursery.start_soon(self.telling.run)
             nursery.start_soon(self.comparing.run)
             nursery.start_soon(self._activating.run)
+            nursery.start_soon(self.healing.run)
             await nursery.start(self.spreading.run)
             nursery.start_soon(self.recovering.run)
             task_status.started()

@@ -1,0 +1,205 @@
+"""What has rotted on this node's disk is fetched from others who have it (specs/20-copies.md, Healing).
+
+A record whose header is left is known: that version, or a newer one, from whomever. Of a wreck nobody knows which version it was, and
+it may have counted for an acknowledgement: so an owner hears all who may have it, and a holder its owner, before anything takes its place.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import trio
+
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.crypto import RecordPlace
+from scenefold.peer.copies.copies import Copies
+from scenefold.peer.copies.placement import Layout
+from scenefold.peer.copies.segment import GONE
+from scenefold.peer.copies.versions import Rank, rank_of, told_version
+from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.line.receiving import verified
+from scenefold.peer.replication.comparing_space import Merge
+from scenefold.store import Put, Spot
+from scenefold.wire import ArcSum, CompareRange, FetchHeld, HeldFetched, ListedRecord, Member, RangeCompared, RecordEntry, Span
+from scenefold.world import Priority
+
+QUEUE_MAX = 4_096
+"""Records that wait; what is beyond is met again."""
+TRIES_MAX = 20
+"""Of one record in a row, a minute or two; then it waits until it is met again."""
+ASK_S_MAX = 10.0
+GATE_S_MAX = 2.0
+_FEW = 2
+
+_log = logging.getLogger("scenefold.peer.replication")
+
+
+class Sources(NamedTuple):
+    """Who may have a record, the surest first. Of a wreck `sure` is who certainly has what lay there, or newer; without them `all_of` are heard."""
+
+    members: tuple[Member, ...]
+    sure: tuple[Member, ...]
+    all_of: tuple[Member, ...]
+    is_own: bool
+
+
+class _Offer(NamedTuple):
+    rank: Rank
+    member: Member
+    listed: ListedRecord
+
+
+class Healing:
+    """Used from the Trio thread only."""
+
+    def __init__(self, parts: Parts, merge: Merge) -> None:
+        """`merge`: into this node's own arc."""
+        self._parts = parts
+        self._merge = merge
+        self._tries: dict[Spot, int] = {}
+        self._wake = trio.Event()
+        parts.store.tell_of_rot(self.rotten)
+
+    def rotten(self, spot: Spot) -> None:
+        """Fetch this from others, soon."""
+        if len(self._tries) < QUEUE_MAX:
+            self._tries.setdefault(spot, 0)
+            self._wake.set()
+
+    async def run(self) -> None:
+        """Heal until cancelled, one record after the other: where there are many, a disk dies, and others are in a hurry."""
+        pauses = Pauses(self._parts.world)
+        while True:
+            if not self._tries:
+                self._wake = trio.Event()
+                await self._wake.wait()
+            before = len(self._tries)
+            for spot in list(self._tries):
+                await self._try(spot)
+            if self._tries and len(self._tries) >= before:
+                await pauses.wait()
+            else:
+                pauses.reset()
+
+    async def _try(self, spot: Spot) -> None:
+        try:
+            is_over = await self._heal(spot)
+        except (Refused, Unreachable, PeerFault) as problem:
+            _log.debug("a record that has rotted is not healed yet: %s", problem)
+            is_over = False
+        self._tries[spot] += 1
+        if is_over or self._tries[spot] >= TRIES_MAX:
+            self._parts.events["not healed"] += not is_over
+            del self._tries[spot]
+
+    async def _heal(self, spot: Spot) -> bool:
+        """Whether there is nothing left to be done."""
+        parts = self._parts
+        (debtors,) = await parts.store.debtors_of([spot])
+        layout = await self._layout(spot)
+        sources = sources_of(parts.keeper.copies, layout, spot, debtors, owns=parts.keeper.holding.owns(spot.home))
+        if sources is None or not isinstance((await parts.store.read([spot]))[0], DamagedData):
+            return True
+        (header,) = await parts.store.record_headers([spot])
+        if header is not None:
+            known = rank_of(told_version(header))
+            offers = [offer for offer in await self._offers(spot, sources.members) if offer.rank >= known]
+        else:
+            # Nothing older than the newest that is named takes its place.
+            offers = (await self._heard(spot, sources))[:1]
+        for offer in offers:
+            if await self._take(spot, offer, sources):
+                parts.events["healed"] += 1
+                return True
+        return False
+
+    async def _offers(self, spot: Spot, members: Sequence[Member]) -> list[_Offer]:
+        """Of those who answer, the newest first."""
+        offers: list[_Offer] = []
+        for member in members:
+            with suppress(Refused, Unreachable, PeerFault):
+                offer = await self._ask(spot, member)
+                offers += [] if offer is None else [offer]
+        return sorted(offers, key=lambda offer: offer.rank, reverse=True)
+
+    async def _heard(self, spot: Spot, sources: Sources) -> list[_Offer]:
+        """Of those by whom it is known what lay there, the newest first. Refused if that is nobody."""
+        for member in sources.sure:
+            with suppress(Refused, Unreachable, PeerFault):
+                offer = await self._ask(spot, member, must_know=not sources.is_own)
+                return [] if offer is None else [offer]
+        if not sources.all_of:
+            raise Refused(RejectReason.NOT_READY, "nobody answers who is sure to have what lay there")
+        heard = [await self._ask(spot, member) for member in sources.all_of]
+        return sorted((offer for offer in heard if offer is not None), key=lambda offer: offer.rank, reverse=True)
+
+    async def _layout(self, spot: Spot) -> Layout | None:
+        try:
+            return (await self._parts.scenes.known(spot.place.scene, ask=False)).layouts.get(spot.place.space)
+        except Refused:
+            return None
+
+    async def _ask(self, spot: Spot, member: Member, *, must_know: bool = False) -> _Offer | None:
+        """What a member has there. Refused if it `must_know`, and does not say that it has all."""
+        request = CompareRange(spot.place.scene, spot.place.space, (Span(spot.home, spot.home),), _FEW)
+        reply = await self._parts.peers.ask(member.node, Priority.LOW, request, RangeCompared, ASK_S_MAX)
+        (told,) = reply.sums if len(reply.sums) == 1 else (ArcSum(0, bytes(32), None, whole=False),)
+        if told.records is None or (must_know and not told.whole):
+            raise Refused(RejectReason.NOT_READY, "who should know does not say what lies there")
+        found = next((listed for listed in told.records if listed.object == spot.object), None)
+        return None if found is None else _Offer(rank_of(found.version), member, found)
+
+    async def _take(self, spot: Spot, offer: _Offer, sources: Sources) -> bool:
+        """Whether the record is sound now."""
+        parts, place = self._parts, spot.place
+        entry = RecordEntry(place.scene, place.space, offer.listed.location, spot.object, offer.listed.version.digest)
+        reply = await parts.peers.ask(offer.member.node, Priority.LOW, FetchHeld((entry,)), HeldFetched, ASK_S_MAX)
+        asked = Spot(RecordPlace(place.scene, place.space, offer.listed.location), spot.object)
+        items = [item for item in reply.items if Spot(RecordPlace(item.scene, item.space, item.location), item.object) == asked]
+        parts.budget.charge(sum(len(item.ciphertext) for item in items))
+        for verdict in await verified(parts, items[:1]):
+            if isinstance(verdict, Put):
+                await self._put(replace(verdict, at=place.location if spot.object else None), spot, sources)
+        return not isinstance((await parts.store.read([spot]))[0], DamagedData)
+
+    async def _put(self, put: Put, spot: Spot, sources: Sources) -> None:
+        parts = self._parts
+        if not sources.is_own:
+            # As a stray it would be as good.
+            await parts.store.merge([put])
+            return
+        with trio.move_on_after(GATE_S_MAX) as patience:
+            async with parts.writing([spot.home], anywhere=bool(spot.object)):
+                patience.deadline = float("inf")
+                if not parts.keeper.holding.owns(spot.home):
+                    raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
+                await self._merge([put])
+
+
+def sources_of(copies: Copies, layout: Layout | None, spot: Spot, debtors: Collection[NodeId], *, owns: bool) -> Sources | None:
+    """Who may have what lies at a spot; None if nobody is known. `debtors`: to whom it is owed. Pure."""
+    me = copies.configurations.me
+    if not layout:
+        return None
+    if not owns:
+        entry = copies.custody.at(layout, spot.home)
+        if entry is None:
+            return None
+        return Sources(tuple(member for member in entry.members if member != me), (entry.owner,), (), is_own=False)
+    segment = copies.configurations.at(layout, spot.home)
+    if segment is None:
+        return None
+    named = {member for found in segment.configurations for member in found.members} | set(segment.holders(me))
+    asked = [member for member in named if member != me and segment.bound_of(member) != GONE]
+    ordered = tuple(sorted(asked, key=lambda member: (member not in segment.sound, member.node)))
+    sure = tuple(member for member in ordered if member in segment.sound and member.node not in debtors)
+    # Where one node is enough, what lay here may have been nowhere else.
+    is_elsewhere = bool(segment.configurations) and all(found.needed > 1 for found in segment.configurations)
+    return Sources(ordered, sure, ordered if is_elsewhere else (), is_own=True)

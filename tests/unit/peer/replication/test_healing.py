@@ -1,0 +1,118 @@
+"""If one fails, what rots on one disk is lost though others have it, or something older takes the place of what was acknowledged."""
+
+from __future__ import annotations
+
+import pytest
+import trio
+
+from scenefold.base.location import Location
+from scenefold.crypto import Record, wanted_place
+from scenefold.peer.replication.healing import sources_of
+from scenefold.store import Put
+from unit.peer.line.street import places, rot
+from unit.peer.replication.terrace import OBJECTS, THIRDS, Home, Terrace, object_record, record_at
+from unit.peer.replication.test_comparing import arc_of, holders_of, is_settled, lies_with_all, played
+from unit.peer.replication.test_placing import until
+
+HEADER_BYTE, LAST_BYTE = 20, -1
+
+
+async def filled(terrace: Terrace, count: int, seq: int = 1) -> list[Location]:
+    """Records in the first one's arc, at all who hold them."""
+    first = terrace.homes[0]
+    await until(lambda: all(map(is_settled, terrace.homes)))
+    spots = places(arc_of(first), count + 1)[1:]
+    await first.store.put([Put(record_at(place, seq)) for place in spots])
+    first.replication.comparing.check_all()
+    await until(lambda: lies_with_all(terrace, first, spots))
+    await until(lambda: is_settled(first))
+    return spots
+
+
+async def is_sound(home: Home, place: Location, seq: int = 1) -> bool:
+    (found,) = await home.store.read([home.spot(place)])
+    return isinstance(found, Record) and found.header.seq == seq
+
+
+async def until_sound(home: Home, place: Location, seq: int = 1) -> None:
+    with trio.fail_after(60.0):
+        while not await is_sound(home, place, seq):  # noqa: ASYNC110 - a disk tells nobody what it has
+            await trio.sleep(0.2)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+@pytest.mark.parametrize("byte", [HEADER_BYTE, LAST_BYTE])
+def test_what_has_rotted_comes_back_from_others(byte: int) -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        spots = await filled(terrace, 6)
+        holder = holders_of(terrace, first, spots[1])[0]
+        rot(first, spots[:1], byte)
+        rot(holder, spots[1:2], byte)
+        await until_sound(first, spots[0])
+        await until_sound(holder, spots[1])
+        assert first.living.parts.events["healed"] == 1
+        assert holder.living.parts.events["healed"] == 1
+
+    played(main, seed=11)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_nothing_older_takes_the_place_of_a_wreck() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        late, other = holders_of(terrace, first, place)
+        for home in (late, other):
+            terrace.net.cut(first.address, home.address)
+        # It lies here and with one holder; the other one is owed it.
+        await first.store.put([Put(record_at(place, seq=2))], [[late.node]])
+        await other.store.merge([Put(record_at(place, seq=2))])
+        rot(first, [place], HEADER_BYTE)
+        terrace.net.mend(first.address, late.address)
+        await until(lambda: first.roster.is_believed_alive(late.node))
+        first.replication.comparing.check_all()
+        await first.store.read([first.spot(place)])
+        await trio.sleep(20.0)
+        assert not await is_sound(first, place), "an older version is there"
+        terrace.net.mend(first.address, other.address)
+        await until_sound(first, place, seq=2)
+
+    played(main, seed=12)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_objects_heal_where_they_lie() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        thing = bytes(places(arc_of(first), 3)[1][:16])
+        await first.store.put([Put(object_record(thing))])
+        first.replication.comparing.check_all()
+        (spot,) = first.spots(OBJECTS)
+        holder = holders_of(terrace, first, wanted_place(thing))[0]
+        await until(lambda: spot in holder.spots(OBJECTS))
+        for home in (first, holder):
+            rot(home, [spot.place.location], LAST_BYTE)
+            with trio.fail_after(60.0):
+                while not isinstance((await home.store.read([spot]))[0], Record):  # noqa: ASYNC110
+                    await trio.sleep(0.2)
+
+    played(main, seed=13)
+
+
+def test_who_lacks_what_lay_there_is_not_believed() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        one, other = holders_of(terrace, first, place)
+        spot = first.spot(place)
+        found = sources_of(first.copies, THIRDS, spot, [one.node], owns=True)
+        assert found is not None
+        assert (set(found.members), found.sure) == ({one.member, other.member}, (other.member,))
+        held = sources_of(one.copies, THIRDS, spot, [], owns=False)
+        assert held is not None
+        assert (held.members, held.sure, held.all_of) == ((first.member, other.member), (first.member,), ())
+        assert sources_of(first.copies, (), spot, [], owns=True) is None
+
+    played(main, seed=14)
