@@ -41,7 +41,7 @@ def create(
 ) -> None:
     """Make a space; it is there for ever, and nodes know of it from the next record on.
 
-    The shadows that its copies take are made with it, with the numbers that follow. For now nodes keep one copy of each record, whatever is said here.
+    The shadows that its copies take are made with it, with the numbers that follow.
 
     Example: scenectl space create particles --box 0,0,0:4,3,5 --scene kitchen --profile studio
 
