@@ -22,6 +22,7 @@ from scenefold.base.ids import KeyId
 from scenefold.crypto.authority import Identity
 from scenefold.crypto.cards import Card
 from scenefold.crypto.names import NAME_PATTERN
+from scenefold.crypto.tls_reading import LumpedReading
 
 
 class HasCertificate(Protocol):
@@ -70,6 +71,7 @@ def renew(context: ssl.SSLContext, identity: Identity) -> None:
 
 def _context(protocol: ssl._SSLMethod, identity: Identity, authority_certificate: bytes) -> ssl.SSLContext:
     context = ssl.SSLContext(protocol)
+    context.sslobject_class = LumpedReading
     context.minimum_version = ssl.TLSVersion.TLSv1_3
     context.verify_mode = ssl.CERT_REQUIRED
     context.verify_flags |= ssl.VERIFY_X509_STRICT
