@@ -153,7 +153,9 @@ class Unsettled:
         _finish(pending)
 
     def doubt(self, doubt: Doubt) -> None:
-        self.doubts = (*self.doubts, doubt)
+        same = [known for known in self.doubts if known.layout == doubt.layout and known.rules >= doubt.rules]
+        if not any(known.arc.first <= doubt.arc.first and doubt.arc.last <= known.arc.last for known in same):
+            self.doubts = (*self.doubts, doubt)
 
     def clear(self, layout: Layout, arc: Arc, rules: int) -> None:
         """All of this arc satisfies these rules: doubts that ask for no more end there."""

@@ -151,8 +151,10 @@ class Spreading:
             layout = scenes[header.scene].layouts.get(header.space, ())
             if layout:
                 spaces.add(space)
-                rule = self._judging.rule_at(layout, _spot(put))
-                if rule is None or not rule.is_placed:
+                spot = _spot(put)
+                rule = self._judging.rule_at(layout, spot)
+                # What is being recovered gets none before it is, however long that takes.
+                if (rule is None or not rule.is_placed) and self._parts.keeper.copies.is_recovered(Arc(spot.home, spot.home)):
                     unplaced[space] = layout
         for space in sorted(spaces):
             try:

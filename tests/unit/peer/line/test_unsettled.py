@@ -73,6 +73,8 @@ def test_doubts_end_where_it_is_known_that_all_counts() -> None:
     unsettled = Unsettled()
     unsettled.doubt(Doubt(LAYOUT, arc(0, 9), rules=2))
     unsettled.doubt(Doubt(OTHER, arc(0, 9), rules=1))
+    unsettled.doubt(Doubt(LAYOUT, arc(3, 4), rules=1))
+    assert len(unsettled.doubts) == 2, "of that there is no doubt more than before"
     unsettled.clear(LAYOUT, arc(0, 4), rules=1)
     unsettled.clear(OTHER, arc(0, 9), rules=1)
     assert unsettled.is_doubted(LAYOUT, arc(0, 4)), "the second rule alone is not enough for it"

@@ -91,7 +91,7 @@ class Row(Terrace):
         """These hold copies of all that the owner has from now on, and know it."""
         await self.place(*holders, needed=needed)
         await self.tell()
-        await self.change(_compared)
+        await self.change(compared)
         await self.change(lambda found: found.activate(lambda _: ()))
         await self.tell()
 
@@ -205,7 +205,7 @@ async def until(is_so: Callable[[], bool], seconds: float = 60.0) -> None:
             await trio.sleep(0.05)
 
 
-def _compared(found: Configurations) -> Configurations:
+def compared(found: Configurations) -> Configurations:
     for segment in found.segments:
         for holder in segment.holders(found.me):
             entry = segment.wanted(holder, found.me)
