@@ -184,6 +184,17 @@ def test_every_place_is_inside_or_outside_and_never_both(pieces: list[Arc], numb
     assert all(one.last < other.first for one, other in itertools.pairwise(rest))
 
 
+ARCS = st.lists(st.tuples(NUMBERS, NUMBERS).map(lambda ends: arc(min(ends), max(ends))), max_size=5)
+
+
+@given(ARCS, ARCS, st.integers(0, 40))
+def test_a_stray_is_what_no_arc_of_its_space_has(kept: list[Arc], held: list[Arc], number: int) -> None:
+    location, this, other = Location.from_number(number), (SCENE, SpaceId(2)), (SCENE, SpaceId(3))
+    rightful = Rightful(kept, {this: held})
+    assert rightful.is_stray(this, location) != any(location in piece for piece in (*kept, *held))
+    assert rightful.is_stray(other, location) != any(location in piece for piece in kept)
+
+
 def test_nothing_is_outside_of_the_whole_line() -> None:
     assert outside([]) == [WHOLE_LINE]
     assert outside([WHOLE_LINE, arc(1, 2)]) == []
