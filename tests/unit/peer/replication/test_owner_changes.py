@@ -90,3 +90,26 @@ def test_a_holder_that_was_down_gets_what_it_missed() -> None:
                 await trio.sleep(0.5)
 
     played(main, seed=7)
+
+
+@pytest.mark.expect_log("the connection was cut|was reset by the peer|had no owner any more|is not known until")
+def test_what_a_lost_owner_had_gets_all_its_copies_again() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        spots = await filled(terrace, 1, 40)
+        lost = terrace.homes[1]
+        lost.stays_down = True
+        lost.crash()
+        terrace.remove(1)
+        rest = [home for home in terrace.homes if home is not lost]
+
+        def are_all_there() -> bool:
+            owners = [home for home in rest for place in spots if home.living.owns(place)]
+            return len(owners) == len(spots) and all(map(is_settled, rest)) and not any(home.copies.unrecovered for home in rest)
+
+        await until(are_all_there, 200.0)
+        for place in spots:
+            (owner,) = [home for home in rest if home.living.owns(place)]
+            assert len(holders_of(terrace, owner, place)) == 2
+            assert lies_with_all(terrace, owner, [place])
+
+    played(main, seed=8)
