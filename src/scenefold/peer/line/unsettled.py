@@ -51,6 +51,8 @@ class Pending:
     """None: it is to be read from the disk when it is sent."""
     is_stored: bool = False
     """Until then it is on no disk, this node's own among them: it is neither sent nor judged."""
+    judged: object = None
+    """By which rule it was judged last."""
     is_settled: bool = False
     settled: trio.Event | None = None
     """Made by who waits first."""

@@ -61,7 +61,7 @@ class Judging:
         """`segment`: one of the present ones."""
         copies = self._parts.keeper.copies
         if self._rules.copies is not copies:
-            self._rules = Rules(copies)
+            self._rules = Rules(copies, self._rules)
         return self._rules.of(segment)
 
     def needed(self, wanted: int) -> int:
@@ -82,8 +82,10 @@ class Judging:
         """Of what is stored: to all who are not known to have it, unless that is under way. It may be settled as it is."""
         assert pending.is_stored
         rule = self.rule_at(pending.layout, pending.spot)
-        if rule is None:
+        if rule is None or rule is pending.judged:
+            # By the same rule it was sent to all, and is judged with each answer.
             return
+        pending.judged = rule
         have = _have(pending, rule)
         for target in rule.targets:
             if target not in have:

@@ -59,16 +59,21 @@ class Rule:
 
 
 class Rules:
-    """The rules of one state of what is known about copies."""
+    """The rules of one state of what is known about copies. Segments that are the same object in the state before keep theirs."""
 
-    def __init__(self, copies: Copies) -> None:
+    def __init__(self, copies: Copies, former: Rules | None = None) -> None:
         self.copies = copies
         self._me = copies.configurations.me
-        self._known: dict[int, Rule] = {}
+        self._known: dict[int, tuple[Segment, Rule]] = {}
+        """By identity, which a segment keeps as long as it stands here."""
+        self._former = former._known if former is not None else {}
 
     def of(self, segment: Segment) -> Rule:
-        """`segment`: one of this very state, which keeps it, so its identity will do."""
-        found = self._known.get(id(segment))
-        if found is None:
-            found = self._known[id(segment)] = Rule.of(segment, self._me)
-        return found
+        """`segment`: one of this very state."""
+        known = self._known.get(id(segment))
+        if known is None:
+            known = self._former.get(id(segment))
+            if known is None or known[0] is not segment:
+                known = segment, Rule.of(segment, self._me)
+            self._known[id(segment)] = known
+        return known[1]

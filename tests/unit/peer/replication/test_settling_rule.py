@@ -77,3 +77,7 @@ def test_rules_are_made_once() -> None:
     assert rules.of(segment) is rules.of(segment)
     assert rules.of(segment).debtors == (OTHERS[0].node, OTHERS[1].node)
     assert rules.of(segment).is_placed
+    later = Rules(Copies(found), rules)
+    assert later.of(segment) is rules.of(segment)
+    (other,) = found.place(LAYOUT, [(WHOLE_LINE, (OTHERS[0],))], 2).segments
+    assert later.of(other) is not rules.of(segment)
