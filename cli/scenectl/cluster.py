@@ -11,6 +11,7 @@ from cyclopts.validators import Number
 
 from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
+from scenectl.health import health
 from scenectl.member_values import TokenOption, given_token
 from scenectl.names import ClusterName
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from scenefold.client import ClusterStatus, RemovedNode
 
 app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
-for verb in (invite, invitations, users, trust, revoke, renew):
+for verb in (health, invite, invitations, users, trust, revoke, renew):
     app.command(verb)
 
 

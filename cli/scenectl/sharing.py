@@ -11,14 +11,13 @@ from scenectl.errors import DEGRADED, DONE, Interrupted, most_telling
 from scenectl.member_values import GranteeOption, shown_member
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
+from scenectl.rates import bytes_per_s
 from scenefold.base.errors import ScenefoldError, UsageFault
 
 if TYPE_CHECKING:
     from scenefold.client import Access, FormerKeys, Reencryption
 
 LOOK_S_MAX = 86_400.0
-RATES = (0.001, 1e6)
-"""MiB in a second."""
 
 
 def grant(
@@ -137,7 +136,7 @@ def revoke(
     from scenectl.running import connected, run
     from scenefold.client import member_name
 
-    name, speed, gone = member_name(who.text), _bytes_per_s(rate), f"{shown_member(who.text)} has no access to {scene} any more"
+    name, speed, gone = member_name(who.text), bytes_per_s(rate), f"{shown_member(who.text)} has no access to {scene} any more"
     revoked: list[Access] = []
 
     async def do(progress: Progress) -> Reencryption | None:
@@ -189,7 +188,7 @@ def rotate_key(
     from scenectl.progress import Progress
     from scenectl.running import connected, run
 
-    speed, has_key = _bytes_per_s(rate), [resume]
+    speed, has_key = bytes_per_s(rate), [resume]
 
     async def do(progress: Progress) -> Reencryption:
         async with connected(output.profile) as cluster:
@@ -208,12 +207,6 @@ def rotate_key(
         raise
     emit(output, {"scene": scene, **report.document()}, _sealed(scene, report))
     return DONE if report.is_complete else DEGRADED
-
-
-def _bytes_per_s(rate: float | None) -> float | None:
-    if rate is not None and not RATES[0] <= rate <= RATES[1]:
-        raise UsageFault(f"a rate of {rate:g} MiB/s", where="--rate", remedy="give a number from 0.001 to 1000000")
-    return None if rate is None else rate * 2**20
 
 
 def _say_what_is_left(error: BaseException, done: str, scene: str) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenefold.client.cards import card_for, member_name
     from scenefold.client.cluster import Cluster
+    from scenefold.client.cluster_health import Ailment, ClusterHealth, Condition
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.former_keys import FormerKeys
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "scenefold.client.cards": "card_for member_name",
     "scenefold.client.cluster": "Cluster",
+    "scenefold.client.cluster_health": "Ailment ClusterHealth Condition",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.former_keys": "FormerKeys",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
@@ -70,9 +72,12 @@ def __getattr__(name: str) -> Any:
 __all__ = [
     "ABSENT",
     "Access",
+    "Ailment",
     "Cluster",
+    "ClusterHealth",
     "ClusterStatus",
     "Concern",
+    "Condition",
     "DrainReport",
     "EpochKeys",
     "FormerKeys",

@@ -15,6 +15,7 @@ from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
 from scenefold.base.prefixes import AddressPrefix, Blacklist
 from scenefold.client.calls import Calls, no_answer
+from scenefold.client.cluster_health import ClusterHealth, health_of
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
 from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
@@ -96,6 +97,10 @@ class Cluster:
         # Nobody is asked once more for this: what those who answered claim to know of the log is learnt, as far as they show it.
         await self.log.settled()
         return replace(found, removed=still_gone(removed_nodes(self.log.view)))
+
+    async def health(self) -> ClusterHealth:
+        """How it stands with the copies of all records, by what the nodes say of what they own. Unreachable if none answers."""
+        return health_of(await self.status())
 
     async def removed(self) -> tuple[RemovedNode, ...]:
         """All nodes that were ever taken off the line, and why, the newest first. Unreachable if no node shows the cluster's log."""

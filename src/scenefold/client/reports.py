@@ -11,15 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenefold.base.errors import PeerFault
-from scenefold.base.ids import address_of, checked_node_id
-from scenefold.base.location import Arc, Location
-from scenefold.base.plain_values import number, whole
+from scenefold.base.location import Arc
 from scenefold.base.prefixes import address_prefix
+from scenefold.client.copy_reports import CopiesReport, read_copies
+from scenefold.client.report_values import told_address, told_amount, told_count, told_location, told_seconds, told_word
 from scenefold.wire import unpack_value
-
-COUNT_MAX = 2**63 - 1
-AMOUNT_MAX = 1e30
-"""No time is longer, and no line of a table either."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +98,8 @@ class NodeReport:
     dropped: int
     """Datagrams that it dropped, likewise."""
     signs: tuple[SignReport, ...]
+    copies: CopiesReport | None
+    """None: it says nothing of them."""
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -145,32 +143,33 @@ def read_report(packed: bytes, address: str) -> NodeReport:
         return NodeReport(
             address=address,
             incarnation=str(found["incarnation"]),
-            boot=_count(found["boot"]),
-            seconds_up=_amount(found["seconds_up"]),
-            role=_word(found["role"]),
+            boot=told_count(found["boot"]),
+            seconds_up=told_amount(found["seconds_up"]),
+            role=told_word(found["role"]),
             trusted=bool(found.get("trusted", False)),
-            lease_s=_amount(found["lease_s"]),
-            log_position=_count(found["log_position"]),
+            lease_s=told_amount(found["lease_s"]),
+            log_position=told_count(found["log_position"]),
             arc=_arc(found["arc"]),
             gap=_arc(found["gap"]),
             handovers=tuple(map(_handover, found["handovers"])),
-            strays=_count(found["strays"]),
-            damaged=_count(found["damaged"]),
-            records=_count(found["records"]),
-            bytes=_count(found["bytes"]),
-            used_bytes=_count(found["used_bytes"]),
-            capacity_bytes=_count(found["capacity_bytes"]),
-            memory_fraction=_amount(found["memory_fraction"]),
-            rays_per_second=_count(found["rays_per_second"]),
-            stalls=_count(stalls["count"]),
-            stall_last_s=_amount(stalls["last_s"]),
-            stall_ago_s=_seconds(stalls["ago_s"]),
-            peers={str(peer["address"]): PeerReport(_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
+            strays=told_count(found["strays"]),
+            damaged=told_count(found["damaged"]),
+            records=told_count(found["records"]),
+            bytes=told_count(found["bytes"]),
+            used_bytes=told_count(found["used_bytes"]),
+            capacity_bytes=told_count(found["capacity_bytes"]),
+            memory_fraction=told_amount(found["memory_fraction"]),
+            rays_per_second=told_count(found["rays_per_second"]),
+            stalls=told_count(stalls["count"]),
+            stall_last_s=told_amount(stalls["last_s"]),
+            stall_ago_s=told_seconds(stalls["ago_s"]),
+            peers={str(peer["address"]): PeerReport(told_seconds(peer["heard_s"]), bool(peer["alive"])) for peer in found["peers"]},
             blacklist=tuple(map(_listed, found.get("blacklist", ()))),
-            blacklist_version=_count(found.get("blacklist_version", 0)),
-            turned_away=_count(events.get("connections turned away", 0)),
-            dropped=_count(events.get("datagrams dropped", 0)),
+            blacklist_version=told_count(found.get("blacklist_version", 0)),
+            turned_away=told_count(events.get("connections turned away", 0)),
+            dropped=told_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
+            copies=read_copies(found.get("copies")),
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:
@@ -183,9 +182,9 @@ def read_drain_report(packed: bytes, address: str) -> DrainReport:
         found = unpack_value(packed)
         return DrainReport(
             state=str(found["state"]),
-            records=_count(found["records"]),
-            bytes=_count(found["bytes"]),
-            seconds_left=_seconds(found["seconds_left"]),
+            records=told_count(found["records"]),
+            bytes=told_count(found["bytes"]),
+            seconds_left=told_seconds(found["seconds_left"]),
             may_switch_off=bool(found["may_switch_off"]),
             obstacles=tuple(map(str, found["obstacles"])),
             text=str(found["text"]),
@@ -197,61 +196,28 @@ def read_drain_report(packed: bytes, address: str) -> DrainReport:
 def _handover(found: Mapping[str, Any]) -> HandoverReport:
     return HandoverReport(
         id=str(found["id"]),
-        step=_word(found["step"]),
+        step=told_word(found["step"]),
         gives=bool(found["gives"]),
-        peer=_address(found["peer"]),
-        piece=Arc(_location(found["first"]), _location(found["last"])),
+        peer=told_address(found["peer"]),
+        piece=Arc(told_location(found["first"]), told_location(found["last"])),
         open=bool(found["open"]),
-        seconds=_amount(found["seconds"]),
-        records=_count(found["records"]),
-        bytes=_count(found["bytes"]),
+        seconds=told_amount(found["seconds"]),
+        records=told_count(found["records"]),
+        bytes=told_count(found["bytes"]),
         peer_removed=bool(found.get("peer_removed", False)),
     )
 
 
 def _sign(found: Mapping[str, Any]) -> SignReport:
     return SignReport(
-        kind=str(found["kind"]), count=_count(found["count"]), ago_s=_amount(found["ago_s"]), source=_address(found["source"])
+        kind=str(found["kind"]), count=told_count(found["count"]), ago_s=told_amount(found["ago_s"]), source=told_address(found["source"])
     )
 
 
 def _arc(found: Mapping[str, Any] | None) -> Arc | None:
-    return None if found is None else Arc(_location(found["first"]), _location(found["last"]))
-
-
-def _address(value: object) -> str:
-    """A node's: it is printed, and whoever could write anything there could write lines of others."""
-    return address_of(checked_node_id(str(value)))
+    return None if found is None else Arc(told_location(found["first"]), told_location(found["last"]))
 
 
 def _listed(value: object) -> str:
     """What stands on a blacklist: an address or a prefix, for the same reason."""
     return str(address_prefix(str(value)))
-
-
-def _word(value: object) -> str:
-    """What is printed as it is: no line ends, nor what moves a terminal's cursor."""
-    text = str(value)
-    if not text.isprintable():
-        raise ValueError("a word is expected")
-    return text
-
-
-def _location(text: str) -> Location:
-    return Location(bytes.fromhex(text))
-
-
-def _seconds(value: object) -> float | None:
-    return None if value is None else _amount(value)
-
-
-def _count(value: object) -> int:
-    return whole(value, 0, COUNT_MAX)
-
-
-def _amount(value: object) -> float:
-    """A time, or a part of something: what can be laid out in a table and counted with."""
-    amount = number(value)
-    if abs(amount) > AMOUNT_MAX:
-        raise ValueError(f"a number up to {AMOUNT_MAX:g} is expected")
-    return amount

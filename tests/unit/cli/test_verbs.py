@@ -17,6 +17,7 @@ from scenectl.program import GROUPS, main
 VERBS = [
     "cluster init",
     "cluster status",
+    "cluster health",
     "cluster join",
     "cluster nodes",
     "cluster top",

@@ -1,0 +1,56 @@
+"""The health of a cluster for people: what is wrong, node by node, with what to do, and how long it takes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from scenectl.output import table
+
+if TYPE_CHECKING:
+    from scenefold.client import ClusterHealth, NodeState
+
+UNKNOWN = "?"
+
+
+def health_text(found: ClusterHealth) -> str:
+    """Nodes, what is wrong, and until when."""
+    titles = ("node", "owns", "with copies", "under-copied", "mis-placed", "corrupt", "pending", "unrecovered")
+    notes = []
+    for ailment in found.ailments:
+        notes += [ailment.text, f"  -> {ailment.to_do}"] if ailment.to_do else [ailment.text]
+    parts = [_summary(found), "", table(titles, map(_row, found.status.nodes))]
+    return "\n".join([*parts, *(["", *notes] if notes else [])])
+
+
+def _summary(found: ClusterHealth) -> str:
+    document = found.document()
+    records, copied = document["records"], document["records_with_copies"]
+    counted = f"{records:,} records, {copied:,} of them in spaces with copies"
+    if not found.ailments:
+        return f"{found.status.name}: healthy: {counted}, all where they belong, as the nodes say"
+    return f"{found.status.name}: {found.condition}: {counted}; {_time_text(found.seconds_to_health)}"
+
+
+def _time_text(seconds: float | None) -> str:
+    if seconds is None:
+        return "how long it takes is not known"
+    if seconds < 60:
+        return f"healthy in about {max(1.0, seconds):.0f} s"
+    return f"healthy in about {seconds / 60:.0f} min" if seconds < 5_400 else f"healthy in about {seconds / 3_600:.1f} h"
+
+
+def _row(node: NodeState) -> tuple[object, ...]:
+    report = node.report
+    copies = None if report is None else report.copies
+    if report is None or copies is None:
+        return node.address, "silent" if report is None else UNKNOWN, *[UNKNOWN] * 6
+    return (
+        node.address,
+        copies.owned,
+        copies.copied,
+        copies.under_copied.records,
+        copies.mis_placed.records + copies.forbidden.records,
+        report.damaged,
+        copies.owed - copies.owed_to_silent + copies.unsettled + copies.comparing.records + report.strays,
+        copies.unrecovered,
+    )

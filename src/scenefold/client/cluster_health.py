@@ -1,0 +1,224 @@
+"""How healthy a cluster is, by what its nodes say of their copies: what is wrong, where, and what to do about it (specs/20-copies.md, Health). Pure.
+
+Nodes count what they own, so that no record is counted twice. Who does not answer counts nothing: of what it owns nobody knows anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from scenefold.client.copy_reports import CopiesReport, ShortageReport
+from scenefold.client.health import ClusterStatus, NodeState
+
+
+class Condition(StrEnum):
+    HEALTHY = "healthy"
+    MENDING = "mending"
+    """All copies are there, and something is on its way."""
+    DEGRADED = "degraded"
+
+
+@dataclass(frozen=True, slots=True)
+class Ailment:
+    """Something that is wrong at a node. `mends_itself`: nobody has to do anything but wait."""
+
+    kind: str
+    address: str
+    text: str
+    to_do: str
+    degrades: bool = True
+    mends_itself: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        known = {"kind": self.kind, "address": self.address or None, "text": self.text, "to_do": self.to_do}
+        return {**known, "degrades": self.degrades, "mends_itself": self.mends_itself}
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterHealth:
+    """Made by `health_of`."""
+
+    status: ClusterStatus
+    ailments: tuple[Ailment, ...]
+
+    @property
+    def condition(self) -> Condition:
+        if any(ailment.degrades for ailment in self.ailments):
+            return Condition.DEGRADED
+        return Condition.MENDING if self.ailments else Condition.HEALTHY
+
+    @property
+    def reports(self) -> list[CopiesReport]:
+        return [node.report.copies for node in self.status.nodes if node.report is not None and node.report.copies is not None]
+
+    @property
+    def under_copied(self) -> int:
+        """Records that lie on fewer nodes than they should."""
+        return sum(copies.under_copied.records for copies in self.reports)
+
+    @property
+    def mis_placed(self) -> int:
+        """Records with a copy where none should be: where placement put it before, or where a blacklist forbids it."""
+        return sum(copies.mis_placed.records + copies.forbidden.records for copies in self.reports)
+
+    @property
+    def corrupt(self) -> int:
+        """How often nodes met a record that had changed on their disks, since they were started."""
+        return sum(node.report.damaged for node in self.status.nodes if node.report is not None)
+
+    @property
+    def pending(self) -> int:
+        """Records on their way: owed to nodes that answer, not settled yet, being compared, or being brought home."""
+        strays = sum(node.report.strays for node in self.status.nodes if node.report is not None)
+        return strays + sum(copies.owed - copies.owed_to_silent + copies.unsettled + copies.comparing.records for copies in self.reports)
+
+    @property
+    def unrecovered(self) -> int:
+        """Pieces of the line of which it is not known yet what was acknowledged there."""
+        return sum(copies.unrecovered for copies in self.reports)
+
+    @property
+    def seconds_to_health(self) -> float | None:
+        """0 if nothing is wrong; None if somebody has to do something, or it is not known yet how much there is to be moved, or how fast."""
+        if not self.ailments:
+            return 0.0
+        if any(not ailment.mends_itself or ailment.kind == "unrecovered" for ailment in self.ailments):
+            return None
+        times = [copies.repair.seconds if copies.repair.records else None for copies in self.reports if _is_at_work(copies)]
+        known = [seconds for seconds in times if seconds is not None]
+        return max(known) if known and len(known) == len(times) else None
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {
+            "name": self.status.name,
+            "status": str(self.condition),
+            "nodes": [_node_document(node) for node in self.status.nodes],
+            "records": sum(copies.owned for copies in self.reports),
+            "records_with_copies": sum(copies.copied for copies in self.reports),
+            "under_copied": self.under_copied,
+            "mis_placed": self.mis_placed,
+            "corrupt": self.corrupt,
+            "pending": self.pending,
+            "unrecovered": self.unrecovered,
+            "seconds_to_health": self.seconds_to_health,
+            "ailments": [ailment.document() for ailment in self.ailments],
+        }
+
+
+def health_of(status: ClusterStatus) -> ClusterHealth:
+    """Everything that is wrong, what degrades first."""
+    silent = [node.address for node in status.nodes if not node.alive]
+    found = [
+        Ailment(warning.kind, warning.address, warning.text, _TO_DO.get(warning.kind, ""), mends_itself=warning.kind in _MENDS_ITSELF)
+        for warning in status.warnings
+        if warning.degrades
+    ]
+    for node in status.nodes:
+        found += _of_node(node, silent)
+    return ClusterHealth(status, tuple(sorted(found, key=lambda ailment: not ailment.degrades)))
+
+
+_TO_DO = {
+    "missing": "start it; if it is gone for ever, wait until it is removed: then others take over what it owned, as far as they have copies",
+    "awaited": "start it, or take it off the line: scenectl cluster revoke",
+    "no lease": "start the node that decides the cluster's log, or see what keeps it from answering",
+    "gap": "start the nodes beside it that do not answer",
+    "overlap": "look at both nodes' logs",
+    "nearly full": "free its disk, give it more (node run --capacity), or add a node",
+    "damaged": "stop it and look with `scenectl node verify`; `scenectl cluster health --prove` tells whether all copies are sound",
+    "handover": "wait; if it lasts, look at both nodes' logs",
+}
+_MENDS_ITSELF = frozenset({"handover"})
+_WAIT = "wait: what is missing is copied"
+
+
+def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
+    address = node.address
+    if node.report is None:
+        return
+    copies = node.report.copies
+    if copies is None:
+        yield Ailment("unknown", address, f"{address} says nothing of copies", "let it run the same version as the others")
+        return
+    for shortage in copies.shortages:
+        yield _of_shortage(address, shortage)
+    if copies.under_copied.records:
+        text = (
+            f"{address}: {copies.under_copied.records:,} of {copies.copied:,} records lie on fewer nodes than they should, "
+            f"up to {copies.missing_max} {'copy' if copies.missing_max == 1 else 'copies'} fewer"
+        )
+        waits = f"start {_some(silent)}, or wait until the cluster removes what stays silent; then others get copies"
+        to_do = "see above" if copies.shortages else waits if silent else _WAIT
+        yield Ailment("under-copied", address, text, to_do, mends_itself=not silent and not copies.shortages)
+    elif copies.owed_to_silent:
+        text = f"{address}: {copies.owed_to_silent:,} records are still to come to {_some(copies.silent)}, which it does not hear"
+        yield Ailment("owed", address, text, f"start {_some(copies.silent)}, or see what is between them", mends_itself=False)
+    if copies.forbidden.records:
+        text = (
+            f"{address}: copies of {copies.forbidden.records:,} records lie on {_some(copies.forbidden_on)}, where its blacklist forbids it"
+        )
+        yield Ailment(
+            "forbidden", address, text, "add nodes that it allows" if copies.shortages else _WAIT, mends_itself=not copies.shortages
+        )
+    if copies.unrecovered:
+        text = f"{address}: it does not know yet what was acknowledged on {copies.unrecovered_share:.1%} of the line, which it took over"
+        to_do = (
+            f"start {_some(silent)}, or wait until it is removed: every node is asked what it has"
+            if silent
+            else "wait: every node is asked"
+        )
+        yield Ailment("unrecovered", address, text, to_do, mends_itself=not silent)
+    yield from _on_their_way(node, copies)
+
+
+def _on_their_way(node: NodeState, copies: CopiesReport) -> Iterable[Ailment]:
+    """What costs no copy, and ends by itself."""
+    address, strays = node.address, 0 if node.report is None else node.report.strays
+
+    def mending(kind: str, text: str) -> Ailment:
+        return Ailment(kind, address, f"{address}: {text}", "wait", degrades=False, mends_itself=True)
+
+    if copies.under_copied.segments and not copies.under_copied.records:
+        yield mending("placing", "who is to hold copies of a part of its arc, where there are no records yet, is being settled")
+    if copies.mis_placed.records:
+        yield mending(
+            "mis-placed", f"copies of {copies.mis_placed.records:,} records move to other nodes; until then the former ones count"
+        )
+    if copies.comparing.records:
+        yield mending("comparing", f"{copies.comparing.records:,} records that it took over are being compared with their copies")
+    if copies.owed > copies.owed_to_silent:
+        yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way")
+    if copies.unsettled:
+        yield mending("unsettled", f"{copies.unsettled:,} records wait until enough nodes have them")
+    if strays:
+        yield mending("strays", f"{strays:,} records that belong elsewhere are being brought home")
+
+
+def _of_shortage(address: str, shortage: ShortageReport) -> Ailment:
+    few = f"of {shortage.copies} copies of what {address} owns only {shortage.possible} can be there"
+    writes = f", and writes, which need {shortage.needed}, are refused" if shortage.forbids_writes else ""
+    if shortage.blacklist_of is None:
+        return Ailment("too few nodes", address, f"{few}: there are no other nodes{writes}", "add nodes")
+    to_do = "add nodes that it allows, or take something off it: scenectl node blacklist rm"
+    return Ailment("too few nodes", address, f"{few}: the blacklist of {shortage.blacklist_of} forbids the others{writes}", to_do)
+
+
+def _is_at_work(copies: CopiesReport) -> bool:
+    return bool(copies.under_copied.records or copies.mis_placed.records or copies.forbidden.records or copies.repair.records)
+
+
+def _some(addresses: Iterable[str]) -> str:
+    listed = list(addresses)
+    return ", ".join(listed[:4]) + (f" and {len(listed) - 4} others" if len(listed) > 4 else "")
+
+
+def _node_document(node: NodeState) -> dict[str, Any]:
+    report = node.report
+    copies = None if report is None or report.copies is None else report.copies.document()
+    corrupt, strays = (None, None) if report is None else (report.damaged, report.strays)
+    return {"address": node.address, "alive": node.alive, "share": node.share, "copies": copies, "corrupt": corrupt, "strays": strays}

@@ -1,0 +1,145 @@
+"""What a node says of the copies of what it owns (specs/11-peers.md, Report: `copies`), read into values. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from scenefold.client.report_values import told_address, told_amount, told_count, told_seconds
+
+LISTED_MAX = 64
+"""No report names more of one kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Some of what a node owns: in so many pieces of its arc, so many records."""
+
+    segments: int = 0
+    records: int = 0
+
+    def document(self) -> dict[str, Any]:
+        return {"segments": self.segments, "records": self.records}
+
+
+@dataclass(frozen=True, slots=True)
+class ShortageReport:
+    """Spaces with so many copies, of which only `possible` can be there. `blacklist_of`: whose; None: there are no other nodes."""
+
+    copies: int
+    needed: int
+    possible: int
+    blacklist_of: str | None
+
+    @property
+    def forbids_writes(self) -> bool:
+        return self.possible < self.needed
+
+
+@dataclass(frozen=True, slots=True)
+class RepairReport:
+    """What is still to be brought to holders, as far as that is known; `seconds` None: nothing moves."""
+
+    segments: int
+    records: int
+    bytes: int
+    bytes_per_s: float
+    seconds: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CopiesReport:
+    """At the moment of answering. Records that a node owns and that lie there alone by their space's will are in `owned` only."""
+
+    owned: int
+    copied: int
+    """Those of spaces with copies."""
+    under_copied: Part
+    missing_max: int
+    """How many copies the records that lack most are short of."""
+    owed: int
+    owed_to_silent: int
+    silent: tuple[str, ...]
+    """Nodes that are owed records and do not answer, by address."""
+    mis_placed: Part
+    forbidden: Part
+    forbidden_on: tuple[str, ...]
+    comparing: Part
+    unsettled: int
+    unrecovered: int
+    """Pieces of the line of which it does not know yet what was acknowledged there."""
+    unrecovered_share: float
+    shortages: tuple[ShortageReport, ...]
+    repair: RepairReport
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        repair = self.repair
+        return {
+            "owned": self.owned,
+            "owned_with_copies": self.copied,
+            "under_copied": self.under_copied.records,
+            "missing_max": self.missing_max,
+            "owed": self.owed,
+            "owed_to_silent": self.owed_to_silent,
+            "mis_placed": self.mis_placed.records,
+            "forbidden": self.forbidden.records,
+            "comparing": self.comparing.records,
+            "unsettled": self.unsettled,
+            "unrecovered": self.unrecovered,
+            "repair": {
+                "segments": repair.segments,
+                "records": repair.records,
+                "bytes": repair.bytes,
+                "bytes_per_s": repair.bytes_per_s,
+                "seconds": repair.seconds,
+            },
+        }
+
+
+def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
+    """Of a report; None if the node says nothing of copies. KeyError, TypeError or ValueError if it says nonsense."""
+    if not found:
+        return None
+    owned, owed, repair, shortages = found["owned"], found["owed"], found["repair"], found["shortages"]
+    if len(owed["nodes"]) > LISTED_MAX or len(shortages) > LISTED_MAX or len(found["forbidden"]["nodes"]) > LISTED_MAX:
+        raise ValueError("more than a report names")
+    return CopiesReport(
+        owned=told_count(owned["records"]),
+        copied=told_count(owned["records_with_copies"]),
+        under_copied=_part(found["under_copied"]),
+        missing_max=told_count(found["under_copied"]["missing_max"]),
+        owed=told_count(owed["records"]),
+        owed_to_silent=told_count(owed["records_to_silent"]),
+        silent=tuple(told_address(node["address"]) for node in owed["nodes"] if not node["alive"]),
+        mis_placed=_part(found["mis_placed"]),
+        forbidden=_part(found["forbidden"]),
+        forbidden_on=tuple(map(told_address, found["forbidden"]["nodes"])),
+        comparing=_part(found["comparing"]),
+        unsettled=told_count(found["unsettled"]["records"]),
+        unrecovered=told_count(found["unrecovered"]["pieces"]),
+        unrecovered_share=told_amount(found["unrecovered"]["share"]),
+        shortages=tuple(map(_shortage, shortages)),
+        repair=RepairReport(
+            told_count(repair["segments"]),
+            told_count(repair["records"]),
+            told_count(repair["bytes"]),
+            told_amount(repair["bytes_per_s"]),
+            told_seconds(repair["seconds"]),
+        ),
+    )
+
+
+def _part(found: Mapping[str, Any]) -> Part:
+    return Part(told_count(found["segments"]), told_count(found["records"]))
+
+
+def _shortage(found: Mapping[str, Any]) -> ShortageReport:
+    whose = found["blacklist_of"]
+    return ShortageReport(
+        told_count(found["copies"]),
+        told_count(found["needed"]),
+        told_count(found["possible"]),
+        None if whose is None else told_address(whose),
+    )

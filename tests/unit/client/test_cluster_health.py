@@ -1,0 +1,141 @@
+"""If one fails, `cluster health` calls a cluster healthy that is not, or sends people to mend what mends itself."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import pytest
+
+from scenefold.base.errors import PeerFault
+from scenefold.client.cluster_health import ClusterHealth, Condition, health_of
+from scenefold.client.health import NodeState
+from unit.client.test_health import ADDRESSES, arc, missing, node, report, status_of
+
+SOUND: dict[str, Any] = {
+    "owned": {"records": 120, "records_with_copies": 100},
+    "segments": 3,
+    "under_copied": {"segments": 0, "missing_max": 0, "records": 0},
+    "owed": {"records": 0, "records_to_silent": 0, "nodes": []},
+    "mis_placed": {"segments": 0, "records": 0},
+    "forbidden": {"segments": 0, "records": 0, "nodes": []},
+    "comparing": {"segments": 0, "records": 0},
+    "unsettled": {"records": 0, "pieces": 0, "read": True},
+    "unrecovered": {"pieces": 0, "share": 0.0},
+    "shortages": [],
+    "repair": {"segments": 0, "records": 0, "bytes": 0, "bytes_per_s": 0.0, "seconds": 0.0},
+    "held": {"segments": 6, "whole": 6},
+}
+LACKING = {"under_copied": {"segments": 2, "missing_max": 1, "records": 40}}
+FILLING = {"repair": {"segments": 2, "records": 30, "bytes": 3_000, "bytes_per_s": 1_000.0, "seconds": 3.0}}
+
+
+def copies(**changes: Any) -> dict[str, Any]:
+    return {**copy.deepcopy(SOUND), **changes}
+
+
+def nodes(first: dict[str, Any] | None = None, **changes: Any) -> list[NodeState]:
+    told = [copies(), copies(), copies()] if first is None else [first, copies(), copies()]
+    pieces = (arc(0, 0.25), arc(0.25, 0.5), arc(0.5, 1))
+    return [
+        node(address, piece, copies=one, **(changes if not index else {}))
+        for index, (address, piece, one) in enumerate(zip(ADDRESSES, pieces, told, strict=True))
+    ]
+
+
+def health(*found: NodeState) -> ClusterHealth:
+    return health_of(status_of(list(found)))
+
+
+def kinds(found: ClusterHealth) -> list[str]:
+    return [ailment.kind for ailment in found.ailments]
+
+
+def test_a_cluster_in_order_is_healthy_now() -> None:
+    found = health(*nodes())
+    assert (found.condition, found.seconds_to_health, found.ailments) == (Condition.HEALTHY, 0.0, ())
+    document = json.loads(json.dumps(found.document()))
+    assert (document["status"], document["records"], document["records_with_copies"]) == ("healthy", 360, 300)
+    assert all(document[key] == 0 for key in ("under_copied", "mis_placed", "corrupt", "pending", "unrecovered", "seconds_to_health"))
+    assert [one["address"] for one in document["nodes"]] == list(ADDRESSES)
+
+
+def test_a_silent_node_degrades_and_nobody_knows_for_how_long() -> None:
+    first, second, _ = nodes(copies(**LACKING))
+    found = health(first, second, missing(ADDRESSES[2], arc(0.5, 1)))
+    assert (found.condition, found.seconds_to_health, found.under_copied) == (Condition.DEGRADED, None, 40)
+    assert kinds(found) == ["missing", "under-copied"]
+    assert f"start {ADDRESSES[2]}" in found.ailments[1].to_do
+    assert found.document()["nodes"][2] == {
+        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "corrupt": None, "strays": None
+    }  # fmt: skip
+
+
+def test_what_is_being_copied_is_degraded_and_known_to_end() -> None:
+    found = health(*nodes(copies(**LACKING, **FILLING)))
+    assert (found.condition, found.seconds_to_health) == (Condition.DEGRADED, 3.0)
+    assert found.ailments[0].mends_itself and "40 of 100 records" in found.ailments[0].text and "1 copy fewer" in found.ailments[0].text
+    not_yet = health(*nodes(copies(**LACKING)))
+    assert not_yet.seconds_to_health is None, "nobody knows how much is to be moved before it was compared"
+    stuck = health(*nodes(copies(**LACKING, repair={**FILLING["repair"], "bytes_per_s": 0.0, "seconds": None})))
+    assert stuck.seconds_to_health is None
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "pending"),
+    [
+        ({"mis_placed": {"segments": 1, "records": 7}}, "mis-placed", 0),
+        ({"comparing": {"segments": 1, "records": 7}}, "comparing", 7),
+        ({"owed": {"records": 7, "records_to_silent": 0, "nodes": []}}, "pending", 7),
+        ({"unsettled": {"records": 7, "pieces": 0, "read": True}}, "unsettled", 7),
+        ({"under_copied": {"segments": 1, "missing_max": 2, "records": 0}}, "placing", 0),
+    ],
+)
+def test_what_costs_no_copy_is_mending(change: dict[str, Any], kind: str, pending: int) -> None:
+    found = health(*nodes(copies(**change)))
+    assert (found.condition, kinds(found), found.pending) == (Condition.MENDING, [kind], pending)
+    assert found.ailments[0].mends_itself and not found.ailments[0].degrades
+
+
+def test_strays_are_pending() -> None:
+    found = health(*nodes(strays=3))
+    assert (found.condition, kinds(found), found.pending) == (Condition.MENDING, ["strays"], 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "word"),
+    [
+        ({"owed": {"records": 9, "records_to_silent": 4, "nodes": [{"address": "127.0.0.9", "records": 4, "alive": False}]}}, "owed", "127.0.0.9"),
+        ({"forbidden": {"segments": 1, "records": 5, "nodes": ["127.0.0.9"]}}, "forbidden", "127.0.0.9"),
+        ({"unrecovered": {"pieces": 1, "share": 0.25}}, "unrecovered", "25.0%"),
+        ({"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": None}]}, "too few nodes", "writes, which need 2, are refused"),
+        ({"shortages": [{"copies": 3, "needed": 2, "possible": 2, "blacklist_of": "127.0.0.2"}]}, "too few nodes", "blacklist of 127.0.0.2"),
+    ],
+)  # fmt: skip
+def test_what_may_lose_something_degrades(change: dict[str, Any], kind: str, word: str) -> None:
+    found = health(*nodes(copies(**change)))
+    assert (found.condition, found.seconds_to_health, found.ailments[0].kind) == (Condition.DEGRADED, None, kind)
+    assert word in found.ailments[0].text and found.ailments[0].to_do
+
+
+def test_damage_and_a_node_that_says_nothing_of_copies_degrade() -> None:
+    found = health(*nodes(damaged=2))
+    assert (found.condition, found.corrupt, kinds(found)) == (Condition.DEGRADED, 2, ["damaged"])
+    old = node(ADDRESSES[0], arc(0, 0.25))
+    assert kinds(health(old, *nodes()[1:])) == ["unknown"]
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        {"owned": {"records": -1, "records_with_copies": 0}},
+        {"owed": {"records": 1, "records_to_silent": 1, "nodes": [{"address": "\x1b[2J", "records": 1, "alive": False}]}},
+        {"owed": {"records": 1, "records_to_silent": 1, "nodes": [{"address": "127.0.0.9", "records": 1, "alive": False}] * 65}},
+        {"repair": None},
+        {"unrecovered": {"pieces": 1, "share": float("inf")}},
+    ],
+)
+def test_nonsense_of_a_node_is_no_report(nonsense: dict[str, Any]) -> None:
+    with pytest.raises(PeerFault):
+        report(ADDRESSES[0], arc(0, 1), copies=copies(**nonsense))
