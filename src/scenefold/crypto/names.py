@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 from cryptography import x509
 from cryptography.x509.oid import NameOID
@@ -14,8 +15,9 @@ NAME_PATTERN = re.compile(r"node:(?:0|[1-9][0-9]{0,9})|user:[A-Za-z0-9._@-]{1,50
 _NODE_ID_MAX = 2**32 - 1
 
 
+@lru_cache(maxsize=1024)
 def node_named(name: str) -> NodeId | None:
-    """The node that a member's name speaks of; None for a user, or what is no node's name."""
+    """The node that a member's name speaks of; None for a user, or what is no node's name. Asked several times for each request."""
     kind, _, number = name.partition(":")
     if kind != "node" or not NAME_PATTERN.fullmatch(name) or int(number) > _NODE_ID_MAX:
         return None

@@ -161,8 +161,11 @@ class Shares:
 
     def _is_full(self, peer: str, now: float) -> bool:
         account = self._accounts[peer]
+        quiet_s = now - account.at
+        if quiet_s <= LATELY_S:
+            return False
         missing_s = URGENT_SAVED_S_MAX + SAVED_S_MAX - account.urgent_s - account.bulk_s
-        return now - account.at > max(LATELY_S, missing_s / self.share(peer, now))
+        return quiet_s > missing_s / self.share(peer, now)
 
 
 def _busy(taken: float) -> float:
