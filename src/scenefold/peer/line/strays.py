@@ -39,7 +39,9 @@ BATCH_RECORDS = 32
 ASK_S_MAX = 30.0
 PAUSE_S_MIN = 1.0
 PAUSE_S_MAX = 60.0
-LEFT_S = 60.0
+BUSY_S_MAX = 5.0
+"""What an owner cannot answer for yet, as it does not know who holds copies there, or waits for these, it can in a moment."""
+LEFT_S = 30.0
 """For the new owner of a piece to say that its giver holds copies of it."""
 
 _log = logging.getLogger("scenefold.peer.line")
@@ -53,7 +55,7 @@ class Strays:
         self.left = 0
         self._damaged = 0
         self._waits_s = PAUSE_S_MAX
-        """Until some that are let alone are so no more."""
+        """Until some of which nothing came now are worth another look."""
         self._kept: list[Arc] = []
         self._left_lately = Settling(parts.world.clock, LEFT_S)
         self._taking_home = TakingHome(parts)
@@ -184,6 +186,8 @@ class Strays:
         }
         reply = await self._parts.peers.ask(owner, Priority.LOW, OfferStrays(tuple(told.values())), StraysJudged, ASK_S_MAX)
         reasons = dict(zip(told, reply.reasons, strict=False))
+        if RejectReason.BUSY in reply.reasons:
+            self._waits_s = min(self._waits_s, BUSY_S_MAX)
         # What is not told of is brought all the same: its header has rotted since, and it is found to be so.
         wanted = [entry for entry in entries if reasons.get(entry, RejectReason.PEER_MISSED) == RejectReason.PEER_MISSED]
         return [entry for entry, reason in reasons.items() if reason == 0], wanted
