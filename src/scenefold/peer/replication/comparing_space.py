@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, SpaceId, address_of
 from scenefold.base.limits import COMPARED_RECORDS_MAX
 from scenefold.base.location import Arc, Location
@@ -50,6 +50,7 @@ SEND_BYTES_MIN = 64 * 1024
 SEND_S = 0.25
 """Under a small budget a part is what may be sent in this time, so that it flows instead of coming in bursts."""
 SEND_RECORDS_MAX = 1_024
+FLIGHTS = 3
 FETCH_RECORDS = 64
 ENTRY_BYTES = 128
 """About what an entry of a list costs on the wire."""
@@ -85,8 +86,7 @@ class SpaceComparison:
                     self._progress.begin(self, dialogue.missing)
                     is_first = False
                 await self._bring(found.newer)
-                for batch in self._batches(found.lacking):
-                    await self._send(batch)
+                await self._send_all(found.lacking)
         finally:
             self._progress.end(self)
         return self._complete
@@ -138,6 +138,26 @@ class SpaceComparison:
             size += known.size
         if batch:
             yield batch
+
+    async def _send_all(self, records: Sequence[Known]) -> None:
+        """A few batches at a time: while one is written there, the next is verified, and one is read here."""
+        batches = self._batches(records)
+        problems: list[Refused | Unreachable | PeerFault] = []
+
+        async def fly() -> None:
+            for batch in batches:
+                try:
+                    await self._send(batch)
+                except (Refused, Unreachable, PeerFault) as problem:
+                    problems.append(problem)
+                if problems:
+                    return
+
+        async with trio.open_nursery() as nursery:
+            for _ in range(min(FLIGHTS, len(records))):
+                nursery.start_soon(fly)
+        if problems:
+            raise problems[0]
 
     async def _send(self, batch: Sequence[Known]) -> None:
         """The holder has these, or newer ones, durably; or the comparison is not complete."""

@@ -148,3 +148,29 @@ def test_a_holder_that_was_away_is_compared_when_it_is_heard_again() -> None:
         await until(lambda: holder.places() >= mine)
 
     played(main, seed=4)
+
+
+def test_what_a_holder_refuses_is_not_counted_as_brought() -> None:
+    """It does not know the scene any more, so it cannot keep what belongs to it."""
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        spots = places(arc_of(first), 20)
+        former, *others = holders_of(terrace, first, spots[0])
+        (spare,) = [home for home in terrace.homes if home not in (first, former, *others)]
+        await first.store.put([Put(record_at(place)) for place in spots])
+        spare.scenes.clear()
+        assert first.own is not None
+        first.own.blacklist = Blacklist(1, (AddressPrefix(former.node, ADDRESS_BITS),))
+        await until(lambda: first.living.parts.events["comparisons broken off"] > 2)
+        assert not spare.places()
+        left = first.replication.comparing.left
+        assert left.segments > 0
+        sound = {member for segment in first.copies.configurations.segments for member in segment.sound if spots[0] in segment.arc}
+        assert spare.member not in sound
+        spare.scenes.update(first.scenes)
+        await until(lambda: is_settled(first), 90.0)
+        await until(lambda: spare in holders_of(terrace, first, spots[0]) and lies_with_all(terrace, first, spots))
+
+    played(main, seed=9)
