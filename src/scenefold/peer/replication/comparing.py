@@ -64,14 +64,17 @@ class Comparing:
                 seen = self._parts.keeper.copies
                 if seen.configurations.segments:
                     self._look()
-                    for holder in jobs(seen.configurations, self._is_checked).keys() - self._working:
-                        if self._roster.is_believed_alive(holder.node) and not self._parts.keeper.is_removed(holder):
+                    for holder in jobs(seen.configurations, self._is_checked):
+                        if holder not in self._working and self._is_there(holder):
                             self._working.add(holder)
                             nursery.start_soon(self._work, holder)
                 with trio.move_on_after(LOOK_S):
                     await self._parts.keeper.copies_changed_after(seen)
 
     # -------------------------------------------------------------------------------------------- what is to be done
+
+    def _is_there(self, holder: Member) -> bool:
+        return self._roster.is_believed_alive(holder.node) and not self._parts.keeper.is_removed(holder)
 
     def _look(self) -> None:
         """Who was away is compared again, and so are all where a space with records has come to other holders."""
@@ -99,7 +102,7 @@ class Comparing:
         """Until nothing is left to be done for this holder, or it is away."""
         pauses = Pauses(self._parts.world)
         try:
-            while self._roster.is_believed_alive(holder.node):
+            while self._is_there(holder):
                 job = jobs(self._parts.keeper.copies.configurations, self._is_checked).get(holder)
                 if job is None:
                     return

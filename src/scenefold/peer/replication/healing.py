@@ -198,7 +198,7 @@ def sources_of(copies: Copies, layout: Layout | None, spot: Spot, debtors: Colle
         return None
     named = {member for found in segment.configurations for member in found.members} | set(segment.holders(me))
     asked = [member for member in named if member != me and segment.bound_of(member) != GONE]
-    ordered = tuple(sorted(asked, key=lambda member: (member not in segment.sound, member.node)))
+    ordered = tuple(sorted(asked, key=lambda member: (member not in segment.sound, member.node, member.incarnation)))
     sure = tuple(member for member in ordered if member in segment.sound and member.node not in debtors)
     # Where one node is enough, what lay here may have been nowhere else.
     is_elsewhere = bool(segment.configurations) and all(found.needed > 1 for found in segment.configurations)

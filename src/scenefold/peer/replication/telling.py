@@ -46,8 +46,8 @@ class Telling:
             nursery.start_soon(self._count_out)
             while True:
                 seen = self._parts.keeper.copies
-                for holder in untold(seen.configurations) - self._telling:
-                    if not self._parts.keeper.is_removed(holder):
+                for holder in untold(seen.configurations):
+                    if holder not in self._telling and not self._parts.keeper.is_removed(holder):
                         self._telling.add(holder)
                         nursery.start_soon(self._tell, holder)
                 await self._parts.keeper.copies_changed_after(seen)

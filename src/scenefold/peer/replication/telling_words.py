@@ -42,14 +42,18 @@ def _cut(found: Configurations, holder: Member, scope: Arc, firsts: Sequence[Loc
     return [*left, *_cut(found, holder, Arc(firsts[middle], scope.last), firsts[middle:], entries_max)]
 
 
-def untold(found: Configurations) -> set[Member]:
-    """Who has not confirmed yet what it is to keep."""
-    return {member for segment in found.segments for member in segment.untold(found.me)}
+def untold(found: Configurations) -> list[Member]:
+    """Who has not confirmed yet what it is to keep, in order."""
+    return _ordered({member for segment in found.segments for member in segment.untold(found.me)})
 
 
-def members_of(found: Configurations) -> set[Member]:
-    """Whoever has something to do with a segment, but for the owner."""
+def members_of(found: Configurations) -> list[Member]:
+    """Whoever has something to do with a segment, but for the owner, in order."""
     named = {member for segment in found.segments for member, _ in segment.confirmed}
     named |= {member for segment in found.segments for known in segment.configurations for member in known.members}
     named |= {member for segment in found.segments if segment.change is not None for member in segment.change.holders}
-    return named - {found.me}
+    return _ordered(named - {found.me})
+
+
+def _ordered(members: Iterable[Member]) -> list[Member]:
+    return sorted(members, key=lambda member: (member.node, member.incarnation))
