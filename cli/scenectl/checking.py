@@ -34,7 +34,7 @@ def verify(folder: Path, /, *, signatures: bool = True, output: Output = PLAIN) 
     folder
         The node's data folder.
     signatures
-        Whether the signatures of records are looked at, too; without them it takes half the time.
+        Whether the signatures of records are looked at, too; without them it takes a fifth of the time.
     """
     from scenectl.progress import Progress
     from scenefold.peer.checking import check_folder

@@ -31,6 +31,7 @@ from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, RECORD_OVERHEAD_BYTES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.crypto import OBJECT_BYTES, Record, RecordHeader, RecordPlace, wanted_place
 
@@ -59,6 +60,8 @@ _CHECKED = 0x8000
 """Since format 2: the checksum follows."""
 HEADER_AT = _SIZES.size + _CHECK.size
 """Where the header of a packed record begins."""
+STORED_BYTES_MAX = HEADER_AT + CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX
+"""Of any packed record."""
 SPACE_BYTES = _SPACE.size
 """Of the key of a space, with which most keys begin."""
 _LOCATION_END = _SPACE.size + LOCATION_BYTES
@@ -168,8 +171,9 @@ def _checksum(header: bytes, signature: bytes) -> int:
 
 
 def _ends(value: memoryview) -> tuple[int, int]:
-    if len(value) < HEADER_AT:
-        raise DamagedData("a stored record is shorter than its sizes")
+    if not HEADER_AT <= len(value) <= STORED_BYTES_MAX:
+        # Where the tree says so, what is taken for the record goes on behind the end of the file.
+        raise DamagedData("a stored record is shorter than its sizes, or longer than any")
     header_bytes, signature_bytes = _SIZES.unpack_from(value)
     if not header_bytes & _CHECKED:
         raise DamagedData("the sizes of a stored record have changed on the disk")

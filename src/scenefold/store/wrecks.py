@@ -13,7 +13,7 @@ import hashlib
 from scenefold.base.errors import DamagedData
 from scenefold.crypto import EXPECTS_ANYTHING, HEADER_BYTES, SUITES, Record, RecordHeader, version_key
 from scenefold.store.judging import Outcome, PutResult
-from scenefold.store.layout import HEADER_AT
+from scenefold.store.layout import HEADER_AT, STORED_BYTES_MAX
 
 
 def judge_over_wreck(new: Record, wreck: memoryview) -> PutResult:
@@ -37,6 +37,8 @@ def _header_left(wreck: memoryview) -> bytes:
 
 def _digests_left(wreck: memoryview) -> set[bytes]:
     """The digest of the ciphertext, and of what else it might be: its beginning follows from sizes that may have rotted, too."""
+    if len(wreck) > STORED_BYTES_MAX:
+        return set()
     begins = [HEADER_AT + HEADER_BYTES + suite.signature_bytes for suite in SUITES.values()]
     return {hashlib.sha256(wreck[begin:]).digest() for begin in begins if begin < len(wreck)}
 

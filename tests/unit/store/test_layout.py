@@ -7,9 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.crypto import HEADER_BYTES
-from scenefold.store.layout import location_of, pack_record, record_key, spot_of, stored_header, unpack_record
-from unit.store.samples import place, record
+from scenefold.store import Outcome
+from scenefold.store.layout import (
+    STORED_BYTES_MAX,
+    location_of,
+    pack_record,
+    record_key,
+    sound_header,
+    spot_of,
+    stored_header,
+    unpack_record,
+)
+from scenefold.store.wrecks import judge_over_wreck
+from unit.store.samples import NOWHERE, place, record
 
 NUMBERS = st.integers(0, (1 << 160) - 1)
 
@@ -36,6 +48,18 @@ def test_a_record_survives_its_bytes() -> None:
 def test_a_cut_record_is_damage(kept: int) -> None:
     with pytest.raises(DamagedData, match="shorter"):
         unpack_record(memoryview(pack_record(record(3))[:kept]))
+
+
+def test_a_value_longer_than_any_record_is_damage_and_its_end_is_not_looked_at() -> None:
+    """Where a bit of its size has turned over in the tree, it ends where there is no memory."""
+    whole = pack_record(record(1, size=CIPHERTEXT_BYTES_MAX))
+    assert unpack_record(memoryview(whole)) == record(1, size=CIPHERTEXT_BYTES_MAX)
+    longer = memoryview(whole + bytes(STORED_BYTES_MAX))
+    assert sound_header(longer) is None
+    with pytest.raises(DamagedData, match="longer than any"):
+        unpack_record(longer)
+    assert judge_over_wreck(record(1, size=CIPHERTEXT_BYTES_MAX), longer).outcome is Outcome.STORED, "its header says so"
+    assert judge_over_wreck(record(1, seq=2, expects=NOWHERE), longer).outcome is Outcome.DAMAGED
 
 
 @given(st.integers(0, 8 + HEADER_BYTES + 64 + 64 - 1), st.integers(1, 255))

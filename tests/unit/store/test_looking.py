@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,15 +13,17 @@ from pathlib import Path
 import pytest
 
 from scenefold.base.errors import LocalFault
-from scenefold.store import LmdbDisk, open_store
+from scenefold.store import LmdbDisk, StoreDamaged, open_store
 from scenefold.store.checking import check_store
 from scenefold.store.folder import LOCK_NAME
 from scenefold.store.layout import RECORDS, STATISTICS, TABLES
 from scenefold.store.lmdb_disk import CUT_BYTES_MAX, DATA_NAME
 from scenefold.store.lmdb_pages import PagesDamaged
 from scenefold.store.lmdb_reading import looked_at
-from unit.store.samples import NODE, put, whole_store, world
+from unit.store.samples import NODE, place, put, whole_store, world
 from unit.store.test_folder import process_that_locks
+
+PAGE = 4096
 
 
 async def filled(folder: Path, count: int = 20, size: int = 64) -> None:
@@ -110,6 +113,23 @@ async def test_a_file_that_is_cut_off_is_told_from_one_that_is_whole_and_no_page
     assert fault.value.where == str(tmp_path) and data.stat().st_size == before
     with pytest.raises(LocalFault, match="cut off"):
         LmdbDisk().open(tmp_path, TABLES)
+
+
+@pytest.mark.expect_log("cannot be read")
+async def test_a_tree_that_lmdb_finds_to_be_damaged_ends_the_store_with_words_that_help(tmp_path: Path) -> None:
+    await filled(tmp_path, 100, 6_000)
+    data = bytearray((tmp_path / DATA_NAME).read_bytes())
+    # The roots of the table, as its entry in the tree of tables has them, the present one among them.
+    for found in re.finditer(rb"records(.{48})", bytes(data), re.DOTALL):
+        root = int.from_bytes(found[1][-8:], "little")
+        data[root * PAGE : (root + 1) * PAGE] = bytes(PAGE)
+    (tmp_path / DATA_NAME).write_bytes(data)
+    with pytest.raises(StoreDamaged, match="cannot be read") as fault:
+        async with open_store(world(), tmp_path, NODE) as store:
+            await store.get_many([place(1)])
+    assert fault.value.where == str(tmp_path) and "wipe the folder" in fault.value.remedy
+    with pytest.raises(PagesDamaged, match="records"), looked_at(tmp_path, TABLES):
+        pass
 
 
 async def test_tables_that_an_earlier_version_did_not_have_are_empty(tmp_path: Path) -> None:
