@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from scenectl.output import table
+from scenectl.cluster_text import arc_text
+from scenectl.output import size_text, table
 
 if TYPE_CHECKING:
-    from scenefold.client import ClusterHealth, NodeState
+    from scenefold.client import ClusterHealth, NodeState, Proof
 
 UNKNOWN = "?"
 
@@ -54,3 +55,26 @@ def _row(node: NodeState) -> tuple[object, ...]:
         copies.owed - copies.owed_to_silent + copies.unsettled + copies.comparing.records + report.strays,
         copies.unrecovered,
     )
+
+
+def proof_text(proof: Proof) -> str:
+    """What was read, how many copies were valid, and which were not."""
+    from scenefold.client.proof import NAMED_MAX, in_short
+
+    lines = [
+        f"Proof: {proof.records:,} records of {len(proof.scenes)} scene{'' if len(proof.scenes) == 1 else 's'}, "
+        f"{size_text(proof.bytes)} read in {proof.seconds:.0f} s, {proof.opened:,} records opened as well."
+    ]
+    for (wanted, valid, domains), count in sorted(proof.counts.items(), reverse=True):
+        lines.append(f"  {count:,} with {valid} valid of {wanted} copies, in {domains} failure domain{'' if domains == 1 else 's'}")
+    for one in proof.unlisted:
+        what = "" if one.space is None else f", in space {one.space} of scene {one.scene}"
+        lines.append(f"  not looked at: {arc_text(one.arc)}, which {one.address} owns{what}: {one.why}")
+    if proof.is_sound:
+        return "\n".join([*lines, "All copies of all records are valid, and where they belong."])
+    counts = {"lost": proof.lost, "short of copies": proof.short, "with corrupt copies": proof.corrupt, "mis-placed": proof.mis_placed}
+    if any(counts.values()):
+        lines.append("Records " + ", ".join(f"{kind}: {count:,}" for kind, count in counts.items() if count) + ".")
+    found = proof.short + proof.corrupt + proof.mis_placed
+    lines += in_short(proof.named)
+    return "\n".join([*lines, "and more" if found > len(proof.named) == NAMED_MAX else ""]).rstrip()

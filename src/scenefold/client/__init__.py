@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scenefold.client.own_warnings import Concern
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
+    from scenefold.client.proof import Proof
     from scenefold.client.reading import open_scene_with_keys
     from scenefold.client.reencryption import Reencryption
     from scenefold.client.removals import RemovedNode
@@ -47,6 +48,7 @@ _HOMES = {
     "scenefold.client.moving": "Movement Rate movements rates",
     "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
+    "scenefold.client.proof": "Proof",
     "scenefold.client.reading": "open_scene_with_keys",
     "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.removals": "RemovedNode",
@@ -93,6 +95,7 @@ __all__ = [
     "PreparedImport",
     "ProgressCallback",
     "ProgressState",
+    "Proof",
     "Rate",
     "Reencryption",
     "RemovedNode",

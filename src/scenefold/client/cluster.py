@@ -10,7 +10,7 @@ from typing import TypeVar
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
-from scenefold.base.ids import KeyId, NodeId, address_of
+from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
 from scenefold.base.prefixes import AddressPrefix, Blacklist
@@ -20,7 +20,13 @@ from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
 from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
 from scenefold.client.membership import Membership
+from scenefold.client.progress import ProgressCallback, callback_of
+from scenefold.client.proof import Proof
+from scenefold.client.proving import Proving
+from scenefold.client.proving_reads import NodeReads
+from scenefold.client.proving_scenes import shown_scenes
 from scenefold.client.public_keys import find_public_key
+from scenefold.client.reencryption import Pace
 from scenefold.client.removals import RemovedNode, removed_nodes, still_gone
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
@@ -101,6 +107,23 @@ class Cluster:
     async def health(self) -> ClusterHealth:
         """How it stands with the copies of all records, by what the nodes say of what they own. Unreachable if none answers."""
         return health_of(await self.status())
+
+    async def prove(
+        self,
+        health: ClusterHealth,
+        scene: str | None = None,
+        progress: ProgressCallback | bool = False,
+        bytes_per_s: float | None = None,
+    ) -> Proof:
+        """Read all copies of all records, or of those of one scene, by its name or id, and see which are valid; no scene's key is needed.
+
+        `health`: as it was just now, for who does not answer is not waited for again. May be cancelled at any time.
+        """
+        shown = await shown_scenes(self.calls, self.scenes, scene)
+        silent = [node_id_of(node.address) for node in health.status.nodes if not node.alive]
+        reads = NodeReads(self.calls, Pace(bytes_per_s), silent)
+        total = None if scene is not None else health.records
+        return await Proving(self.calls, shown, reads, callback_of(progress), total).run()
 
     async def removed(self) -> tuple[RemovedNode, ...]:
         """All nodes that were ever taken off the line, and why, the newest first. Unreachable if no node shows the cluster's log."""

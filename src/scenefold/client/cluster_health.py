@@ -56,6 +56,11 @@ class ClusterHealth:
         return [node.report.copies for node in self.status.nodes if node.report is not None and node.report.copies is not None]
 
     @property
+    def records(self) -> int:
+        """All that the nodes that answer own."""
+        return sum(copies.owned for copies in self.reports)
+
+    @property
     def under_copied(self) -> int:
         """Records that lie on fewer nodes than they should."""
         return sum(copies.under_copied.records for copies in self.reports)
@@ -98,7 +103,7 @@ class ClusterHealth:
             "name": self.status.name,
             "status": str(self.condition),
             "nodes": [_node_document(node) for node in self.status.nodes],
-            "records": sum(copies.owned for copies in self.reports),
+            "records": self.records,
             "records_with_copies": sum(copies.copied for copies in self.reports),
             "under_copied": self.under_copied,
             "mis_placed": self.mis_placed,

@@ -158,7 +158,7 @@ class Scenes:
 
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
-        headers = await self._calls.world.workers.run("crypto", believed, await self._headers())
+        headers = await self.headers()
         names = await self._on_disk(_names_by_genesis, self._keyring)
         given = await self._given([header for header in headers if header.genesis not in names])
         found = []
@@ -167,6 +167,14 @@ class Scenes:
             name = names.get(header.genesis) or (None if gift is None else gift.contents.name)
             found.append(SceneListing(header.scene, header.genesis, name, None if gift is None else gift.contents.granter))
         return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
+
+    async def headers(self) -> Sequence[SceneLogPublic]:
+        """The headers of all scenes of the cluster that prove themselves, by the word of a node, which may leave some out."""
+        return await self._calls.world.workers.run("crypto", believed, await self._headers())
+
+    async def kept_names(self) -> Sequence[str]:
+        """The scenes that this profile has keys of."""
+        return await self._on_disk(self._keyring.names)
 
     async def _on_disk(self, function: Callable[..., Result], *arguments: object) -> Result:
         return await self._calls.world.workers.run("import", function, *arguments)

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from scenectl.health_text import health_text
+import json
+from typing import Any
+
+from scenectl.health_text import health_text, proof_text
+from scenefold.base.ids import NodeId, SpaceId, node_id_of
+from scenefold.base.location import FIRST, WHOLE_LINE
+from scenefold.client.proof import Finding, Proof, Unlisted, Verdict
 from unit.client.test_cluster_health import FILLING, LACKING, copies, health, nodes
 from unit.client.test_health import ADDRESSES, arc, missing
 
@@ -27,3 +33,29 @@ def test_a_silent_node_has_its_line_and_the_time_is_not_known() -> None:
     assert "degraded" in text.splitlines()[0] and text.splitlines()[0].endswith("how long it takes is not known")
     assert any(line.startswith(ADDRESSES[2]) and "silent" in line for line in text.splitlines())
     assert f"{ADDRESSES[2]} does not answer" in text and "-> start it" in text
+
+
+def finding(*verdicts: Verdict, **changes: Any) -> Finding:
+    nodes = [NodeId(node_id_of(address)) for address in (*ADDRESSES, "127.0.0.5")][: len(verdicts)]
+    known: dict[str, Any] = {"scene": "kitchen", "key": (SpaceId(10), FIRST), "wanted": 3, "placed": tuple(nodes), "domains": 2}
+    return Finding(**{**known, "verdicts": dict(zip(nodes, verdicts, strict=True)), **changes})
+
+
+def test_a_proof_says_what_it_read_and_names_what_is_wrong_with_addresses() -> None:
+    proof = Proof(("kitchen",), bytes=3 << 20)
+    for _ in range(5):
+        proof.add(finding(Verdict.VALID, Verdict.VALID, Verdict.VALID))
+    assert proof_text(proof).splitlines()[1:] == [
+        "  5 with 3 valid of 3 copies, in 2 failure domains",
+        "All copies of all records are valid, and where they belong.",
+    ]
+    proof.add(finding(Verdict.VALID, Verdict.CORRUPT, Verdict.SILENT))
+    proof.unlisted.append(Unlisted("127.0.0.4", WHOLE_LINE, "it does not answer"))
+    text = proof_text(proof)
+    assert "Records short of copies: 1, with corrupt copies: 1." in text
+    assert "127.0.0.2 valid, 127.0.0.3 corrupt, 127.0.0.4 silent" in text
+    assert "which 127.0.0.4 owns: it does not answer" in text
+    assert json.loads(json.dumps(proof.document()))["named"][0]["nodes"]["127.0.0.3"] == "corrupt"
+    for _ in range(30):
+        proof.add(finding(Verdict.SILENT, Verdict.SILENT, Verdict.SILENT))
+    assert (len(proof.named), proof.lost) == (20, 30) and proof_text(proof).endswith("\nand more")

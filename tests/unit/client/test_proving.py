@@ -1,0 +1,195 @@
+"""If one fails, `cluster health --prove` counts copies that nobody has, or misses those that are lost, older, forged or misplaced."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import trio
+from trio.testing import MockClock
+
+from scenefold.base.ids import SceneId, SpaceId, node_id_of
+from scenefold.base.location import Location
+from scenefold.base.prefixes import AddressPrefix
+from scenefold.client.progress import ProgressState
+from scenefold.client.proof import Proof, Verdict
+from scenefold.client.proving import Proving
+from scenefold.client.proving_reads import NodeReads
+from scenefold.client.proving_scenes import ShownScene
+from scenefold.client.reencryption import Pace
+from scenefold.client.scene import Scene
+from scenefold.client.table import Owner
+from scenefold.client.verifying import WriterKey
+from scenefold.crypto import SigningKey
+from scenefold.scene.log import EpochKeys, Layouts
+from scenefold.wire import GetCopies, Packet, RecordBytes, SpaceEntry, Status
+from unit.client.test_copy_reads import LAYOUTS, THIRDS, HoldingNodes, kept_scene
+from unit.client.test_records import FILES, ITEMS, PLACES, WRITER, _scene
+
+SHOWN = ShownScene("kitchen", SceneId(9), bytes(32), 1, {WRITER.key_id: WriterKey.always(WRITER.public)}, LAYOUTS)
+FOUR = ("127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5")
+
+
+@dataclass
+class ProvedNodes(HoldingNodes):
+    digests_alone: set[str] = field(default_factory=set)
+    """They say the digests of what they should have, and show nothing."""
+    blacklists: dict[str, tuple[AddressPrefix, ...]] = field(default_factory=dict)
+
+    def _answer(self, address: str, packet: Packet) -> Packet:
+        if isinstance(packet, GetCopies) and address in self.digests_alone:
+            packet = replace(packet, digests_only=True)
+        return super()._answer(address, packet)
+
+    def _status(self, owner: Owner) -> Status:
+        return replace(super()._status(owner), blacklist=self.blacklists.get(owner.address, ()))
+
+
+async def proved(nodes: ProvedNodes, shown: ShownScene = SHOWN, *, silent: tuple[str, ...] = (), rate: float | None = None) -> Proof:
+    calls = nodes.calls()
+    told: list[ProgressState] = []
+    reads = NodeReads(calls, Pace(rate), list(map(node_id_of, silent)))
+    proof = await Proving(calls, [shown], reads, told.append, total=None).run()
+    assert told[-1].done == proof.records
+    assert proof.document()["sound"] == proof.is_sound
+    return proof
+
+
+def all_of(proof: Proof) -> list[tuple[tuple[int, int, int], int]]:
+    return sorted(proof.counts.items())
+
+
+def holder_of(nodes: ProvedNodes, place: Location) -> str:
+    return next(address for address in nodes.addresses if address != nodes.table.owner_of(place).address)
+
+
+def other_bytes(record: RecordBytes) -> RecordBytes:
+    return replace(record, ciphertext=record.ciphertext[:-1] + bytes([record.ciphertext[-1] ^ 1]))
+
+
+async def test_all_copies_are_read_and_counted_on_all_nodes(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes(reply_records_max=4)
+    await kept_scene(nodes)
+    proof = await proved(nodes)
+    assert (proof.is_sound, all_of(proof), proof.opened) == (True, [((3, 3, 3), len(ITEMS))], 0)
+    assert proof.bytes == 3 * sum(len(item.ciphertext) for item in nodes.records.values())
+    with_key = await proved(nodes, replace(SHOWN, keys=EpochKeys.only(bytes(24))))
+    assert (with_key.is_sound, with_key.opened) == (True, len(ITEMS))
+    other_key = await proved(nodes, replace(SHOWN, keys=EpochKeys.only(b"k" * 24)))
+    assert (other_key.corrupt, other_key.lost) == (len(ITEMS), len(ITEMS)), "what does not open is none"
+
+
+async def test_who_says_digests_and_has_no_bytes_is_found(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes(digests_alone={"127.0.0.3"})
+    await kept_scene(nodes)
+    proof = await proved(nodes)
+    held = [place for place in PLACES if nodes.table.owner_of(place).address != "127.0.0.3"]
+    assert (proof.short, proof.corrupt, proof.lost) == (len(held), 0, 0)
+    liar = node_id_of("127.0.0.3")
+    assert all(finding.verdicts[liar] is Verdict.NOTHING for finding in proof.named)
+    assert len(proof.named) == min(20, len(held))
+
+
+async def test_a_copy_that_has_changed_or_is_forged_or_older_does_not_count(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes()
+    scene = await kept_scene(nodes)
+    changed, forged, older, rotten = PLACES[1], PLACES[8], PLACES[15], PLACES[22]
+    kept = nodes.kept[holder_of(nodes, changed)]
+    kept[changed] = other_bytes(kept[changed])
+    stranger = HoldingNodes()
+    strange: Scene = _scene(stranger, SigningKey(b"q" * 32))
+    await strange.space(FILES).put(forged, b"mine")
+    (item,) = stranger.records.values()
+    nodes.kept[holder_of(nodes, forged)][forged] = RecordBytes(item.signature, item.header, item.ciphertext)
+    await scene.space(FILES).put(older, b"newer")
+    nodes.rotten.add(rotten)
+    proof = await proved(nodes)
+    assert (proof.short, proof.corrupt, proof.lost) == (4, 3, 0)
+    found = {finding.key[1]: finding for finding in proof.named}
+    assert set(found) == {changed, forged, older, rotten}
+    assert found[changed].verdicts[node_id_of(holder_of(nodes, changed))] is Verdict.CORRUPT
+    assert found[forged].verdicts[node_id_of(holder_of(nodes, forged))] is Verdict.CORRUPT
+    assert sorted(found[older].verdicts.values()) == [Verdict.OLDER, Verdict.OLDER, Verdict.VALID]
+    assert found[rotten].verdicts[nodes.table.owner_of(rotten).node_id] is Verdict.CORRUPT
+
+
+async def test_a_silent_node_hides_what_it_owns_and_its_copies_are_missing(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes()
+    await kept_scene(nodes)
+    nodes.hung.add("127.0.0.3")
+    theirs = [place for place in PLACES if nodes.table.owner_of(place).address == "127.0.0.3"]
+    proof = await proved(nodes, silent=("127.0.0.3",))
+    assert (proof.is_complete, [one.address for one in proof.unlisted]) == (False, ["127.0.0.3"])
+    assert (proof.records, proof.short, proof.corrupt) == (len(PLACES) - len(theirs),) * 2 + (0,)
+    with trio.fail_after(200):
+        alike = await proved(nodes)
+    assert (alike.records, alike.short) == (proof.records, proof.short), "that nobody knew it before costs some time"
+
+
+async def test_what_is_handed_on_to_the_owner_is_counted_there(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes()
+    await kept_scene(nodes)
+    calls = nodes.calls()
+    await calls.learn()
+    nodes.move_bounds()
+    proving = Proving(calls, [SHOWN], NodeReads(calls, Pace(None)))
+    found = await proving._look(0, [(FILES, place) for place in PLACES])
+    assert all(finding.is_worth_another_look and not finding.is_owner_sure for finding in found)
+    proof = await proved(nodes)
+    assert (proof.is_sound, proof.records) == (True, len(PLACES))
+
+
+async def test_a_copy_where_none_belongs_is_mis_placed(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes(FOUR)
+    await kept_scene(nodes)
+    place = PLACES[2]
+    owner, *holders = (nodes.table.owner_of(place).node_id, *nodes.table.holders_of(THIRDS, place))
+    address = next(address for address in FOUR if node_id_of(address) == holders[0])
+    del nodes.kept[address][place]
+    proof = await proved(nodes)
+    assert (proof.mis_placed, proof.short, proof.is_sound) == (1, 0, False)
+    (finding,) = proof.named
+    assert finding.key == (FILES, place) and finding.placed == (owner, *holders)
+    assert finding.document()["problems"] == ["mis-placed"]
+
+
+async def test_nodes_that_keep_away_from_each_other_are_of_one_failure_domain(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes(FOUR)
+    nodes.blacklists["127.0.0.2"] = (AddressPrefix(node_id_of("127.0.0.5"), 32),)
+    await kept_scene(nodes)
+    proof = await proved(nodes)
+    assert proof.short == 0
+    domains = {count for _, _, count in proof.counts}
+    assert domains == {2, 3}, "of two others and one of the pair; of one other and the pair"
+
+
+async def test_one_copy_is_looked_for_at_the_owner_alone(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes()
+    await kept_scene(nodes)
+    nodes.asked.clear()
+    single = replace(SHOWN, layouts=Layouts.of([SpaceEntry(FILES, SpaceId(0), Location(bytes(20)), 1, 1, False, False)]))
+    proof = await proved(nodes, single)
+    assert (proof.is_sound, all_of(proof)) == (True, [((1, 1, 1), len(ITEMS))])
+    assert not any(isinstance(packet, GetCopies) for _, packet in nodes.asked)
+    wants_more = replace(single, layouts=Layouts.of([SpaceEntry(FILES, SpaceId(0), Location(bytes(20)), 3, 2, False, False)]))
+    assert (await proved(nodes, wants_more)).short == len(ITEMS), "three were asked for, whatever there are shadows for"
+
+
+async def test_it_reads_no_faster_than_it_is_told(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes()
+    await kept_scene(nodes)
+    begun = trio.current_time()
+    proof = await proved(nodes, rate=100.0)
+    assert trio.current_time() - begun >= 0.9 * (proof.bytes - 64 * 100) / 100
+    assert proof.seconds > 1
+
+
+async def test_what_is_deleted_while_it_is_looked_at_is_gone(autojump_clock: MockClock) -> None:
+    nodes = ProvedNodes()
+    await kept_scene(nodes)
+    calls = nodes.calls()
+    missing = Location.from_number(PLACES[3].number + 1)
+    (finding,) = await Proving(calls, [SHOWN], NodeReads(calls, Pace(None)))._look(0, [(FILES, missing)])
+    assert finding.is_gone and finding.is_worth_another_look
+    proof = Proof()
+    proof.add(finding)
+    assert proof.records == 0
