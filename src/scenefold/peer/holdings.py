@@ -65,8 +65,8 @@ class Known(Protocol):
         """Look before the store is read: what is known in the end may not have been when it was."""
         ...
 
-    def is_recovered(self, piece: Arc) -> bool:
-        """Whether all of the piece is known."""
+    def part_of(self, piece: Arc) -> tuple[Arc, bool]:
+        """The part of a piece, from its first place on, that is known as a whole, or not recovered as a whole; and whether it is known."""
         ...
 
     async def look_up(self, locations: Sequence[Location], until: float) -> None:
@@ -80,8 +80,8 @@ class AllKnown:
     def is_known(self, _location: Location) -> bool:
         return True
 
-    def is_recovered(self, _piece: Arc) -> bool:
-        return True
+    def part_of(self, piece: Arc) -> tuple[Arc, bool]:
+        return piece, True
 
     async def look_up(self, _locations: Sequence[Location], _until: float) -> None:
         return None

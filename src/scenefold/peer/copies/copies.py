@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
 from scenefold.base.limits import SEGMENT_CONFIGURATIONS_MAX, SEGMENT_CONFIRMED_MAX
-from scenefold.base.location import Arc
+from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.custody import Custody
@@ -57,6 +57,16 @@ class Copies:
     def is_recovered(self, piece: Arc) -> bool:
         """Whether this node knows all that was acknowledged in a piece that it owns."""
         return all(gap.intersection(piece) is None for gap in self.unrecovered)
+
+    def recovered_part(self, piece: Arc) -> tuple[Arc, bool]:
+        """The part of a piece, from its first place on, that is recovered as a whole or is not; and which of both."""
+        part = piece
+        for gap in self.unrecovered:
+            if part.first in gap:
+                return Arc(part.first, min(part.last, gap.last)), False
+            if part.first < gap.first <= part.last:
+                part = Arc(part.first, Location.from_number(gap.first.number - 1))
+        return part, True
 
     def passed(self, handover: bytes) -> Passing | None:
         """What ClaimRange tells; None if that was told, or never was anything."""

@@ -49,7 +49,8 @@ class Ranges:
             if mine is None:
                 return range_rejection(packet, RejectReason.OUTSIDE_BOUNDS)
             arc = self._line.arc
-            is_recovered = self._known.is_recovered(mine)
+            # What is known of the question's first part must not be held up by a gap behind it.
+            mine, is_recovered = self._known.part_of(mine)
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
             is_settled = await self._copying.list_settled(packet.scene, packet.space, answer.covered, until)
             if self._line.arc is not arc:

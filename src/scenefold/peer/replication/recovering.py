@@ -41,11 +41,11 @@ class Recovering:
 
     def is_known(self, location: Location) -> bool:
         """Whether all that was acknowledged at a place of the arc is here, as far as registered nodes have it."""
-        return location in self._looked_up or self.is_recovered(Arc(location, location))
+        return location in self._looked_up or self._parts.keeper.copies.is_recovered(Arc(location, location))
 
-    def is_recovered(self, arc: Arc) -> bool:
-        """Whether that is so everywhere in the arc."""
-        return self._parts.keeper.copies.is_recovered(arc)
+    def part_of(self, piece: Arc) -> tuple[Arc, bool]:
+        """What of it, from its first place on, is recovered or is not, and which of both."""
+        return self._parts.keeper.copies.recovered_part(piece)
 
     async def look_up(self, locations: Sequence[Location], until: float) -> None:
         """Ask everybody about those places that are not known, until they are, or it is in vain at this moment."""

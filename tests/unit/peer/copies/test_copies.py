@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import hypothesis.strategies as st
 import pytest
+from hypothesis import given, settings
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
@@ -95,6 +99,21 @@ def test_a_piece_of_which_nothing_is_told_is_unrecovered(told: Passing | None) -
     assert taker[1].unrecovered == (RIGHT_HALF,)
     assert not taker[1].is_recovered(arc(50, 50))
     assert taker[1].is_recovered(arc(100, 199))
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(0, 49), unique=True, max_size=6).map(sorted), st.integers(0, 99), st.integers(0, 99))
+def test_a_piece_is_cut_where_what_is_known_ends(bounds: list[int], one: int, other: int) -> None:
+    gaps = zip(bounds[::2], bounds[1::2], strict=False)
+    copies = replace(receiver()[1], unrecovered=tuple(arc(2 * first, 2 * last) for first, last in gaps))
+    rest: Arc | None = arc(min(one, other), max(one, other))
+    while rest is not None:
+        part, is_known = copies.recovered_part(rest)
+        assert part.first == rest.first
+        for place in range(part.first.number, part.last.number + 1):
+            assert copies.is_recovered(arc(place, place)) == is_known
+        following = part.last.next()
+        rest = Arc(following, rest.last) if part.last < rest.last and following is not None else None
 
 
 def test_a_piece_that_is_taken_back_is_unrecovered() -> None:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
 
 import pytest
 import trio
 
+from scenefold.base.cover import without
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.ends import Side
+from scenefold.wire import ReturnRange
 from scenefold.world.sim import Point
 from unit.peer.line.street import rot
 from unit.peer.line.test_crashes import only_errors
 from unit.peer.replication.heirs import Estate, Lies, held_of, inherit, places_of, spread, until
 from unit.peer.replication.holders import arc_of
-from unit.peer.replication.terrace import OBJECTS, item_of, object_record, record_at
+from unit.peer.replication.terrace import HEADER, OBJECTS, item_of, object_record, record_at
 from unit.peer.scenes_made import SPACE
 
 __all__ = ["only_errors"]
@@ -109,7 +112,11 @@ def test_until_all_are_heard_nothing_is_called_absent_or_written() -> None:
                 await heir.read(record.header.location, SPACE)
             assert refused.value.reason is RejectReason.NOT_READY
         assert await heir.write(record_at(empty.header.location, 1, SPACE)) == RejectReason.NOT_READY
-        assert getattr(await heir.listed(arc, SPACE), "stale", False)
+        listed = await heir.listed(arc_of(heir), SPACE)
+        assert isinstance(listed, ReturnRange)
+        assert (listed.first, listed.last, listed.stale) == (arc.first, arc.last, True), "the gap alone"
+        rest = without(arc_of(heir), arc)[0]
+        assert await heir.listed(rest, SPACE) == ReturnRange(HEADER.scene, SPACE, rest.first, rest.last, (), (), stale=False)
         assert not heir.living.settled(Arc(arc.first, arc.first))
         with pytest.raises(Refused, match="being asked for"):
             await heir.living.give(Side.LEFT, arc, why="a test")
@@ -271,5 +278,108 @@ def test_what_one_cannot_deliver_any_more_comes_from_the_next() -> None:
         await until(lambda: not heir.gaps)
         assert heir.places(SPACE) >= places_of(records)
         assert [await heir.read(record.header.location, SPACE) for record in records] == [(1, False)] * 4
+
+    inherit(story)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_crashes_while_it_is_asked_for(seed: int) -> None:
+    """Versions lie anywhere; heir and tellers crash in the midst of commits, and links are cut for a while."""
+
+    async def story(estate: Estate) -> None:
+        dice = random.Random(seed)
+        arc = await estate.entrust(2, 3)
+        where = [record.header.location for record in spread(arc, 40)]
+        best = dict.fromkeys(where, 0)
+        await estate.bury(1)
+        tellers = [0, 2, 3, 4]
+        for place in where:
+            for number in dice.sample(tellers, dice.randint(0, 3)):
+                seq = dice.randint(1, 5)
+                best[place] = max(best[place], seq)
+                await estate.homes[number].keep(record_at(place, seq, SPACE))
+        heir = estate.homes[2]
+        await until(lambda: heir.durable().owns(arc.first))
+        for number in dice.sample(tellers, 2):
+            home = estate.homes[number]
+            estate.net.trap(home.address, dice.choice([Point.BEFORE_COMMIT, Point.AFTER_COMMIT]), dice.randint(1, 3), home.crash)
+        away = estate.homes[dice.choice([0, 3, 4])]
+        estate.net.cut(heir.address, away.address)
+        await trio.sleep(dice.uniform(0.0, 5.0))
+        estate.net.mend(heir.address, away.address)
+        await until(lambda: not heir.gaps)
+        await heir.up.wait()
+        for place, seq in best.items():
+            assert await heir.read(place, SPACE) == (seq or None, False)
+
+    inherit(story, seed=seed)
+
+
+def test_two_gaps_are_asked_for_beside_each_other() -> None:
+    """The second one comes while the first still waits for somebody, and is another one's to adopt or joined to it."""
+
+    async def story(estate: Estate) -> None:
+        heir, away = estate.homes[3], estate.homes[4]
+        first, second = arc_of(estate.homes[2]), arc_of(estate.homes[1])
+        records = [*spread(first, 5, space=SPACE), *spread(second, 5, space=SPACE)]
+        estate.net.cut(heir.address, away.address)
+        await estate.bury(2)
+        await estate.homes[0].keep(*records[:5:2])
+        await away.keep(*records[1:5:2])
+        assert await estate.adopted(first) is heir
+        assert heir.gaps == (first,)
+        await estate.bury(1)
+        await estate.homes[0].keep(*records[6::2])
+        await away.keep(*records[5::2])
+        assert await estate.adopted(second) is heir
+        assert heir.gaps == (Arc(second.first, first.last),)
+        await until(lambda: heir.places(SPACE) >= places_of(records[:5:2] + records[6::2]))
+        estate.net.mend(heir.address, away.address)
+        await until(lambda: not heir.gaps)
+        assert [await heir.read(record.header.location, SPACE) for record in records] == [(1, False)] * 10
+
+    inherit(story)
+
+
+def test_what_is_found_by_name_where_there_are_copies_is_not_told_as_settled() -> None:
+    """Nor is anything written: whom that would need is not known yet. That nothing is there may be said."""
+
+    async def story(estate: Estate) -> None:
+        arc = await estate.entrust(3, 4)
+        heir, other = estate.homes[2], estate.homes[3]
+        heavy = [record_at(record.header.location, 1, SPACE, bytes(8000)) for record in spread(arc, 400)]
+        there, absent = (record_at(place) for place in list(places_of(spread(arc, 1000)))[-2:])
+        await estate.bury(1)
+        await other.keep(*heavy, there)
+        heir.living.parts.budget.bytes_per_s = 100_000.0
+        assert await estate.adopted(arc) is heir
+        await until(lambda: heir.places(SPACE))
+        assert await heir.read(there.header.location) == (1, True)
+        assert await heir.read(absent.header.location) == (None, False)
+        assert await heir.write(record_at(absent.header.location)) == RejectReason.NOT_READY
+        assert heir.gaps == (arc,)
+        assert absent.header.location not in heir.places()
+
+    inherit(story)
+
+
+def test_a_full_disk_puts_it_off() -> None:
+    async def story(estate: Estate) -> None:
+        arc = arc_of(estate.owner)
+        heir, other = estate.homes[2], estate.homes[3]
+        records = [record_at(record.header.location, 1, SPACE, bytes(8000)) for record in spread(arc, 20)]
+        await estate.bury(1)
+        await other.keep(*records)
+        estate.net.cut(heir.address, other.address)
+        assert await estate.adopted(arc) is heir
+        disk = estate.net.machine(heir.address).disk
+        disk.fill()
+        estate.net.mend(heir.address, other.address)
+        await trio.sleep(20.0)
+        assert heir.gaps == (arc,)
+        assert not heir.places(SPACE)
+        disk.fill(None)
+        await until(lambda: not heir.gaps)
+        assert heir.places(SPACE) >= places_of(records)
 
     inherit(story)
