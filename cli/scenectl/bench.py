@@ -61,7 +61,7 @@ def store(
     copies: CopiesOption = COPIES_DEFAULT,
     min_copies: MinCopiesOption | None = None,
     mib: Annotated[int, whole(1, 1 << 20)] = 64,
-    small_records: Annotated[int, whole(1, 1 << 24)] = 4096,
+    small_records: Annotated[int, whole(1, 1 << 24)] = 8192,
     seconds: Annotated[int, whole(1, 3600)] = 120,
     ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,

@@ -35,7 +35,7 @@ CALLERS = 3
 """At a time: so there is always something to be sealed, something on its way, and something being stored."""
 LARGE_BATCH = 68
 """Records of one call, some 4 MiB."""
-SMALL_BATCH = 64
+SMALL_BATCH = 256
 WARM_RECORDS = 64
 SETTLE_S_MAX = 30.0
 """For what is owed to holders that were not waited for; and before, until the nodes have found out who holds what."""
