@@ -7,6 +7,7 @@ history of the place: whoever takes it over what it does not expect makes that h
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import trio
@@ -45,7 +46,7 @@ class LyingJudge:
                 if result.outcome is Outcome.EXISTS and puts[index].record.header.digest in self._overruled:
                     # As a copy: of that nobody asks what it expects.
                     [merged] = await context.store.merge([puts[index]], *([owed[index]] for owed in debtors))
-                    results[index] = PutResult(merged.outcome, merged.current, result.location)
+                    results[index] = replace(merged, location=result.location)
             return results
 
         store.put = put
