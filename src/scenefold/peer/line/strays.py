@@ -206,6 +206,10 @@ class Strays:
         await parts.budget.take(sum(entry.size for entry, _ in whole))
         request = HandRecords(tuple(hand_item(entry, record) for entry, record in whole))
         reply = await parts.peers.ask(owner, Priority.LOW, request, PutManyReply, ASK_S_MAX)
+        for (entry, _), outcome in zip(whole, reply.outcomes, strict=False):
+            if outcome.reason == RejectReason.BUSY and await layout_of(parts, *entry.place[:2]) != NO_COPIES:
+                # It need not be sent again.
+                self._waits_s = min(self._waits_s, BUSY_S_MAX)
         return [entry for (entry, _), outcome in zip(whole, reply.outcomes, strict=False) if outcome.reason == 0]
 
     async def _discard(self, spots: Sequence[Spot]) -> None:

@@ -61,9 +61,11 @@ class TakingHome:
             spots = [Spot(RecordPlace(held.scene, held.space, held.location), held.object) for held in part]
             # All of each is read: who hears that it is here deletes its own.
             present = await self._parts.store.read(spots)
-            for held, spot, found in zip(part, spots, present, strict=True):
+            enough = await self._enough_have(spots)
+            for held, spot, found, is_enough in zip(part, spots, present, enough, strict=True):
                 has_it = isinstance(found, Record) and rank_of(told_version(found.header_bytes)) >= rank_of(held.version)
-                reasons.append(int(await self._why_not_deleted(held, spot, peer, has_it=has_it)))
+                reason = int(await self._why_not_deleted(held, spot, peer, has_it=has_it))
+                reasons.append(reason or (0 if is_enough else int(RejectReason.BUSY)))
         return StraysJudged(tuple(reasons))
 
     async def _why_not_deleted(self, held: HeldRecord, spot: Spot, peer: str, *, has_it: bool) -> int:
@@ -88,6 +90,25 @@ class TakingHome:
             return False
         return not layout or copies.configurations.at(layout, home) is not None
 
+    async def _enough_have(self, spots: Sequence[Spot]) -> list[bool]:
+        """Whether what lies at each lies with as many as its space asks for, at this moment: since it was acknowledged, some may be gone."""
+        parts = self._parts
+        debtors = await parts.store.debtors_of(spots)
+        copies = parts.keeper.copies.configurations
+        nodes = max(1, len(parts.cluster_log.registry.order))
+        found = []
+        for spot, owed in zip(spots, debtors, strict=True):
+            layout = await layout_of(parts, *spot.place[:2])
+            if not layout:
+                found.append(layout is not None)
+                continue
+            needed = (await parts.scenes.known(spot.place.scene, ask=False)).needed[spot.place.space]
+            segment = copies.at(layout, spot.home)
+            placed = [] if segment is None else [member for member in segment.placed(copies.me) if member in segment.sound]
+            sure = [member for member in placed if member.node not in owed and not parts.keeper.is_removed(member)]
+            found.append(1 + len(sure) >= min(needed, nodes))
+        return found
+
     # ------------------------------------------------------------------------------------------------ HandRecords
 
     async def _on_hand(self, packet: HandRecords, peer: str) -> Packet:
@@ -100,6 +121,9 @@ class TakingHome:
         taken = await self._take([packet.items[index] for index, _ in open_ones], [put for _, put in open_ones])
         for (index, _), problem in zip(open_ones, taken, strict=True):
             problems[index] = problem
+        enough = await self._enough_have([spot_of_item(item) for item in packet.items])
+        few = Refused(RejectReason.BUSY, "too few have it yet that are to have it")
+        problems = [problem or (None if is_enough else few) for problem, is_enough in zip(problems, enough, strict=True)]
         outcomes = [
             PutOutcome(0, item.location, NodeId(0))
             if problem is None

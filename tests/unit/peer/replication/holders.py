@@ -8,6 +8,7 @@ from typing import Any
 
 import trio
 
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record
 from scenefold.peer.copies.configurations import Configurations
@@ -30,6 +31,7 @@ from unit.peer.line.street import places
 from unit.peer.replication.terrace import THIRDS, Home, Terrace, item_of
 
 ASK_S = 5.0
+GHOST = Member(NodeId(1), b"g" * 16)
 
 
 def play(story: Callable[[Terrace], Awaitable[None]], founders: int = 3, *, seed: int = 1, seconds: float = 500.0, **more: Any) -> None:
@@ -56,14 +58,14 @@ def some_places(home: Home, count: int) -> list[Location]:
 
 
 async def settle_in(terrace: Terrace) -> None:
-    """Every house knows who holds the copies of its arc: nobody, and that is enough."""
+    """Every house knows who holds the copies of its arc: somebody who is none of them, and has all."""
     for home in terrace.homes:
-        await count_on(home, (home.member,), 1)
+        await count_on(home, (home.member, GHOST))
 
 
 async def count_on(owner: Home, members: tuple[Member, ...], needed: int = 2) -> None:
     """Have the owner believe that they hold all of its arc."""
-    segment = Segment(THIRDS, arc_of(owner), (Configuration(5, members, needed),))
+    segment = Segment(THIRDS, arc_of(owner), (Configuration(5, members, needed),), sound=frozenset(members) - {owner.member})
     configurations = Configurations(owner.member, 5, (segment,))
     await owner.living.parts.keeper.change_copies(lambda copies, _: replace(copies, configurations=configurations))
 

@@ -21,7 +21,7 @@ from scenefold.store import Put
 from scenefold.wire import HandRecords, HeldRecord, OfferStrays
 from scenefold.world.sim import Point, run_simulated
 from unit.peer.line.street import places, rot
-from unit.peer.replication.holders import arc_of, count_on, entrust, entry, play, send, settle_in, some_places, tell
+from unit.peer.replication.holders import GHOST, arc_of, count_on, entrust, entry, play, send, settle_in, some_places, tell
 from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, Terrace, object_record, record_at
 
 MISSED, BUSY = RejectReason.PEER_MISSED, RejectReason.BUSY
@@ -141,6 +141,7 @@ def test_a_giver_keeps_what_has_copies_until_it_is_told_what_it_holds() -> None:
         members = receiver.member, giver.member
         assert (await tell(receiver, giver, 9, entry(9, Arc(middle, spots[5]), members), scope=piece)).reason == 0
         held = {place for place in spots[4:] if place <= spots[5]}
+        await count_on(receiver, (receiver.member, GHOST))
         await trio.sleep(LONG_S)
         assert giver.places() == {*spots[:4], *held}
         assert receiver.places() >= set(spots[4:])
@@ -197,6 +198,23 @@ def test_an_owner_says_of_each_stray_what_is_to_become_of_it() -> None:
         assert set((await other.asked(packet, holder.node)).reasons) == {BUSY}, "it owns nothing of it"
         await count_on(owner, (owner.member, holder.member, other.member))
         assert set((await owner.asked(packet, holder.node)).reasons) == {BUSY}, "these are copies"
+
+    settled(story)
+
+
+def test_a_stray_stays_while_fewer_have_its_record_than_its_space_asks_for() -> None:
+    """Though it was acknowledged once: since then a holder may have gone."""
+
+    async def story(terrace: Terrace) -> None:
+        owner, holder, _ = terrace.homes
+        had, brought = some_places(owner, 2)
+        for members, is_deleted in (((owner.member,), False), ((owner.member, GHOST), True)):
+            await count_on(owner, members, 1)
+            await owner.store.put([Put(record_at(had))])
+            await holder.store.merge([Put(record_at(place)) for place in (had, brought)])
+            await trio.sleep(LONG_S)
+            assert owner.places() == {had, brought}
+            assert holder.places() == (set() if is_deleted else {had, brought})
 
     settled(story)
 
