@@ -72,7 +72,8 @@ async def keep_copies(scene: Scene, copying: Copying, watch: Watch) -> None:
         shadows = sorted((space for space in found if space.parent == number), key=lambda space: space.id)
         watch.keeping.rules[scene.id, number] = Rule(tuple(space.offset for space in shadows), copying.least)
     watch.keeping.racks = copying.racks
-    watch.recorder.copies = HeardCopies(lambda place: 1 + copying.copies - copying.least if watch.keeping.has(place) else 1)
+    least = max(1 + copying.copies - copying.least, copying.least - 1)
+    watch.recorder.copies = HeardCopies(lambda place: least if watch.keeping.has(place) else 1)
     watch.tell(None, "{}", copying)
 
 

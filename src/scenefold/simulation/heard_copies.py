@@ -46,7 +46,7 @@ class HeardCopies:
             configuration, place = answer.holders[copy.holders], _place_of(asked, key)
             said = self._said.setdefault((who, place, configuration, word), {})
             said[holder] = begin
-            needed = max(self._least_of(place), configuration.quorum, 1)
+            needed = max(self._least_of(place), configuration.quorum, configuration.needed - 1, 1)
             if len(said) >= needed:
                 latest = sorted(said.values())[-needed:]
                 found.append(Counted(place, self._versions.get(word), latest[0]))

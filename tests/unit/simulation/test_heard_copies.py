@@ -45,7 +45,8 @@ def test_what_enough_say_alike_counts_from_the_first_question_on() -> None:
 def test_one_alone_or_twice_the_same_does_not_count() -> None:
     assert heard(says(it_is(1))) == []
     assert heard(says(it_is(1)), says(it_is(1)), by=("n1",)) == []
-    assert heard(says(it_is(1), needed=3), least=1) == [Counted(PLACE, version(1), 1)]
+    assert heard(says(it_is(1), needed=3), least=1) == [], "it and the owner are two, and three must have it"
+    assert heard(says(it_is(1), needed=3), says(it_is(1), needed=3), least=1) == [Counted(PLACE, version(1), 1)]
 
 
 def test_what_they_say_differently_does_not_count() -> None:
