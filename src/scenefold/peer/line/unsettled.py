@@ -45,6 +45,7 @@ class Pending:
     debtors: frozenset[NodeId]
     """Whoever was to get it when it was written, paid or not. Others that are sound have it."""
     have: set[Member]
+    """Who has said so, this owner among them."""
     size: int
     """At most: its ciphertext's."""
     item: HandItem | None = None

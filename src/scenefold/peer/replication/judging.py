@@ -90,6 +90,9 @@ class Judging:
         for target in rule.targets:
             if target not in have:
                 self._lane(target.node).send(pending)
+        for node in pending.debtors.difference(rule.debtors):
+            # It holds nothing there any more: whoever looks through its debts forgets this one.
+            self.owes(node)
         if self.is_settled(pending, rule):
             self._settle(pending)
 

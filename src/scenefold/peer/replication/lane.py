@@ -219,7 +219,8 @@ class Lane:
             if pending.is_settled:
                 self._leave(pending)
             elif member is not None and not self._desk.is_target(pending, member):
-                del self._known[pending]
+                # Its debt is forgotten.
+                self._leave(pending)
             else:
                 self._enqueue(pending, first=True)
 

@@ -242,3 +242,27 @@ def test_what_nobody_is_owed_is_told_while_what_was_owed_is_still_looked_through
         assert not (await row.listed()).stale
 
     in_a_row(story)
+
+
+def test_what_is_owed_to_who_has_left_is_forgotten() -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        row.cut_off(2)
+        record = row.next_at(row.places(1)[0])
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(row.put, record)
+            await until(lambda: row.copies_of(record) >= 1)
+            await row.hold(1)
+        assert row.acknowledged == [record]
+        assert row.owner.debts()
+        # What is on its way would come there after all.
+        row.net.reset(row.owner.address, row.homes[2].address)
+        row.mend(2)
+        await until(lambda: not row.owner.debts())
+        assert not row.homes[2].has(record)
+        later = row.next_at(row.places(2)[1])
+        await row.put(later)
+        await until(lambda: not row.owner.debts())
+        assert row.copies_of(later) == 2
+
+    in_a_row(story)
