@@ -1,0 +1,63 @@
+"""If this fails, nobody hears in time that copies are missing, or a proof says so of a cluster that has them all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import trio
+
+from integration.living_clusters import Kept, Living, living_cluster
+from integration.scenectl_process import Done, scenectl
+from scenefold.client import ClusterHealth, Condition
+
+PATIENCE_S = 60.0
+RECORDS = 40
+
+
+async def verb(living: Living, *options: str) -> Done:
+    """`scenectl cluster health`, as a process of its own."""
+    call = partial(scenectl, "cluster", "health", "--json", *options, profile=living.nodes.profile, limit_s=2 * PATIENCE_S)
+    return await trio.to_thread.run_sync(call)
+
+
+async def until(living: Living, wanted: Callable[[ClusterHealth], bool]) -> ClusterHealth:
+    """The first time that it is so."""
+    found: ClusterHealth | None = None
+    with trio.move_on_after(PATIENCE_S):
+        while True:
+            found = await living.cluster.health()
+            if wanted(found):
+                return found
+            await trio.sleep(0.5)
+    raise AssertionError(f"not so: {None if found is None else found.document()}")
+
+
+async def test_copies_are_proved_and_missed_as_soon_as_a_node_is_gone(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 4) as living:
+        await living.at_rest(4)
+        scene = await living.cluster.scenes.open("kept")
+        await Kept(await scene.create_space("shelf", copies=3, copies_min=2)).put_evenly(RECORDS, 2_000)
+        await until(living, lambda health: health.condition is Condition.HEALTHY)
+        sound = await verb(living, "--prove", "--scene", "kept")
+        assert sound.code == 0, sound.json
+        assert (sound.json["status"], sound.json["records_with_copies"], sound.json["seconds_to_health"]) == ("healthy", RECORDS, 0.0)
+        proof = sound.json["proof"]
+        assert proof["copies"] == [{"wanted": 3, "valid": 3, "domains": 3, "records": RECORDS}]
+        assert (proof["sound"], proof["opened"], proof["named"]) == (True, RECORDS, [])
+
+        gone = living.nodes.addresses[-1]
+        owned = next(node["copies"]["owned"] for node in sound.json["nodes"] if node["address"] == gone)
+        await living.nodes.kill(gone)
+        missed = await until(living, lambda health: health.under_copied > 0)
+        assert missed.condition is Condition.DEGRADED and missed.seconds_to_health is None
+        short = await verb(living, "--prove")
+        assert short.code == 5
+        assert (short.json["status"], short.json["nodes"][-1]["alive"]) == ("degraded", False)
+        assert {"missing", "under-copied"} <= {ailment["kind"] for ailment in short.json["ailments"]}
+        proof = short.json["proof"]
+        assert [one["address"] for one in proof["unlisted"]] == [gone], "what it owned nobody can list now"
+        assert (proof["records"], proof["lost"], proof["corrupt"]) == (RECORDS - owned, 0, 0)
+        assert {(one["wanted"], one["valid"]) for one in proof["copies"]} <= {(3, 3), (3, 2)} and proof["short"] > 0
+        assert all(finding["nodes"][gone] == "silent" for finding in proof["named"])
