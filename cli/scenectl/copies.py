@@ -30,9 +30,9 @@ def copies(
     scene: SceneOption,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """Say how many nodes shall hold each record of a space from now on; an owner's to do.
+    """Say how many nodes shall hold each record of a space with one copy, from now on; an owner's to do.
 
-    The shadows that this takes are made. Those that it leaves over stay in the scene's log and hold nothing.
+    The shadows that this takes are made. A space that has several copies keeps their number; how many must hold a record can be changed.
 
     Example: scenectl space copies particles 3 --scene kitchen --profile studio
 

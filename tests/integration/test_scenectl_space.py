@@ -169,14 +169,13 @@ def test_copies_are_said_and_listed(profile: str) -> None:
     assert "3, at least 2" in text and "safe copy" not in text
     text = scenectl("space", "list", "--all", "--scene", "kitchen", profile=profile).out.decode()
     assert "safe copy 1" in text and "shadow of safe" in text
-    said = space(profile, "copies", "safe", "2", "--min-copies", "1").json
-    assert (said["name"], said["copies"], said["copies_min"]) == ("safe", 2, 1)
+    said = space(profile, "copies", "safe", "3", "--min-copies", "1").json
+    assert (said["name"], said["copies"], said["copies_min"]) == ("safe", 3, 1)
+    assert "has 3 copies, and that number stays" in space(profile, "copies", "safe", "2").refusal(1)
+    text = scenectl("space", "copies", "vault", "4", "--scene", "kitchen", profile=profile).out.decode()
+    assert text == "Space vault shall have 4 copies, at least 2 before a record counts as stored.\n"
     spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
-    assert spaces["safe"]["shadows"] == [parent + 1] and "safe copy 2" in spaces
-    text = scenectl("space", "copies", "safe", "4", "--scene", "kitchen", profile=profile).out.decode()
-    assert text == "Space safe shall have 4 copies, at least 1 before a record counts as stored.\n"
-    spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
-    assert spaces["safe"]["shadows"] == [parent + 1, parent + 2, parent + 4]
+    assert spaces["vault"]["shadows"] == [parent + 4, parent + 5, parent + 6]
     assert space(profile, "copies", "geometry", "2").json["copies_min"] == 2
     info = scenectl("scene", "info", "kitchen", "--json", profile=profile).json
     assert info["spaces_lacking_shadows"] == []

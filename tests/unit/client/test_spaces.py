@@ -288,25 +288,44 @@ async def test_a_space_is_made_with_the_shadows_for_its_copies(autojump_clock: M
     assert Layouts.of(header.spaces).offsets[hall.id] == tuple(known[f"hall copy {number}"].offset for number in (1, 2))
 
 
-async def test_a_space_gets_more_copies_and_fewer(autojump_clock: MockClock, tmp_path: Path) -> None:
+async def test_a_space_gets_copies_once_and_keeps_their_number(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     scene = await scene_of(nodes, tmp_path)
     hall = await scene.create_space("hall", BOX)
 
-    async def layout() -> int:
+    async def layout() -> tuple[Location, ...]:
         spaces = (await scene.access.read_log()).header.spaces
         assert spaces == nodes.headers[scene.id].spaces
-        return len(Layouts.of(spaces).offsets[hall.id])
+        return Layouts.of(spaces).offsets[hall.id]
 
-    for copies, least, expected in ((3, None, 2), (5, 4, 4), (6, None, 4), (3, None, 3), (1, None, 1), (2, None, 2), (2, 1, 1)):
-        said = await hall.set_copies(copies, least)
-        assert (said.copies, said.copies_min, await layout()) == (copies, expected, copies - 1)
+    said = await hall.set_copies(3)
+    assert (said.copies, said.copies_min, len(await layout())) == (3, 2, 2)
+    for least, expected in ((3, 3), (None, 3), (1, 1)):
+        said = await hall.set_copies(3, least)
+        assert (said.copies, said.copies_min, len(await layout())) == (3, expected, 2)
     position = nodes.headers[scene.id].position
-    await hall.set_copies(2)
+    await hall.set_copies(3)
     assert nodes.headers[scene.id].position == position, "what is so already makes no record"
-    assert len([space for space in await scene.spaces() if space.parent]) == 5, "shadows are used again"
+    for number in (1, 2, 4):
+        with pytest.raises(LocalFault, match="has 3 copies, and that number stays"):
+            await hall.set_copies(number)
     await scene.space(GEOMETRY).set_copies(2)
     assert (await scene.space(GEOMETRY).info()).copies == 2, "also the spaces that every scene has"
+
+
+async def test_a_space_that_may_have_records_shares_its_holders_answers_with_no_other(autojump_clock: MockClock, tmp_path: Path) -> None:
+    """Whoever holds copies of another space of the same layout would say that there are none of this one's."""
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    await scene.create_space("new", BOX, copies=3)
+    halls = [await scene.create_space(name, BOX) for name in ("hall", "attic")]
+    for hall in halls:
+        await hall.set_copies(3)
+    spaces = (await scene.access.read_log()).header.spaces
+    layouts = [offsets for offsets in Layouts.of(spaces).offsets.values() if offsets]
+    assert len({offset for offsets in layouts for offset in offsets}) == 6
+    thirds = [LINE_LENGTH * third // 3 for third in (1, 2)]
+    assert all(0 <= offset.number - third < LINE_LENGTH >> 40 for offsets in layouts for offset, third in zip(offsets, thirds, strict=True))
 
 
 async def test_nobody_writes_to_a_shadow_reads_or_lists_it_or_says_how_many_copies_it_has(
