@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import LINE_LENGTH, Arc, Location
+from scenefold.base.placement import Line, holders_at
 from scenefold.base.prefixes import forbids
-from scenefold.peer.copies.placement import Line, holders_at
 from scenefold.scene.log import free_offsets
 from scenefold.simulation.cluster import address_of_slot
 from scenefold.simulation.copying import Copying, Rule, draw_copying, holders, rack

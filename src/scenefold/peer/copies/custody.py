@@ -17,9 +17,9 @@ from scenefold.base.cover import without
 from scenefold.base.errors import Refused
 from scenefold.base.limits import CUSTODY_FLOORS_MAX, CUSTODY_KEPT_MAX
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.entries import Entry, clipped, joined
-from scenefold.peer.copies.placement import Layout
 from scenefold.wire import Member
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from scenefold.base.location import Arc
-from scenefold.peer.copies.placement import Layout
+from scenefold.base.placement import Layout
 from scenefold.wire import Member
 
 

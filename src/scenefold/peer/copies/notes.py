@@ -11,8 +11,8 @@ from typing import Any
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import COPIES_MAX, SHADOWS_MAX
 from scenefold.base.location import FIRST, Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.base.plain_values import exactly, whole
-from scenefold.peer.copies.placement import Layout
 from scenefold.wire import Member
 
 NUMBER_MAX = (1 << 64) - 1

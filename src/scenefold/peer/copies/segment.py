@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterable, Set
 from dataclasses import dataclass, replace
 
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.entries import Entry
-from scenefold.peer.copies.placement import Layout
 from scenefold.wire import Configuration, Member
 
 GONE = (1 << 64) - 1

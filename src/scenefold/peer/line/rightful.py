@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.peer.copies.placement import Layout
+from scenefold.base.placement import Layout
 from scenefold.peer.line.parts import Parts
 from scenefold.store import Rightful
 

@@ -16,7 +16,7 @@ import trio
 from scenefold.base.cover import without
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Arc, Location
-from scenefold.peer.copies.placement import Layout
+from scenefold.base.placement import Layout
 from scenefold.store import Spot
 from scenefold.wire import HandItem, Member
 

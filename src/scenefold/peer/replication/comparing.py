@@ -15,9 +15,9 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.membership.roster import Roster

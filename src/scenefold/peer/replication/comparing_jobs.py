@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from scenefold.base.limits import COMPARED_ARCS_MAX
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.entries import Entry
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.wire import Member
 

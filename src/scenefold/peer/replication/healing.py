@@ -16,10 +16,10 @@ import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.copies.segment import GONE
 from scenefold.peer.copies.versions import Rank, rank_of, told_version
 from scenefold.peer.line.parts import Parts

@@ -12,7 +12,7 @@ from typing import Any
 
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import LINE_LENGTH, Arc
-from scenefold.peer.copies.placement import Layout
+from scenefold.base.placement import Layout
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.comparing_progress import Left

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from scenefold.base.errors import DamagedData
 from scenefold.base.limits import BULK_BYTES_MAX, CUSTODY_ENTRIES_MAX, STORE_READ_BATCH_MAX
 from scenefold.base.location import Location
+from scenefold.base.placement import Layout
 from scenefold.crypto import Record, RecordPlace, wanted_place
 from scenefold.peer.copies.entries import Entry
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.records.verification import KnownScene

@@ -14,9 +14,9 @@ from scenefold.base.cover import without
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.limits import BULK_BYTES_MAX, STORE_READ_BATCH_MAX
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, RecordPlace
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.copies.versions import told_sum, told_version
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.line.parts import Parts

@@ -11,7 +11,7 @@ import trio
 
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Arc
-from scenefold.peer.copies.placement import Layout
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.segment import Segment
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.unsettled import Doubt, Pending, name_of

@@ -16,10 +16,10 @@ from scenefold.base.cover import without
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout, Line
 from scenefold.base.prefixes import forbids
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.placement import Layout, Line
 from scenefold.peer.copies.segment import Segment
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from scenefold.base.cover import runs, without
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout, Line, segments
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.copies.placement import Layout, Line, segments
 from scenefold.peer.copies.segment import Segment
 from scenefold.peer.records.verification import KnownScene
 from scenefold.wire import Member

@@ -16,9 +16,9 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace, object_of
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.unsettled import Pending, first_unsettled, name_of
 from scenefold.peer.membership.roster import Roster

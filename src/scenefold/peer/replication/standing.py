@@ -13,9 +13,9 @@ from typing import NamedTuple
 from scenefold.base.cover import without
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.base.prefixes import AddressPrefix, forbids
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.copies.segment import GONE, Segment
 from scenefold.wire import Member
 

@@ -12,10 +12,10 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CONFIGURATIONS_MAX
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.configurations_note import decode_configurations, encode_configurations
 from scenefold.peer.copies.entries import Entry
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.copies.segment import Segment
 from scenefold.wire import Member, pack_value, unpack_value
 

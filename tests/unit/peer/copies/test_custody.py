@@ -12,10 +12,10 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CUSTODY_FLOORS_MAX, CUSTODY_KEPT_MAX
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.custody import Behind, Custody, Floor
 from scenefold.peer.copies.custody_note import decode_custody, encode_custody
 from scenefold.peer.copies.entries import Entry
-from scenefold.peer.copies.placement import Layout
 from scenefold.wire import Member, pack_value, unpack_value
 
 ONE: Layout = (Location.from_number(7),)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, WHOLE_LINE, Arc, Location, arcs_between, even_right_bounds
-from scenefold.peer.copies.placement import Layout, Line, holders_at, segments
+from scenefold.base.placement import Layout, Line, holders_at, segments
 
 Claims = list[tuple[NodeId, Arc | None]]
 THIRDS: Layout = (Location.from_number(LINE_LENGTH // 3), Location.from_number(2 * LINE_LENGTH // 3))

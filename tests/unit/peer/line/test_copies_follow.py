@@ -9,9 +9,9 @@ import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.copies_note import decode_copies
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.line import Side
 from scenefold.peer.line.holding import Holding
 from scenefold.store.holding import COPIES_KEY

@@ -7,9 +7,9 @@ import trio
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import COMPARED_ARCS_MAX
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.replication.activating import activated
 from scenefold.peer.replication.comparing_jobs import jobs, waiting
 from scenefold.peer.replication.comparing_progress import Left, Progress

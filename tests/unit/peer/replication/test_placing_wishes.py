@@ -11,8 +11,8 @@ from hypothesis import given
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import LINE_LENGTH, Arc, Location, arcs_between, even_right_bounds
+from scenefold.base.placement import Layout, Line
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.copies.placement import Layout, Line
 from scenefold.peer.replication.placing_wishes import STEADY_S, Piece, Wish, lasting, needed_of, pieces_of, ripe, shortage_of
 from scenefold.wire import Member
 from unit.peer.replication.terrace import SCENE, THIRDS

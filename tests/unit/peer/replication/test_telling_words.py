@@ -9,8 +9,8 @@ from hypothesis import given
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.copies.placement import Layout
 from scenefold.peer.replication.telling_words import members_of, untold, words_for
 from scenefold.wire import Member
 
