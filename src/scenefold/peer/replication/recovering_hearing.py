@@ -80,15 +80,14 @@ class Hearing:
             begin = clock.now()
             async with self._turn:
                 wanted = await self._lacking(named)
-                if wanted:
-                    await self._bring(wanted)
+                denied = await self._bring(wanted) if wanted else set()
                 left = await self._lacking(wanted)
             if len(left) < len(wanted):
                 self._patience.delivered()
                 if left:
                     return 0.0
             elif left:
-                pause_s = self._patience.failed(len(left), clock.now() - begin)
+                pause_s = self._patience.failed(len(left), clock.now() - begin, are_denied=denied.issuperset(map(_entry_of, left)))
                 if pause_s is not None:
                     return pause_s
                 self._parts.events["named, not delivered"] += len(left)
@@ -127,8 +126,9 @@ class Hearing:
             if header is None or rank_of(told_version(header)) < rank_of(held.version)
         ]
 
-    async def _bring(self, wanted: Sequence[HeldRecord]) -> None:
-        """As much as comes. Refused if it cannot be kept here."""
+    async def _bring(self, wanted: Sequence[HeldRecord]) -> set[RecordEntry]:
+        """As much as comes; what the node says that it has not. Refused if it cannot be kept here."""
+        denied: set[RecordEntry] = set()
         with trio.move_on_after(BRING_S_MAX):
             for start in range(0, len(wanted), FETCH_RECORDS):
                 batch = [_entry_of(held) for held in wanted[start : start + FETCH_RECORDS]]
@@ -138,12 +138,14 @@ class Hearing:
                         reply = await self._parts.peers.ask(self._teller.node, Priority.LOW, request, HeldFetched, FETCH_S_MAX)
                     except (Refused, Unreachable, PeerFault) as problem:
                         _log.debug("%s does not deliver: %s", self._name, problem)
-                        return
+                        return denied
                     answered = len(reply.items) + len(reply.missing)
                     if not 1 <= answered <= len(batch):
-                        return
+                        return denied
                     await self._take(reply.items)
+                    denied.update(batch[index] for index in reply.missing if index < len(batch))
                     batch = batch[answered:]
+        return denied
 
     async def _take(self, items: Sequence[HandItem]) -> None:
         """Keep what is sound and lies in the arc by its home; whatever else came, was not asked for."""

@@ -33,6 +33,8 @@ PAUSE_S_MIN = 0.25
 PAUSE_S_MAX = 8.0
 TRIES_MAX = 6
 """For the records of one page: some 8 s with the pauses between."""
+DENIED_TRIES_MAX = 2
+"""For what who named it says that he has not: it has rotted, unless it was replaced just then."""
 
 _Key = tuple[int, int, Location, Location, bytes]
 
@@ -119,12 +121,15 @@ class Patience:
     def note_nonsense(self) -> None:
         self._nonsense += 1
 
-    def failed(self, count: int, took_s: float) -> float | None:
-        """So many versions of a page did not come. Seconds until it is asked again; None: they count as not held."""
+    def failed(self, count: int, took_s: float, *, are_denied: bool = False) -> float | None:
+        """So many versions of a page did not come. Seconds until it is asked again; None: they count as not held.
+
+        `are_denied`: of all of them the node itself says that it has them not.
+        """
         self._tries += 1
         pause_s = min(PAUSE_S_MAX, PAUSE_S_MIN * 2.0 ** (self._tries - 1))
         self._left_s -= took_s + pause_s
-        if self._tries < TRIES_MAX and self._left_s > 0:
+        if self._tries < (DENIED_TRIES_MAX if are_denied else TRIES_MAX) and self._left_s > 0:
             return pause_s
         self._tries = 0
         self.given_up += count

@@ -183,6 +183,13 @@ def test_who_does_not_deliver_is_asked_again_for_a_while() -> None:
     assert patience.failed(1, 0.0) == 0.25
 
 
+def test_what_is_denied_is_asked_for_once_more() -> None:
+    """It may have been replaced by something newer, which is named then."""
+    patience = Patience()
+    assert [patience.failed(3, 0.0, are_denied=True) for _ in range(2)] == [0.25, None]
+    assert patience.given_up == 3
+
+
 def test_what_came_after_all_was_worth_the_wait() -> None:
     patience = Patience()
     for _ in range(2):
