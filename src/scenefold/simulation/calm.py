@@ -43,8 +43,8 @@ def unrest(cluster: Cluster) -> list[Unrest]:
     wrong += [Unrest(laws.TILED, problem) for problem in tiling_problems(arcs)]
     if wrong:
         return wrong
-    for slot, node in cluster.nodes.items():
-        wrong += _leftovers(cluster, node, is_member=slot in members)
+    for node in cluster.nodes.values():
+        wrong += _leftovers(cluster, node, members)
     wrong = wrong or _tables(cluster)
     return wrong or [Unrest(laws.COPIED_AGAIN, *what) for what in wrong_copies(cluster, members)]
 
@@ -66,19 +66,19 @@ def _member(cluster: Cluster, node: Node) -> list[Unrest]:
     return []
 
 
-def _leftovers(cluster: Cluster, node: Node, *, is_member: bool) -> list[Unrest]:
+def _leftovers(cluster: Cluster, node: Node, members: set[int]) -> list[Unrest]:
     if not node.born.is_set():
         return []
     if node.has_left and cluster.watch.put_back.get(node.slot) == incarnation_of(node.disk):
         # It had handed everything over when its disk was put back to an earlier state, and learns only that it has left.
         return []
     wrong = []
-    arc = arc_of(node.disk) if is_member else None
+    arc = arc_of(node.disk) if node.slot in members else None
     if has_open_handover(node.disk):
         wrong.append(Unrest(laws.CONVERGED, f"a handover of n{node.slot} is open", (node.slot,)))
     # A rotten record cannot be offered to anybody; it lies where it rotted.
     outside = keys_outside(node.disk, arc)
-    strays = [key for key in outside if not (cluster.watch.rot.has(node.slot, key) or is_held(cluster, node.disk, key))]
+    strays = [key for key in outside if not (cluster.watch.rot.has(node.slot, key) or is_held(cluster, node.disk, key, members))]
     if strays:
         where = location_of(strays[0]).hex()[:8]
         wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}, the first at {where}…", (node.slot,)))

@@ -156,27 +156,29 @@ class Keeping:
         for place, version in versions.items():
             found = self._witnesses.setdefault(place, {})
             before = found.get(slot)
-            highest = version if before is None else max(before.version, version, key=lambda known: known.order)
+            highest = version if before is None else max(before.version, version, key=_order)
             found[slot] = Witness(highest, self._now())
         return [lost for place in sorted(versions) for lost in self._lost(place)]
 
     def _lost(self, place: Place) -> list[Lost]:
         """The highest version that was on as many disks as must be gone for that, if no member has it or a newer one."""
-        gone = sorted((witness.version for witness in self._witnesses.get(place, {}).values()), key=lambda version: version.order)
+        gone = sorted((witness.version for witness in self._witnesses.get(place, {}).values()), key=_order)
         needed = self.needed(place)
         if len(gone) < needed:
             return []
         highest = gone[-needed]
         there = {slot: version for slot in self._disks if (version := self._sound(slot, place)) is not None}
         alive = [version for slot, version in there.items() if self._counts(slot)]
-        best = max(alive, default=None, key=lambda version: version.order)
+        best = max(alive, default=None, key=_order)
         if _is_newer(best, highest):
             return []
-        # What is written from here on needs witnesses of its own.
+        # What is written from here on needs witnesses of its own; of what is left these are some as well.
         self._told.pop(place, None)
-        self._witnesses.pop(place)
+        found = self._witnesses.pop(place)
+        if best is not None:
+            self._witnesses[place] = {slot: Witness(min(one.version, best, key=_order), one.at_s) for slot, one in found.items()}
         left = {version for version in there.values() if best is None or version.order >= best.order}
-        return [Lost(place, tuple(sorted(left, key=lambda version: version.order)), highest, best is None)]
+        return [Lost(place, tuple(sorted(left, key=_order)), highest, best is None)]
 
     def _sound(self, slot: int, place: Place) -> Version | None:
         return None if self._is_rotten(slot, place) else found_at(self._disks[slot], place)
@@ -185,6 +187,10 @@ class Keeping:
         """Whether a disk's node is asked what lies there."""
         holder = Holder(slot, incarnation_of(self._disks[slot]) or b"")
         return holder in self.members and holder not in self._gone
+
+
+def _order(version: Version) -> tuple[int, int, int, int, bytes]:
+    return version.order
 
 
 def _is_newer(version: Version | None, than: Version) -> bool:

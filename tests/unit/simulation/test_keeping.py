@@ -138,6 +138,14 @@ def test_an_older_version_on_a_disk_that_is_left_must_be_there() -> None:
     assert [(loss.newest, loss.left, loss.or_nothing) for loss in losses(stage)] == [(version(2), (version(1),), False)]
 
 
+def test_who_had_a_newer_version_that_was_lost_is_a_witness_of_the_older_one_too() -> None:
+    stage = stage_with(1, 2, seq=2)
+    stage.machines[0].store(record(1))
+    for slot in (1, 2, 0):
+        loses(stage, slot)
+    assert [(loss.newest, loss.or_nothing) for loss in losses(stage)] == [(version(2), False), (version(1), True)]
+
+
 def test_who_is_removed_is_not_asked_and_may_bring_it_back() -> None:
     stage = told(stage_with(1, 2))
     loses(stage, OWNER)
