@@ -15,8 +15,12 @@ UNKNOWN = "?"
 
 def health_text(found: ClusterHealth) -> str:
     """Nodes, what is wrong, and until when."""
-    titles = ("node", "owns", "with copies", "under-copied", "mis-placed", "corrupt", "pending", "unrecovered")
-    notes = []
+    titles = ("node", "owns", "with copies", "under-copied", "mis-placed", "corrupt", "pending", "unrecovered", "scrubbed")
+    notes = [
+        f"{node.address} has healed {node.report.copies.healed:,} records that had rotted, since its start: look at its disk"
+        for node in found.status.nodes
+        if node.report is not None and node.report.copies is not None and node.report.copies.healed
+    ]
     for ailment in found.ailments:
         notes += [ailment.text, f"  -> {ailment.to_do}"] if ailment.to_do else [ailment.text]
     parts = [_summary(found), "", table(titles, map(_row, found.status.nodes))]
@@ -44,16 +48,17 @@ def _row(node: NodeState) -> tuple[object, ...]:
     report = node.report
     copies = None if report is None else report.copies
     if report is None or copies is None:
-        return node.address, "silent" if report is None else UNKNOWN, *[UNKNOWN] * 6
+        return node.address, "silent" if report is None else UNKNOWN, *[UNKNOWN] * 7
     return (
         node.address,
         copies.owned,
         copies.copied,
         copies.under_copied.records,
         copies.mis_placed.records + copies.forbidden.records,
-        report.damaged,
+        copies.rotten,
         copies.owed - copies.owed_to_silent + copies.unsettled + copies.comparing.records + report.strays,
         copies.unrecovered,
+        UNKNOWN if report.scrub is None else f"{report.scrub.fraction:.0%}",
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from scenefold.client.copy_reports import CopiesReport, ShortageReport
 from scenefold.client.health import ClusterStatus, NodeState
+from scenefold.client.reports import ScrubReport
 
 
 class Condition(StrEnum):
@@ -72,8 +73,8 @@ class ClusterHealth:
 
     @property
     def corrupt(self) -> int:
-        """How often nodes met a record that had changed on their disks, since they were started."""
-        return sum(node.report.damaged for node in self.status.nodes if node.report is not None)
+        """Records that have changed on a node's disk, and are not healed."""
+        return sum(copies.rotten for copies in self.reports)
 
     @property
     def pending(self) -> int:
@@ -121,7 +122,8 @@ def health_of(status: ClusterStatus) -> ClusterHealth:
     found = [
         Ailment(warning.kind, warning.address, warning.text, _TO_DO.get(warning.kind, ""), mends_itself=warning.kind in _MENDS_ITSELF)
         for warning in status.warnings
-        if warning.degrades
+        # How often damage was met is told there, and here what of it is not healed.
+        if warning.degrades and warning.kind != "damaged"
     ]
     for node in status.nodes:
         found += _of_node(node, silent)
@@ -135,7 +137,6 @@ _TO_DO = {
     "gap": "start the nodes beside it that do not answer",
     "overlap": "look at both nodes' logs",
     "nearly full": "free its disk, give it more (node run --capacity), or add a node",
-    "damaged": "stop it and look with `scenectl node verify`; `scenectl cluster health --prove` tells whether all copies are sound",
     "handover": "wait; if it lasts, look at both nodes' logs",
 }
 _MENDS_ITSELF = frozenset({"handover"})
@@ -170,6 +171,17 @@ def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
         yield Ailment(
             "forbidden", address, text, "add nodes that it allows" if copies.shortages else _WAIT, mends_itself=not copies.shortages
         )
+    if copies.rotten:
+        healing = copies.rotten - copies.unhealed
+        counts = [f"{healing:,} are being fetched from others"] if healing else []
+        counts += [f"{copies.unhealed:,} could not be had from others, at the last try"] if copies.unhealed else []
+        text = f"{address}: {copies.rotten:,} records have rotted on its disk: {', '.join(counts)}"
+        to_do = (
+            "write what is lost anew, or restore it; then look at the disk: scenectl node verify"
+            if copies.unhealed
+            else "wait; then look at its disk"
+        )
+        yield Ailment("rotten", address, text, to_do, mends_itself=not copies.unhealed)
     if copies.unrecovered:
         text = f"{address}: it does not know yet what was acknowledged on {copies.unrecovered_share:.1%} of the line, which it took over"
         to_do = (
@@ -225,5 +237,14 @@ def _some(addresses: Iterable[str]) -> str:
 def _node_document(node: NodeState) -> dict[str, Any]:
     report = node.report
     copies = None if report is None or report.copies is None else report.copies.document()
-    corrupt, strays = (None, None) if report is None else (report.damaged, report.strays)
-    return {"address": node.address, "alive": node.alive, "share": node.share, "copies": copies, "corrupt": corrupt, "strays": strays}
+    known = {"address": node.address, "alive": node.alive, "share": node.share, "copies": copies}
+    if report is None:
+        return {**known, "damaged": None, "strays": None, "scrub": None}
+    return {**known, "damaged": report.damaged, "strays": report.strays, "scrub": _scrub_document(report.scrub)}
+
+
+def _scrub_document(scrub: ScrubReport | None) -> dict[str, Any] | None:
+    if scrub is None:
+        return None
+    known = {"round": scrub.round, "fraction": scrub.fraction, "seconds_left": scrub.seconds_left}
+    return {**known, "rotten": scrub.rotten, "rotten_before": scrub.rotten_before, "paused": scrub.paused}

@@ -66,6 +66,12 @@ class CopiesReport:
     forbidden: Part
     forbidden_on: tuple[str, ...]
     comparing: Part
+    rotten: int
+    """Records that have rotted on its disk and are not healed: they wait for that, or it was given up."""
+    unhealed: int
+    """Those of them that are given up, or that nobody else has."""
+    healed: int
+    """Since its start."""
     unsettled: int
     unrecovered: int
     """Pieces of the line of which it does not know yet what was acknowledged there."""
@@ -86,6 +92,9 @@ class CopiesReport:
             "mis_placed": self.mis_placed.records,
             "forbidden": self.forbidden.records,
             "comparing": self.comparing.records,
+            "rotten": self.rotten,
+            "unhealed": self.unhealed,
+            "healed": self.healed,
             "unsettled": self.unsettled,
             "unrecovered": self.unrecovered,
             "repair": {
@@ -102,7 +111,7 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
     """Of a report; None if the node says nothing of copies. KeyError, TypeError or ValueError if it says nonsense."""
     if not found:
         return None
-    owned, owed, repair, shortages = found["owned"], found["owed"], found["repair"], found["shortages"]
+    owned, owed, repair, shortages, rotten = found["owned"], found["owed"], found["repair"], found["shortages"], found["rotten"]
     if len(owed["nodes"]) > LISTED_MAX or len(shortages) > LISTED_MAX or len(found["forbidden"]["nodes"]) > LISTED_MAX:
         raise ValueError("more than a report names")
     return CopiesReport(
@@ -117,6 +126,9 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         forbidden=_part(found["forbidden"]),
         forbidden_on=tuple(map(told_address, found["forbidden"]["nodes"])),
         comparing=_part(found["comparing"]),
+        rotten=told_count(rotten["waiting"]) + told_count(rotten["unhealed"]),
+        unhealed=told_count(rotten["unhealed"]),
+        healed=told_count(rotten["healed"]),
         unsettled=told_count(found["unsettled"]["records"]),
         unrecovered=told_count(found["unrecovered"]["pieces"]),
         unrecovered_share=told_amount(found["unrecovered"]["share"]),

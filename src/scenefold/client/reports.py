@@ -60,6 +60,19 @@ class SignReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ScrubReport:
+    """How far a node has come in reading all of its records again, which takes days."""
+
+    round: int
+    fraction: float
+    seconds_left: float
+    rotten: int
+    rotten_before: int
+    """In the round before."""
+    paused: bool
+
+
+@dataclass(frozen=True, slots=True)
 class NodeReport:
     """A node at the moment of answering."""
 
@@ -100,6 +113,7 @@ class NodeReport:
     signs: tuple[SignReport, ...]
     copies: CopiesReport | None
     """None: it says nothing of them."""
+    scrub: ScrubReport | None
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -170,6 +184,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             dropped=told_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
             copies=read_copies(found.get("copies")),
+            scrub=_scrub(found["scrub"]) if found.get("scrub") else None,
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:
@@ -211,6 +226,17 @@ def _handover(found: Mapping[str, Any]) -> HandoverReport:
 def _sign(found: Mapping[str, Any]) -> SignReport:
     return SignReport(
         kind=str(found["kind"]), count=told_count(found["count"]), ago_s=told_amount(found["ago_s"]), source=told_address(found["source"])
+    )
+
+
+def _scrub(found: Mapping[str, Any]) -> ScrubReport:
+    return ScrubReport(
+        round=told_count(found["round"]),
+        fraction=told_amount(found["fraction"]),
+        seconds_left=told_amount(found["seconds_left"]),
+        rotten=told_count(found["rotten"]),
+        rotten_before=told_count(found["rotten_before"]),
+        paused=bool(found["paused"]),
     )
 
 

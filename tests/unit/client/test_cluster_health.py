@@ -21,6 +21,7 @@ SOUND: dict[str, Any] = {
     "mis_placed": {"segments": 0, "records": 0},
     "forbidden": {"segments": 0, "records": 0, "nodes": []},
     "comparing": {"segments": 0, "records": 0},
+    "rotten": {"waiting": 0, "unhealed": 0, "healed": 0},
     "unsettled": {"records": 0, "pieces": 0, "read": True},
     "unrecovered": {"pieces": 0, "share": 0.0},
     "shortages": [],
@@ -68,7 +69,7 @@ def test_a_silent_node_degrades_and_nobody_knows_for_how_long() -> None:
     assert kinds(found) == ["missing", "under-copied"]
     assert f"start {ADDRESSES[2]}" in found.ailments[1].to_do
     assert found.document()["nodes"][2] == {
-        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "corrupt": None, "strays": None
+        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "damaged": None, "strays": None, "scrub": None
     }  # fmt: skip
 
 
@@ -119,9 +120,23 @@ def test_what_may_lose_something_degrades(change: dict[str, Any], kind: str, wor
     assert word in found.ailments[0].text and found.ailments[0].to_do
 
 
-def test_damage_and_a_node_that_says_nothing_of_copies_degrade() -> None:
-    found = health(*nodes(damaged=2))
-    assert (found.condition, found.corrupt, kinds(found)) == (Condition.DEGRADED, 2, ["damaged"])
+def test_what_has_rotted_degrades_until_it_is_healed() -> None:
+    found = health(*nodes(copies(rotten={"waiting": 2, "unhealed": 0, "healed": 0}), damaged=9))
+    assert (found.condition, found.corrupt, kinds(found)) == (Condition.DEGRADED, 2, ["rotten"])
+    assert found.ailments[0].mends_itself
+    given_up = health(*nodes(copies(rotten={"waiting": 1, "unhealed": 1, "healed": 0})))
+    assert (given_up.corrupt, given_up.ailments[0].mends_itself) == (2, False)
+    healed = health(*nodes(copies(rotten={"waiting": 0, "unhealed": 0, "healed": 2}), damaged=9))
+    assert healed.condition is Condition.HEALTHY
+
+
+def test_how_far_the_scrub_is_is_shown() -> None:
+    scrub = {"round": 2, "fraction": 0.5, "bytes_per_s": 9.0, "seconds_left": 60.0, "rotten": 1, "rotten_before": 0, "paused": False}
+    shown = health(*nodes(scrub=scrub)).document()["nodes"]
+    assert (shown[0]["scrub"]["fraction"], shown[0]["scrub"]["rotten"], shown[1]["scrub"]) == (0.5, 1, None)
+
+
+def test_a_node_that_says_nothing_of_copies_degrades() -> None:
     old = node(ADDRESSES[0], arc(0, 0.25))
     assert kinds(health(old, *nodes()[1:])) == ["unknown"]
 

@@ -34,6 +34,10 @@ QUEUE_MAX = 4_096
 """Records that wait; what is beyond is met again."""
 TRIES_MAX = 20
 """Of one record in a row, a minute or two; then it waits until it is met again."""
+AGAIN_S = 300.0
+"""What was given up is looked at again: somebody may have written it anew, or who has it may be back."""
+AGAIN_MAX = 256
+READ_BATCH = 32
 ASK_S_MAX = 10.0
 GATE_S_MAX = 2.0
 _FEW = 2
@@ -64,8 +68,19 @@ class Healing:
         self._parts = parts
         self._merge = merge
         self._tries: dict[Spot, int] = {}
+        self._unhealed: dict[Spot, None] = {}
         self._wake = trio.Event()
         parts.store.tell_of_rot(self.rotten)
+
+    @property
+    def waiting(self) -> int:
+        """Records that have rotted and are being fetched."""
+        return len(self._tries)
+
+    @property
+    def unhealed(self) -> int:
+        """Records that have rotted since the start and were given up, or that nobody else has: up to QUEUE_MAX of them."""
+        return len(self._unhealed)
 
     def rotten(self, spot: Spot) -> None:
         """Fetch this from others, soon."""
@@ -79,7 +94,10 @@ class Healing:
         while True:
             if not self._tries:
                 self._wake = trio.Event()
-                await self._wake.wait()
+                with trio.move_on_after(AGAIN_S) as patience:
+                    await self._wake.wait()
+                if patience.cancelled_caught:
+                    await self._look_again()
             before = len(self._tries)
             for spot in list(self._tries):
                 await self._try(spot)
@@ -96,16 +114,37 @@ class Healing:
             is_over = False
         self._tries[spot] += 1
         if is_over or self._tries[spot] >= TRIES_MAX:
-            self._parts.events["not healed"] += not is_over
+            if not is_over:
+                self._parts.events["not healed"] += 1
+                self._give_up(spot)
             del self._tries[spot]
+
+    async def _look_again(self) -> None:
+        """At what was given up: what is still rotten comes back here by being read."""
+        spots = list(self._unhealed)[:AGAIN_MAX]
+        for start in range(0, len(spots), READ_BATCH):
+            batch = spots[start : start + READ_BATCH]
+            for spot, found in zip(batch, await self._parts.store.read(batch), strict=True):
+                if not isinstance(found, DamagedData):
+                    self._unhealed.pop(spot, None)
+
+    def _give_up(self, spot: Spot) -> None:
+        if len(self._unhealed) < QUEUE_MAX:
+            self._unhealed[spot] = None
 
     async def _heal(self, spot: Spot) -> bool:
         """Whether there is nothing left to be done."""
         parts = self._parts
         (debtors,) = await parts.store.debtors_of([spot])
         layout = await self._layout(spot)
-        sources = sources_of(parts.keeper.copies, layout, spot, debtors, owns=parts.keeper.holding.owns(spot.home))
-        if sources is None or not isinstance((await parts.store.read([spot]))[0], DamagedData):
+        owns = parts.keeper.holding.owns(spot.home)
+        sources = sources_of(parts.keeper.copies, layout, spot, debtors, owns=owns)
+        if sources is None:
+            if owns:
+                self._give_up(spot)
+            return True
+        if not isinstance((await parts.store.read([spot]))[0], DamagedData):
+            self._unhealed.pop(spot, None)
             return True
         (header,) = await parts.store.record_headers([spot])
         if header is not None:
@@ -117,6 +156,7 @@ class Healing:
         for offer in offers:
             if await self._take(spot, offer, sources):
                 parts.events["healed"] += 1
+                self._unhealed.pop(spot, None)
                 return True
         return False
 

@@ -16,6 +16,7 @@ from scenefold.base.placement import Layout
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.comparing_progress import Left
+from scenefold.peer.replication.healing import Healing
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.standing import Standing, by_layout, standing_of
 
@@ -30,10 +31,11 @@ LISTED_MAX = 16
 class Health:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, roster: Roster, placing: Placing, left: Callable[[], Left]) -> None:
+    def __init__(self, parts: Parts, roster: Roster, placing: Placing, healing: Healing, left: Callable[[], Left]) -> None:
         self._parts = parts
         self._roster = roster
         self._placing = placing
+        self._healing = healing
         self._left = left
         self._counted: dict[str, int] = {}
         self._counted_for: tuple[object, ...] = ()
@@ -67,6 +69,11 @@ class Health:
                 "nodes": _addresses(standing.forbidden_on),
             },
             "comparing": {"segments": len(standing.comparing), "records": counts["comparing"]},
+            "rotten": {
+                "waiting": self._healing.waiting,
+                "unhealed": self._healing.unhealed,
+                "healed": parts.events["healed"],
+            },
             "unsettled": {"records": len(parts.unsettled), "pieces": len(parts.unsettled.doubts), "read": parts.unsettled.is_read},
             "unrecovered": {
                 "pieces": len(copies.unrecovered),

@@ -36,9 +36,9 @@ class Replication:
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
         self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False))
-        self.health = Health(parts, roster, self.placing, lambda: self.comparing.left)
         self._activating = Activating(parts)
         self.healing = Healing(parts, partial(self.spreading.merge, wait=False))
+        self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left)
         self.recovering = Recovering(parts)
         self.recovering.doubt = self.spreading.doubt
 

@@ -7,14 +7,16 @@ import trio
 
 from scenefold.base.location import Location
 from scenefold.crypto import Record, wanted_place
+from scenefold.peer.replication import healing
 from scenefold.peer.replication.healing import sources_of
 from scenefold.store import Put
 from unit.peer.line.street import places, rot
-from unit.peer.replication.terrace import OBJECTS, THIRDS, Home, Terrace, object_record, record_at
+from unit.peer.replication.terrace import OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
 from unit.peer.replication.test_comparing import arc_of, holders_of, is_settled, lies_with_all, played
 from unit.peer.replication.test_placing import until
 
 HEADER_BYTE, LAST_BYTE = 20, -1
+AGAIN_S = 60.0
 
 
 async def filled(terrace: Terrace, count: int, seq: int = 1) -> list[Location]:
@@ -116,3 +118,24 @@ def test_who_lacks_what_lay_there_is_not_believed() -> None:
         assert sources_of(first.copies, (), spot, [], owns=True) is None
 
     played(main, seed=14)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_what_nobody_else_has_is_told_as_given_up_until_it_is_written_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(healing, "AGAIN_S", AGAIN_S)
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = places(arc_of(first), 1)
+        await first.store.put([Put(record_at(place, space=SPACE))])
+        rot(first, [place], LAST_BYTE)
+        await first.store.read([first.spot(place, SPACE)])
+        await until(lambda: first.replication.healing.unhealed == 1 and not first.replication.healing.waiting)
+        document = await first.replication.health.document()
+        assert document["rotten"] == {"waiting": 0, "unhealed": 1, "healed": 0}
+        await trio.sleep(AGAIN_S)
+        assert first.replication.healing.unhealed == 1
+        await first.store.put([Put(record_at(place, 2, space=SPACE))])
+        await until(lambda: not first.replication.healing.unhealed, 2 * AGAIN_S)
+
+    played(main, seed=12)
