@@ -50,6 +50,8 @@ class Pending:
     """At most: its ciphertext's."""
     item: HandItem | None = None
     """None: it is to be read from the disk when it is sent."""
+    is_write: bool = True
+    """A client's, which counts by what its space asks for. Anything else may be told once all have it that may hold it, if they are fewer."""
     is_stored: bool = False
     """Until then it is on no disk, this node's own among them: it is neither sent nor judged."""
     judged: object = None

@@ -74,7 +74,15 @@ class Judging:
         return rule.is_settled(present, self.needed(wanted))
 
     def is_settled(self, pending: Pending, rule: Rule) -> bool:
-        return rule.is_settled(_have(pending, rule), self.needed(pending.needed))
+        needed = self.needed(pending.needed)
+        return rule.is_settled(_have(pending, rule), needed if pending.is_write or not rule.is_placed else min(needed, len(rule.placed)))
+
+    def counts(self, pending: Pending) -> bool:
+        """Whether what is settled may be acknowledged, too."""
+        if pending.is_write:
+            return True
+        rule = self.rule_at(pending.layout, pending.spot)
+        return rule is not None and rule.is_settled(_have(pending, rule), self.needed(pending.needed))
 
     # ------------------------------------------------------------------------------------------------------ doing
 

@@ -122,6 +122,7 @@ class Spreading:
         # From here to the store's queue nothing is awaited: whoever becomes a holder after this look is compared after it.
         for _, _, pending in kept:
             if pending is not None:
+                pending.is_write = is_new
                 self._unsettled.add(pending)
         debtors = [() if pending is None else tuple(pending.debtors) for _, _, pending in kept]
         with trio.CancelScope(shield=True):
@@ -225,6 +226,8 @@ class Spreading:
             late = await first_unsettled(wait.pendings, until if wait.is_stored else told_until)
             if late is not None:
                 outcomes[wait.which] = self._given_up(late) if wait.is_stored else NotKept(RejectReason.NOT_READY, NodeId(0))
+            elif wait.is_stored and not all(map(self._judging.counts, wait.pendings)):
+                outcomes[wait.which] = NotKept(RejectReason.NOT_READY, NodeId(0))
         # All at once, at the end: what was settled first may have gone to another owner while the others were waited for.
         for wait in waits:
             if any(not self._parts.keeper.holding.owns(pending.home) for pending in wait.pendings):

@@ -14,6 +14,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.ends import Side
+from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication import beginning, paying
 from scenefold.store import Put
 from scenefold.world import DiskFailed
@@ -264,5 +265,31 @@ def test_what_is_owed_to_who_has_left_is_forgotten() -> None:
         await row.put(later)
         await until(lambda: not row.owner.debts())
         assert row.copies_of(later) == 2
+
+    in_a_row(story)
+
+
+def test_in_a_degraded_space_what_all_have_who_may_hold_it_is_told_and_not_acknowledged() -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        place, other = row.places(2)
+        row.cut_off(1, 2)
+        async with trio.open_nursery() as nursery:
+            record = row.next_at(place)
+            nursery.start_soon(row.tried, record)
+            await until(lambda: row.copies_of(record) == 1)
+            row.net.reset(row.owner.address, row.homes[1].address)
+            row.net.reset(row.owner.address, row.homes[2].address)
+            row.owner.crash()
+        await row.awake()
+        # Nobody may hold copies any more, and those who did have heard of that.
+        row.mend(1, 2)
+        await row.hold()
+        await until(lambda: row.is_settled)
+        assert (await row.read(place)).records == (as_bytes(record),)
+        brought = row.next_at(other)
+        merge = row.owner.replication.spreading.merge
+        assert isinstance((await merge([Put(brought)]))[0], NotKept), "whoever brings it must not delete its own"
+        assert not (await row.read(other)).stale
 
     in_a_row(story)
