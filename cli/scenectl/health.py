@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from scenectl.errors import DEGRADED, DONE
+from scenectl.errors import DEGRADED, DONE, Interrupted
 from scenectl.names import SceneOption
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note
 from scenectl.rates import bytes_per_s
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def health(
     from scenectl.progress import Progress
     from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault
-    from scenefold.client import Condition
+    from scenefold.client import Condition, Proof
+
+    so_far = Proof()
 
     speed = bytes_per_s(rate)
     if not prove and (scene is not None or rate is not None):
@@ -53,10 +55,15 @@ def health(
     async def look(progress: Progress) -> tuple[ClusterHealth, Proof | None]:
         async with connected(output.profile) as cluster:
             found = await cluster.health()
-            return found, await cluster.prove(found, scene, progress, speed) if prove else None
+            return found, await cluster.prove(found, scene, progress, speed, so_far) if prove else None
 
-    with Progress(quiet=output.json) as progress:
-        found, proof = run(look, progress)
+    try:
+        with Progress(quiet=output.json) as progress:
+            found, proof = run(look, progress)
+    except Interrupted:
+        if so_far.records and not output.json:
+            note(proof_text(so_far))
+        raise
     is_degraded = found.condition is Condition.DEGRADED or (proof is not None and not proof.is_sound)
     document = found.document() | {"proof": None if proof is None else proof.document()}
     if is_degraded:

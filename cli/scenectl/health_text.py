@@ -33,7 +33,9 @@ def _summary(found: ClusterHealth) -> str:
     counted = f"{records:,} records, {copied:,} of them in spaces with copies"
     if not found.ailments:
         return f"{found.status.name}: healthy: {counted}, all where they belong, as the nodes say"
-    return f"{found.status.name}: {found.condition}: {counted}; {_time_text(found.seconds_to_health)}"
+    seconds = found.seconds_to_health
+    is_waiting = seconds is None and all(ailment.mends_itself for ailment in found.ailments)
+    return f"{found.status.name}: {found.condition}: {counted}; {'it mends itself' if is_waiting else _time_text(seconds)}"
 
 
 def _time_text(seconds: float | None) -> str:
@@ -75,6 +77,8 @@ def proof_text(proof: Proof) -> str:
     for one in proof.unlisted:
         what = "" if one.space is None else f", in space {one.space} of scene {one.scene}"
         lines.append(f"  not looked at: {arc_text(one.arc)}, which {one.address} owns{what}: {one.why}")
+    if not proof.ended:
+        lines.append("  interrupted: what comes behind that was not looked at, nor what seemed off for a second time")
     if proof.is_sound:
         return "\n".join([*lines, "All copies of all records are valid, and where they belong."])
     counts = {"lost": proof.lost, "short of copies": proof.short, "with corrupt copies": proof.corrupt, "mis-placed": proof.mis_placed}

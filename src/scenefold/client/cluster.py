@@ -114,16 +114,17 @@ class Cluster:
         scene: str | None = None,
         progress: ProgressCallback | bool = False,
         bytes_per_s: float | None = None,
+        into: Proof | None = None,
     ) -> Proof:
         """Read all copies of all records, or of those of one scene, by its name or id, and see which are valid; no scene's key is needed.
 
-        `health`: as it was just now, for who does not answer is not waited for again. May be cancelled at any time.
+        `health`: as it was just now, for who does not answer is not waited for again. May be cancelled at any time: `into` has then what was found so far.
         """
         shown = await shown_scenes(self.calls, self.scenes, scene)
         silent = [node_id_of(node.address) for node in health.status.nodes if not node.alive]
         reads = NodeReads(self.calls, Pace(bytes_per_s), silent)
         total = None if scene is not None else health.records
-        return await Proving(self.calls, shown, reads, callback_of(progress), total).run()
+        return await Proving(self.calls, shown, reads, callback_of(progress), total, into).run()
 
     async def removed(self) -> tuple[RemovedNode, ...]:
         """All nodes that were ever taken off the line, and why, the newest first. Unreachable if no node shows the cluster's log."""

@@ -127,6 +127,8 @@ class Proof:
     named: list[Finding] = field(default_factory=list)
     unlisted: list[Unlisted] = field(default_factory=list)
     seconds: float = 0.0
+    ended: bool = False
+    """Else it goes on still, or was interrupted."""
 
     def add(self, finding: Finding) -> None:
         if finding.is_gone:
@@ -144,7 +146,7 @@ class Proof:
     @property
     def is_complete(self) -> bool:
         """Whether everything that there is was looked at."""
-        return not self.unlisted
+        return self.ended and not self.unlisted
 
     @property
     def is_sound(self) -> bool:

@@ -50,14 +50,17 @@ class Proving:
         reads: NodeReads,
         progress: ProgressCallback = no_progress,
         total: int | None = None,
+        proof: Proof | None = None,
     ) -> None:
+        """`proof`: filled as it goes on, for whoever interrupts it."""
         self._calls = calls
         self._scenes = list(scenes)
         self._reads = reads
         self._progress = progress
         self._total = total
         self._suspects: list[tuple[int, Key]] = []
-        self._proof = Proof(tuple(scene.name for scene in scenes))
+        self._proof = Proof() if proof is None else proof
+        self._proof.scenes = tuple(scene.name for scene in scenes)
 
     async def run(self) -> Proof:
         """Read everything once, and what seems off again."""
@@ -72,7 +75,7 @@ class Proving:
             await clock.sleep(LOOK_AGAIN_S)
             await self._calls.refresh()
             await self._over(partial(self._again, suspects), is_last=look == LOOKS_MAX - 1)
-        self._proof.seconds = clock.now() - begun
+        self._proof.seconds, self._proof.ended = clock.now() - begun, True
         self._tell()
         return self._proof
 

@@ -42,7 +42,7 @@ def finding(*verdicts: Verdict, **changes: Any) -> Finding:
 
 
 def test_a_proof_says_what_it_read_and_names_what_is_wrong_with_addresses() -> None:
-    proof = Proof(("kitchen",), bytes=3 << 20)
+    proof = Proof(("kitchen",), bytes=3 << 20, ended=True)
     for _ in range(5):
         proof.add(finding(Verdict.VALID, Verdict.VALID, Verdict.VALID))
     assert proof_text(proof).splitlines()[1:] == [
@@ -59,3 +59,10 @@ def test_a_proof_says_what_it_read_and_names_what_is_wrong_with_addresses() -> N
     for _ in range(30):
         proof.add(finding(Verdict.SILENT, Verdict.SILENT, Verdict.SILENT))
     assert (len(proof.named), proof.lost) == (20, 30) and proof_text(proof).endswith("\nand more")
+
+
+def test_an_interrupted_proof_proves_nothing_of_the_rest() -> None:
+    proof = Proof(("kitchen",))
+    proof.add(finding(Verdict.VALID, Verdict.VALID, Verdict.VALID))
+    assert not proof.is_sound and not proof.document()["complete"]
+    assert "interrupted" in proof_text(proof) and "All copies" not in proof_text(proof)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import pytest
 import trio
 from trio.testing import MockClock
 
 from scenefold.base.ids import SceneId, SpaceId, node_id_of
 from scenefold.base.location import Location
 from scenefold.base.prefixes import AddressPrefix
+from scenefold.client import proving
 from scenefold.client.progress import ProgressState
 from scenefold.client.proof import Proof, Verdict
 from scenefold.client.proving import Proving
@@ -181,6 +183,18 @@ async def test_it_reads_no_faster_than_it_is_told(autojump_clock: MockClock) -> 
     proof = await proved(nodes, rate=100.0)
     assert trio.current_time() - begun >= 0.9 * (proof.bytes - 64 * 100) / 100
     assert proof.seconds > 1
+
+
+async def test_what_was_found_until_it_was_interrupted_is_kept(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proving, "CLIENT_GET_KEYS", 4)
+    nodes = ProvedNodes()
+    await kept_scene(nodes)
+    calls, proof = nodes.calls(), Proof()
+    reads = NodeReads(calls, Pace(3 * sum(len(item.ciphertext) for item in nodes.records.values()) / 10))
+    with trio.move_on_after(5):
+        await proving.Proving(calls, [SHOWN], reads, proof=proof).run()
+    assert 0 < proof.records < len(ITEMS) and proof.bytes
+    assert not proof.ended and not proof.is_sound
 
 
 async def test_what_is_deleted_while_it_is_looked_at_is_gone(autojump_clock: MockClock) -> None:
