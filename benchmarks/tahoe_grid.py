@@ -34,6 +34,10 @@ class CannotBe(Exception):
     """Why there is no grid here: to be told, and no fault of what is measured."""
 
 
+class GridFailed(Exception):
+    """The grid runs, and did not do what it was asked."""
+
+
 def installed(environment: Path) -> Path:
     """The program `tahoe` in this environment, installed there if it is not; CannotBe with pip's last words."""
     program = environment / "bin" / "tahoe"
@@ -70,6 +74,10 @@ class Grid:
         found = json.loads(self._asked("GET", "/?t=json"))
         return sum(str(server.get("connection_status", "")).lower().startswith("connected") for server in found["servers"])
 
+    def wait_for(self, nodes: int) -> None:
+        """Return once the client is connected to so many storage nodes; CannotBe if that takes long."""
+        _wait(f"{nodes} storage nodes that the client is connected to", lambda: self.servers() == nodes)
+
     def many(self, callers: int, calls: Sequence[Callable[[], Result]]) -> tuple[list[Result], float]:
         """Make all calls, so many at a time; what they gave, and how many a second there were."""
         begun = time.monotonic()
@@ -86,7 +94,7 @@ class Grid:
         finally:
             connection.close()
         if answer.status not in (200, 201):
-            raise RuntimeError(f"{method} {path[:40]}: {answer.status} {said[:200]!r}")
+            raise GridFailed(f"{method} {path[:40]}: {answer.status} {said[:200]!r}")
         return said
 
 
@@ -115,7 +123,7 @@ def grid(tahoe: Path, folder: Path, nodes: int, total: int, needed: int, happy: 
         url = urllib.parse.urlsplit(_text(client / "node.url"))
         assert url.hostname and url.port
         found = Grid(url.hostname, url.port)
-        _wait(f"{nodes} storage nodes that the client is connected to", lambda: found.servers() == nodes)
+        found.wait_for(nodes)
         yield found
 
 
@@ -163,7 +171,7 @@ def _wait(what: str, is_so: Callable[[], bool]) -> None:
         try:
             if is_so():
                 return
-        except (OSError, RuntimeError, ValueError, KeyError) as error:
+        except (OSError, GridFailed, ValueError, KeyError) as error:
             problem = f": {error}"
         time.sleep(LOOK_S)
     raise CannotBe(f"waited {START_S_MAX:g} s in vain for {what}{problem}")
