@@ -18,7 +18,7 @@ import trio
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import MemberSecrets, SigningKey
-from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
+from scenefold.peer.balance import Balancer, Draining, Joining, OwnLoad, Sharing
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
 from scenefold.peer.cluster_log.registry import Registry
@@ -51,7 +51,6 @@ from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Pace, Scrub
 from scenefold.peer.settings import NodeSettings
 from scenefold.store import Store
-from scenefold.store.statistics import capacity_of
 from scenefold.world import Links, Priority, World
 from scenefold.world.facts import ClusterFacts
 
@@ -110,6 +109,8 @@ class PeerServices:
         data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
+        keeper = line.parts.keeper
+        self._load = OwnLoad(world.clock, store, lambda: line.arc, lambda: keeper.copies.custody, settings.capacity_bytes)
         sharing = Sharing(store, line, cluster_log, own, roster)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
         draining = Draining(
@@ -273,12 +274,6 @@ class PeerServices:
     async def _watch_load(self) -> None:
         context = self.context
         while True:
-            used, total = await load_of(context.store, context.settings.capacity_bytes)
+            used, total = await self._load.look()
             context.own.update(disk_used_bytes=used, disk_total_bytes=total)
             await context.world.clock.sleep(LOAD_S)
-
-
-async def load_of(store: Store, capacity_bytes: int) -> tuple[int, int]:
-    """Bytes used and there are, of the disk or of the share of it that the node may use."""
-    statistics = await store.statistics()
-    return statistics.disk_used_bytes, capacity_of(statistics, capacity_bytes)
