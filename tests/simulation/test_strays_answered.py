@@ -7,7 +7,7 @@ from typing import Any
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.copying import hand_item
 from scenefold.simulation import laws
-from scenefold.store import Entry
+from scenefold.store import Entry, Rightful
 from scenefold.wire import HandItem, HandRecords, PutManyReply
 from simulation.quiet import Rest, at_rest
 
@@ -16,7 +16,7 @@ async def items_of(rest: Rest) -> tuple[HandItem, ...]:
     """The two records of n1, as strays that n2 brings home."""
     context = rest.cluster.nodes[1].context
     assert context is not None and context.line.arc is not None
-    manifest = await context.store.strays([], None, 32)
+    manifest = await context.store.strays(Rightful([]), None, 32)
     entries: list[Entry] = [entry for entry in manifest.entries if entry.place.location in rest.places]
     found: list[Any] = list(await context.store.read([entry.spot for entry in entries]))
     return tuple(hand_item(entry, record) for entry, record in zip(entries, found, strict=True))
@@ -30,20 +30,20 @@ def answers(*, loses_lease: bool, checked: bool = True) -> tuple[list[int], list
     async def look(rest: Rest) -> None:
         node = rest.cluster.nodes[1]
         assert node.context is not None
-        strays: Any = node.context.line._strays
+        taker: Any = node.context.line._strays._taking_home
         lease: Any = node.context.lease
-        take, taken = strays._take, 0
+        take = taker._take
 
-        async def taking(item: HandItem, put: object) -> None:
-            nonlocal taken
-            await take(item, put)
-            taken += 1
-            if loses_lease and taken == 2:
+        async def taking(items: Any, puts: Any) -> Any:
+            problems = await take(items, puts)
+            assert problems == [None, None], "both are here, durably"
+            if loses_lease:
                 lease.holds = lambda: False
+            return problems
 
-        strays._take = taking
+        taker._take = taking
         if not checked:
-            strays._still_so = lambda _item, outcome: outcome
+            taker._still_so = lambda _item, outcome: outcome
         items = await items_of(rest)
         assert len(items) == 2
         reply = await strays_handler(rest)(HandRecords(items), f"node:{rest.cluster.nodes[2].node_id}")

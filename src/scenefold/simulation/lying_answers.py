@@ -149,6 +149,11 @@ class LyingAnswers:
         outcomes = await self._others(honest, items, lies, peer)
         for item in items:
             self._judge.has_judged(item)
+        for index, item in enumerate(items):
+            if outcomes[index].reason == RejectReason.NOT_MY_LOCATION:
+                # It has the bytes, and may hand them on as what lies there, whenever it comes to own the place.
+                place, version = named(item)
+                self._liar.tells(peer, place, Manner.MISJUDGED, version.digest)
         for index in sorted(refused):
             if outcomes[index].reason == 0:
                 place, version = named(items[index])

@@ -139,8 +139,8 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "strays brought home": (Patch("scenefold.peer.line.strays", "Strays._bring_home", _forgetful_strays),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
     "restored backup": (Patch("scenefold.peer.cluster_log.log_voter", "is_restored", _always(False)),),
-    "record of this place": (Patch("scenefold.client.sealing", "check_claim", _always(None)),),
-    "reader's signature check": (Patch("scenefold.client.sealing", "check_signature", _always(None)),),
+    "record of this place": (Patch("scenefold.client.verifying", "check_claim", _always(None)),),
+    "reader's signature check": (Patch("scenefold.client.verifying", "check_signature", _always(None)),),
     "checked handover": (Patch("scenefold.peer.line.receiving", "verify_copies", _trusting_receiver),),
     "reader's memory": (Patch("scenefold.client.setbacks", "_is_behind", _always(False)),),
     "decided header": (

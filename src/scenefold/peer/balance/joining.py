@@ -100,9 +100,16 @@ class Joining:
         used, capacity = (0, 0) if status is None else fill_of(status)
         return Host(node, self._routing.arc_of(node), used, capacity, self._roster.is_believed_alive(node))
 
+    def _is_heard(self) -> bool:
+        """Whether all who are registered have been heard: by the log, of which the roster may hear a moment later."""
+        registry = self._log.registry
+        return all(
+            self._roster.status(node) is not None for node in registry.order if node != self._own.me and registry.current(node) is not None
+        )
+
     async def _table_heard(self) -> None:
         deadline = self._world.clock.now() + TABLE_S_MAX
-        while self._roster.unheard_count and self._world.clock.now() < deadline:
+        while not self._is_heard() and self._world.clock.now() < deadline:
             await self._world.clock.sleep(LOOK_S)
 
     # ---------------------------------------------------------------------------------------------------- asking
