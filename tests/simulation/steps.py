@@ -179,7 +179,7 @@ async def _play(story: Story, crash: Crash | None, founders: int, seed: int) -> 
             assert arc is not None
             places = [Location.from_number(arc.first.number + arc.length * index // RECORDS) for index in range(RECORDS)]
             for place in places:
-                await client.scene.space(META).put(place, b"x" * 4_000)
+                await client.scene.space(META).put(place, b"x" * 200)
             await trio.sleep(SETTLES_S)
             await story(stage)
             stage.disarm()
