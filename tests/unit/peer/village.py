@@ -29,6 +29,7 @@ from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import AddNode, Found, Founder, LogEntry, LogRecord, Member, Packet, RemoveNode
 from scenefold.world import Endpoint, Ports, World
 from scenefold.world.facts import ClusterFacts, Credential
+from unit.inline_workers import InlineWorkers
 
 FIRST = node_id_of("127.0.0.2")
 DELAY_S = 0.001
@@ -108,12 +109,6 @@ class TrioClock:
 
     async def sleep(self, seconds: float) -> None:
         await trio.sleep(seconds)
-
-
-class InlineWorkers:
-    async def run(self, _lane: str, function: Callable[..., Any], *args: object) -> Any:
-        await trio.lowlevel.checkpoint()
-        return function(*args)
 
 
 def a_world(ether: Ether, random: Random) -> World:

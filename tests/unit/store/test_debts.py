@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,13 +20,19 @@ from scenefold.crypto import Record
 from scenefold.store import Debt, Outcome, Put, Spot, Store, StoreDamaged, open_store, version_of, writer
 from scenefold.store.layout import DEBTORS, DEBTS, RECORDS
 from scenefold.store.writer import RIDE_S
-from scenefold.world import offline_world
+from scenefold.world import World, offline_world
 from scenefold.world.sim import Point, SimDisk, SimNet, run_simulated
+from unit.inline_workers import InlineWorkers
 from unit.store.samples import NODE, NOWHERE, arc, managed, object_id, place, put, record, whole_store, world
 from unit.store.test_damage import raw, rot
 
 FOLDER = Path("data")
 ONE, TWO, THREE = NodeId(1), NodeId(2), NodeId(3)
+
+
+def timed_world(disk: SimDisk) -> World:
+    """One in which time passes only when nothing is left to be done."""
+    return replace(offline_world(disk=disk), workers=InlineWorkers())
 
 
 def version(kept: Record) -> bytes:
@@ -150,7 +157,7 @@ async def test_what_is_healed_is_still_owed(tmp_path: Path, byte: int) -> None:
 
 
 async def test_what_is_paid_shares_the_next_commit(autojump_clock: trio.testing.MockClock) -> None:
-    async with whole_store(offline_world(disk=SimDisk()), FOLDER) as store:
+    async with whole_store(timed_world(SimDisk()), FOLDER) as store:
         await store.put([put(1)], debtors=[(ONE, TWO)])
         before = store.commits
         await store.paid([(Spot(place(1)), version(record(1)), ONE)])
@@ -163,7 +170,7 @@ async def test_what_is_paid_shares_the_next_commit(autojump_clock: trio.testing.
 
 
 async def test_what_is_paid_waits_no_longer_than_a_second(autojump_clock: trio.testing.MockClock) -> None:
-    async with whole_store(offline_world(disk=SimDisk()), FOLDER) as store:
+    async with whole_store(timed_world(SimDisk()), FOLDER) as store:
         await store.put([put(1), put(2)], debtors=[(ONE,)] * 2)
         before = store.commits
         await store.paid([(Spot(place(1)), version(record(1)), ONE)])
@@ -176,7 +183,7 @@ async def test_what_is_paid_waits_no_longer_than_a_second(autojump_clock: trio.t
 
 async def test_only_so_many_wait(autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer, "RIDERS_MAX", 4)
-    async with whole_store(offline_world(disk=SimDisk()), FOLDER) as store:
+    async with whole_store(timed_world(SimDisk()), FOLDER) as store:
         await store.put([put(number) for number in range(10)], debtors=[(ONE,)] * 10)
         begin = trio.current_time()
         async with trio.open_nursery() as nursery:
@@ -188,7 +195,7 @@ async def test_only_so_many_wait(autojump_clock: trio.testing.MockClock, monkeyp
 
 
 async def test_a_store_that_closes_takes_none(autojump_clock: trio.testing.MockClock) -> None:
-    async with whole_store(offline_world(disk=SimDisk()), FOLDER) as store:
+    async with whole_store(timed_world(SimDisk()), FOLDER) as store:
         await store.put([put(1)], debtors=[(ONE,)])
     with pytest.raises(Refused):
         await store.paid([(Spot(place(1)), version(record(1)), ONE)])
@@ -197,7 +204,7 @@ async def test_a_store_that_closes_takes_none(autojump_clock: trio.testing.MockC
 @pytest.mark.expect_log("the disk is full but for its reserve")
 async def test_debts_are_paid_on_a_full_disk(autojump_clock: trio.testing.MockClock) -> None:
     disk = SimDisk()
-    async with whole_store(offline_world(disk=disk), FOLDER) as store:
+    async with whole_store(timed_world(disk), FOLDER) as store:
         await store.put([put(1)], debtors=[(ONE,)])
         disk.fill(1 << 20)
         [result] = await store.put([put(2)], debtors=[(ONE,)])
@@ -285,7 +292,7 @@ def test_any_order_of_changes_leaves_what_a_ledger_has(seed: int) -> None:
     async def trial() -> None:
         disk, ledger = SimDisk(), Ledger(random.Random(seed))
         for _ in range(2):
-            async with whole_store(offline_world(disk=disk), FOLDER) as store:
+            async with whole_store(timed_world(disk), FOLDER) as store:
                 await ledger.check(store)
                 for _ in range(20):
                     await ledger.step(store)
