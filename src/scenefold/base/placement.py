@@ -2,8 +2,8 @@
 
 What nodes say of their arcs is never of one moment: a place may have nobody, or several. Both count as they were said. A place
 in two arcs is in both, at distance 0; one in none is as far from the arcs beside it as it lies from their ends. Nodes without
-an arc take no part. So whoever believes the same line gets the same holders, and a line that is a little wrong
-gives a little too early or too late what the right one will give.
+an arc take part only where those that have one are too few for a write to count. So whoever believes the same line gets the same
+holders, and a line that is a little wrong gives a little too early or too late what the right one will give.
 """
 
 from __future__ import annotations
@@ -26,15 +26,20 @@ class Line:
     """The arcs of all nodes as stretches with equal claimants, in numbers: made once for each view of the line."""
 
     def __init__(self, claims: Iterable[tuple[NodeId, Arc | None]]) -> None:
+        """One node may have several claims. None: it has no arc."""
         begins: dict[int, list[NodeId]] = {}
         ends: dict[int, list[NodeId]] = {}
+        nodes: set[NodeId] = set()
         for node, arc in claims:
+            nodes.add(node)
             if arc is not None:
                 begins.setdefault(arc.first.number, []).append(node)
                 ends.setdefault(arc.last.number + 1, []).append(node)
         self.firsts = sorted({0, *begins, *ends} - {LINE_LENGTH})
         self.claimants: list[tuple[NodeId, ...]] = []
         """Of each stretch, the lowest id first; none in a gap."""
+        self.waiting = tuple(sorted(nodes.difference(*begins.values())))
+        """Who has no arc (yet), the lowest id first."""
         present: list[NodeId] = []
         for first in self.firsts:
             for node in ends.get(first, ()):
@@ -58,25 +63,30 @@ class _Neighbour:
     end: int
 
 
-def segments(line: Line, owner: NodeId, forbidden: Container[NodeId], layout: Layout, piece: Arc) -> list[tuple[Arc, Holders]]:
-    """The piece, cut where the holders change. The cost is that of the cuts: a walk from each, past whom may not be taken."""
+def segments(
+    line: Line, owner: NodeId, forbidden: Container[NodeId], layout: Layout, piece: Arc, least: int = 0
+) -> list[tuple[Arc, Holders]]:
+    """The piece, cut where the holders change. The cost is that of the cuts: a walk from each, past whom may not be taken.
+
+    `least`: so many holders, the owner not among them, a write asks for.
+    """
     offsets = [offset.number for offset in layout]
     found: list[tuple[Arc, Holders]] = []
     place, last = piece.first.number, piece.last.number
     while place <= last:
-        holders, until = _holders(line, owner, forbidden, offsets, place)
+        holders, until = _holders(line, owner, forbidden, offsets, place, least)
         until = min(until, last)
         found.append((Arc(Location.from_number(place), Location.from_number(until)), holders))
         place = until + 1
     return runs(found)
 
 
-def holders_at(line: Line, owner: NodeId, forbidden: Container[NodeId], layout: Layout, location: Location) -> Holders:
+def holders_at(line: Line, owner: NodeId, forbidden: Container[NodeId], layout: Layout, location: Location, least: int = 0) -> Holders:
     """The holders of one place that `owner` owns."""
-    return _holders(line, owner, forbidden, [offset.number for offset in layout], location.number)[0]
+    return _holders(line, owner, forbidden, [offset.number for offset in layout], location.number, least)[0]
 
 
-def _holders(line: Line, owner: NodeId, forbidden: Container[NodeId], offsets: list[int], place: int) -> tuple[Holders, int]:
+def _holders(line: Line, owner: NodeId, forbidden: Container[NodeId], offsets: list[int], place: int, least: int) -> tuple[Holders, int]:
     """The holders of a place, and up to where they are certainly the same."""
     taken: list[NodeId] = []
     until = LINE_LENGTH - 1
@@ -87,6 +97,10 @@ def _holders(line: Line, owner: NodeId, forbidden: Container[NodeId], offsets: l
             break
         taken.append(found[0])
         until = min(until, place + found[1] - copy)
+    # How many have an arc is the same at every place, and so is who comes instead.
+    missing = min(least, len(offsets)) - len(taken)
+    if missing > 0:
+        taken += [node for node in line.waiting if node != owner and node not in forbidden][:missing]
     return tuple(taken), until
 
 

@@ -40,7 +40,7 @@ class CopyReads:
     def holders(self, space: SpaceId, home: Location) -> tuple[NodeId, ...]:
         """Who holds copies of a place, as far as the client knows the line; nobody if the space has no shadows."""
         offsets = self.layouts.offsets.get(space, ())
-        return self.calls.table.holders_of(offsets, home) if offsets else ()
+        return self.calls.table.holders_of(offsets, home, self.layouts.needed[space]) if offsets else ()
 
     async def beside(
         self,

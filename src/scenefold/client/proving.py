@@ -149,8 +149,8 @@ class Proving:
         homes = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
         offsets = [layouts.offsets.get(key[0], ()) for key in keys]
         placed = [
-            (table.owner_of(home).node_id, *(table.holders_of(layout, home) if layout else ()))
-            for home, layout in zip(homes, offsets, strict=True)
+            (table.owner_of(home).node_id, *(table.holders_of(layout, home, layouts.needed[key[0]]) if layout else ()))
+            for key, home, layout in zip(keys, homes, offsets, strict=True)
         ]
         said: list[dict[NodeId, Said]] = [{} for _ in keys]
         sure = [False] * len(keys)

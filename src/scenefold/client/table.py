@@ -77,13 +77,13 @@ class RoutingTable:
         """The last location from there on that has the same first candidate."""
         return self._ends[bisect_left(self._ends, location)] if self._ends else LAST
 
-    def holders_of(self, layout: Layout, location: Location) -> Holders:
-        """Who should hold the copies of a place, by this table (specs/20-copies.md, Placement)."""
+    def holders_of(self, layout: Layout, location: Location, needed: int = 1) -> Holders:
+        """Who should hold the copies of a place, by this table (specs/20-copies.md, Placement). `needed`: of these and the owner for a write."""
         if self._line is None:
             self._line = Line((owner.node_id, owner.claim) for owner in self.owners)
         owner = self.owner_of(location)
         forbidden = [node for node in self._by_id if not owner.may_be_held_by(node)]
-        return holders_at(self._line, owner.node_id, forbidden, layout, location)
+        return holders_at(self._line, owner.node_id, forbidden, layout, location, needed - 1)
 
     def by_id(self, node_id: NodeId) -> Owner | None:
         return self._by_id.get(node_id)

@@ -48,6 +48,12 @@ def test_nodes_that_own_nothing_are_known_and_asked_for_no_place() -> None:
     assert (nobody.arcs(), nobody.owner_of(FIRST), nobody.end_of(FIRST)) == ([], empty, LAST)
 
 
+def test_who_owns_nothing_is_asked_for_copies_where_too_few_have_an_arc() -> None:
+    owners = [*_table(even_right_bounds(2)).owners, Owner(NodeId(5), "e", None), Owner(NodeId(4), "f", None)]
+    table, layout = RoutingTable(owners), (Location.from_number(1), Location.from_number(2))
+    assert [table.holders_of(layout, FIRST, needed) for needed in (1, 2, 3)] == [(11,), (11,), (11, 4)]
+
+
 @given(st.lists(LOCATIONS, min_size=1, max_size=12), LOCATIONS)
 def test_an_owner_is_asked_for_all_up_to_the_end_of_its_stretch(bounds: list[Location], location: Location) -> None:
     table = _table(bounds)

@@ -14,7 +14,7 @@ import trio
 
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.ids import SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout, Line
 from scenefold.base.prefixes import forbids
@@ -25,7 +25,18 @@ from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.records.verification import KnownScene
-from scenefold.peer.replication.placing_wishes import Piece, Shortage, Wish, lasting, needed_of, pieces_of, ripe, shortage_of, target_of
+from scenefold.peer.replication.placing_wishes import (
+    Piece,
+    Shortage,
+    Wish,
+    lasting,
+    most_needed,
+    needed_of,
+    pieces_of,
+    ripe,
+    shortage_of,
+    target_of,
+)
 from scenefold.peer.routing import claims_of
 
 LOOK_S = 1.0
@@ -48,12 +59,12 @@ class Placing:
         self._gathered_at = parts.world.clock.now()
         self._line_of: tuple[object, ...] = ()
         self._line = Line(())
-        self._claimants: frozenset[NodeId] = frozenset()
         self._given_of: tuple[object, ...] = ()
         self._given: dict[Layout, list[Piece]] = {}
         self._wishes: dict[Layout, list[Wish]] = {}
         self.layouts: dict[Layout, int] = {}
         """All that the known scenes have, and what their configurations ask of every write."""
+        self._most: dict[Layout, int] = {}
         self.shortages: dict[Layout, Shortage] = {}
         """Layouts that are degraded: fewer nodes may hold copies than they have shadows."""
 
@@ -120,6 +131,7 @@ class Placing:
         parts = self._parts
         registry, arc = parts.cluster_log.registry, parts.keeper.holding.arc
         self.layouts = needed_of(parts.scenes.everyone(), len(registry.order))
+        self._most = most_needed(parts.scenes.everyone(), len(registry.order))
         wanted = {**dict.fromkeys(await self._former(), 1), **self.layouts}
         if arc is None or not wanted or not registry.is_current(parts.own.member):
             self._wishes, self._given, self._given_of, self.shortages = {}, {}, (), {}
@@ -142,33 +154,33 @@ class Placing:
     def _give(self, arc: Arc, wanted: Mapping[Layout, int]) -> None:
         """What placement gives by now for each layout; looked up anew if something has changed."""
         registry, own = self._parts.cluster_log.registry, self._parts.own
-        nodes = self._nodes()
+        self._look_at_line()
         places = _recovered(self._parts.keeper.copies, arc)
-        about = self._line_of, own.blacklist, tuple(places), wanted, frozenset(self.layouts)
+        about = self._line_of, own.blacklist, tuple(places), wanted, self._most
         if about == self._given_of:
             return
-        takable = {node: known.member for node in nodes if node != own.me and (known := registry.current(node)) is not None}
+        takable = {node: known.member for node in registry.order if node != own.me and (known := registry.current(node)) is not None}
         allowed = {node: found for node, found in takable.items() if not forbids(own.blacklist.prefixes, node, owner=own.me)}
+        waiting = sum(node in allowed for node in self._line.waiting)
         self._given, shortages = {}, {}
         for layout, needed in wanted.items():
             if layout not in self.layouts:
                 self._given[layout] = [(place, ()) for place in places]
                 continue
-            self._given[layout] = pieces_of(self._line, own.me, layout, places, allowed, nodes)
-            short = shortage_of(layout, needed, allowed.keys(), takable.keys(), own.me)
+            most = self._most[layout]
+            self._given[layout] = pieces_of(self._line, own.me, layout, places, allowed, registry.order, most)
+            short = shortage_of(layout, needed, allowed.keys(), takable.keys(), own.me, waiting, most)
             if short is not None:
                 shortages[layout] = short
         self.shortages, self._given_of = shortages, about
 
-    def _nodes(self) -> frozenset[NodeId]:
-        """Who has an arc, as this node believes; the line is made anew if that has changed."""
+    def _look_at_line(self) -> None:
+        """Who claims what, as this node believes; made anew if that has changed."""
         registry, own = self._parts.cluster_log.registry, self._parts.own
         about = registry.position, self._roster.arcs_version, own.arc
         if about != self._line_of:
             claims = claims_of(registry, self._roster.arcs(), own.me, own.arc)
-            self._line, self._line_of = Line([(node, arc) for arc, node in claims]), about
-            self._claimants = frozenset(node for claimants in self._line.claimants for node in claimants)
-        return self._claimants
+            self._line, self._line_of = Line([*((node, None) for node in registry.order), *((node, arc) for arc, node in claims)]), about
 
     async def _former(self) -> list[Layout]:
         """Layouts that nothing has any more, though copies are held by them. None as long as a scene of records here is unknown."""

@@ -67,18 +67,36 @@ def needed_of(scenes: Iterable[KnownScene], nodes: int) -> dict[Layout, int]:
     return found
 
 
+def most_needed(scenes: Iterable[KnownScene], nodes: int) -> dict[Layout, int]:
+    """What the most demanding space of each layout asks of every write: so many nodes are placed if they are there, with an arc or without."""
+    found: dict[Layout, int] = {}
+    for scene in scenes:
+        for space, layout in scene.layouts.items():
+            if layout:
+                found[layout] = max(found.get(layout, 1), min(scene.needed[space], 1 + len(layout), max(1, nodes)))
+    return found
+
+
 def pieces_of(
-    line: Line, me: NodeId, layout: Layout, places: Iterable[Arc], allowed: Mapping[NodeId, Member], nodes: Iterable[NodeId]
+    line: Line, me: NodeId, layout: Layout, places: Iterable[Arc], allowed: Mapping[NodeId, Member], nodes: Iterable[NodeId], most: int = 1
 ) -> list[Piece]:
-    """What placement gives for these places of the arc. `allowed`: who may be taken, of all the nodes that the line has."""
+    """What placement gives for these places of the arc. `allowed`: who may be taken, of all the nodes that the line has.
+
+    `most`: so many, the owner among them, a write may ask for.
+    """
     forbidden = frozenset(node for node in nodes if node not in allowed)
-    found = [piece for place in places for piece in segments(line, me, forbidden, layout, place)]
+    found = [piece for place in places for piece in segments(line, me, forbidden, layout, place, most - 1)]
     return runs([(arc, tuple(allowed[node] for node in holders)) for arc, holders in found])
 
 
-def shortage_of(layout: Layout, needed: int, allowed: Collection[NodeId], takable: Collection[NodeId], me: NodeId) -> Shortage | None:
-    """Why fewer are placed than there are shadows; None if they are not. `takable`: who could be if nobody was forbidden."""
-    possible = 1 + min(len(allowed), len(layout))
+def shortage_of(
+    layout: Layout, needed: int, allowed: Collection[NodeId], takable: Collection[NodeId], me: NodeId, waiting: int = 0, most: int = 1
+) -> Shortage | None:
+    """Why fewer are placed than there are shadows; None if they are not. `takable`: who could be if nobody was forbidden.
+
+    `waiting`: how many of those who are allowed have no arc. They are placed only as far as a write may ask for `most`.
+    """
+    possible = 1 + min(len(layout), max(len(allowed) - waiting, min(most - 1, len(allowed))))
     if possible > len(layout):
         return None
     return Shortage(layout, needed, possible, me if len(takable) > len(allowed) else None)

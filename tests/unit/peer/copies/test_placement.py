@@ -31,8 +31,10 @@ def distance(found: Arc, number: int) -> int:
     return min((found.first.number - number) % LINE_LENGTH, (number - found.last.number) % LINE_LENGTH)
 
 
-def by_the_book(claims: Claims, owner: NodeId, forbidden: set[NodeId], layout: Layout, location: Location) -> tuple[NodeId, ...]:
-    """Algorithm 7, word by word."""
+def by_the_book(
+    claims: Claims, owner: NodeId, forbidden: set[NodeId], layout: Layout, location: Location, least: int
+) -> tuple[NodeId, ...]:
+    """Algorithm 7, word by word; and who has no arc, where that does not give enough."""
     holders: list[NodeId] = []
     for offset in layout:
         copy = (location.number + offset.number) % LINE_LENGTH
@@ -42,6 +44,9 @@ def by_the_book(claims: Claims, owner: NodeId, forbidden: set[NodeId], layout: L
             if found is not None and node != owner and node not in forbidden and node not in holders
         ]
         holders += [min(rest)[1]] if rest else []
+    for node in sorted(node for node, found in claims if found is None and node != owner and node not in forbidden):
+        if len(holders) < min(least, len(layout)):
+            holders.append(node)
     return tuple(holders)
 
 
@@ -78,13 +83,14 @@ layouts = st.lists(numbers.filter(bool), max_size=4, unique=True).map(lambda fou
     piece=arcs,
     forbidden=st.sets(st.integers(1, 12).map(NodeId), max_size=4),
     owner=st.integers(1, 11),
+    least=st.integers(0, 4),
     data=st.data(),
 )
 def test_segments_are_those_of_the_algorithm(
-    claims: Claims, layout: Layout, piece: Arc, forbidden: set[NodeId], owner: int, data: st.DataObject
+    claims: Claims, layout: Layout, piece: Arc, forbidden: set[NodeId], owner: int, least: int, data: st.DataObject
 ) -> None:
     me, line = NodeId(owner), Line(claims)
-    found = segments(line, me, forbidden, layout, piece)
+    found = segments(line, me, forbidden, layout, piece, least)
     assert found[0][0].first == piece.first
     assert found[-1][0].last == piece.last
     for (left, before), (right, after) in pairwise(found):
@@ -94,8 +100,8 @@ def test_segments_are_those_of_the_algorithm(
     asked |= {data.draw(st.integers(cut.first.number, cut.last.number)) for cut, _ in found}
     asked |= {number for number in data.draw(st.lists(numbers, max_size=3)) if place(number) in piece}
     for number in asked:
-        expected = by_the_book(claims, me, forbidden, layout, place(number))
-        assert holders_at(line, me, forbidden, layout, place(number)) == expected
+        expected = by_the_book(claims, me, forbidden, layout, place(number), least)
+        assert holders_at(line, me, forbidden, layout, place(number), least) == expected
         assert [holders for cut, holders in found if place(number) in cut] == [expected]
 
 
@@ -118,6 +124,20 @@ def test_the_next_closest_is_taken_for_a_forbidden_or_taken_one() -> None:
     layout = Location.from_number(150), Location.from_number(250)
     assert holders_at(Line(claims), NodeId(1), (), layout, FIRST) == (NodeId(2), NodeId(4))
     assert holders_at(Line(claims), NodeId(1), {NodeId(4)}, layout, FIRST) == (NodeId(2), NodeId(3))
+
+
+def test_who_has_no_arc_is_taken_only_where_a_write_could_not_count_otherwise() -> None:
+    """Else, after losses, nothing would settle, and so nobody would ever be given an arc."""
+    claims: Claims = [(NodeId(1), arc(0, 99)), (NodeId(5), arc(100, LAST.number)), *((NodeId(node), None) for node in (4, 2, 3))]
+    line = Line(claims)
+    assert [holders_at(line, NodeId(1), (), THIRDS, FIRST, least) for least in (0, 1)] == [(NodeId(5),)] * 2
+    assert holders_at(line, NodeId(1), (), THIRDS, FIRST, 2) == (NodeId(5), NodeId(2))
+    assert holders_at(line, NodeId(1), {NodeId(2), NodeId(5)}, THIRDS, FIRST, 2) == (NodeId(3), NodeId(4))
+    assert segments(line, NodeId(1), {NodeId(3)}, THIRDS, claims[0][1] or WHOLE_LINE, 7) == [(arc(0, 99), (NodeId(5), NodeId(2)))]
+
+
+def test_who_claims_two_pieces_has_an_arc() -> None:
+    assert Line([(NodeId(1), None), (NodeId(2), None), (NodeId(2), arc(0, 9)), (NodeId(2), arc(20, 29))]).waiting == (NodeId(1),)
 
 
 def test_of_two_as_near_the_lower_id_is_taken() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 import trio
@@ -11,11 +12,14 @@ from scenefold.base.errors import Refused
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.segment import GONE
+from scenefold.peer.line.ends import Side
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import members_of, untold
 from scenefold.peer.timing import T_WAIT_S
+from scenefold.store import Outcome, Put, PutResult
 from scenefold.world.sim import run_simulated
-from unit.peer.replication.terrace import SCENE, SPACE, THIRDS, THRICE, Home, Terrace
+from unit.peer.line.street import places
+from unit.peer.replication.terrace import HEADER, SCENE, SPACE, THIRDS, THRICE, Home, Terrace, record_at
 
 
 async def until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
@@ -125,3 +129,32 @@ def test_a_blacklist_that_forbids_too_many_is_said() -> None:
             nursery.cancel_scope.cancel()
 
     run_simulated(3, main, virtual_s_max=200.0, wall_s_max=120.0)
+
+
+def test_who_waits_for_an_arc_holds_copies_where_writes_need_it_and_so_gets_one() -> None:
+    """Else nothing would settle, what has not settled is not given away, and nobody would ever get an arc."""
+
+    async def main() -> None:
+        terrace = Terrace(2, newcomers=1, join_before=1)
+        owner, other, newcomer = terrace.homes
+        for home in terrace.homes:
+            home.scenes = {HEADER.scene: replace(SCENE, needed=dict.fromkeys(SCENE.needed, 3))}
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await until(lambda: is_told(owner) and is_told(other))
+            arc = owner.living.arc
+            assert arc is not None and newcomer.living.arc is None
+            segment = owner.copies.configurations.at(THIRDS, arc.first)
+            assert segment is not None and set(segment.holders(owner.member)) == {other.member, newcomer.member}
+            spots = places(arc, 4)
+            results = await owner.replication.spreading.put([Put(record_at(place)) for place in spots], owner.scenes)
+            assert [isinstance(result, PutResult) and result.outcome for result in results] == [Outcome.STORED] * 4
+            assert newcomer.places() == {*spots}
+            piece = replace(arc, first=spots[2])
+            await until(lambda: not owner.living.parts.settling.settles_in_s(piece))
+            await owner.living.give(Side.RIGHT, piece, why="it owns nothing yet")
+            await until(lambda: all(map(is_told, terrace.homes)))
+            assert newcomer.living.arc == piece
+            nursery.cancel_scope.cancel()
+
+    run_simulated(4, main, virtual_s_max=200.0, wall_s_max=120.0)

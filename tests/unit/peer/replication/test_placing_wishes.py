@@ -13,7 +13,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import LINE_LENGTH, Arc, Location, arcs_between, even_right_bounds
 from scenefold.base.placement import Layout, Line
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.replication.placing_wishes import STEADY_S, Piece, Wish, lasting, needed_of, pieces_of, ripe, shortage_of
+from scenefold.peer.replication.placing_wishes import STEADY_S, Piece, Wish, lasting, most_needed, needed_of, pieces_of, ripe, shortage_of
 from scenefold.wire import Member
 from unit.peer.replication.terrace import SCENE, THIRDS
 
@@ -93,6 +93,8 @@ def test_layouts_are_those_of_all_scenes_and_the_lowest_number_counts() -> None:
     strict = replace(SCENE, needed=dict.fromkeys(SCENE.needed, 3))
     assert needed_of([strict], 5) == {THIRDS: 3}
     assert needed_of([strict, SCENE], 5) == {THIRDS: 2}
+    assert most_needed([strict, SCENE], 5) == {THIRDS: 3}
+    assert most_needed([strict, SCENE], 2) == {THIRDS: 2}
 
 
 def test_who_may_not_be_taken_is_not() -> None:
@@ -117,3 +119,17 @@ def test_a_shortage_says_why() -> None:
     short = shortage_of(LAYOUT, 2, [], [], P.node)
     assert short is not None
     assert (short.possible, short.whose, short.forbids_writes) == (1, None, True)
+
+
+def test_who_has_no_arc_is_placed_as_far_as_writes_need_it() -> None:
+    nodes = [P.node, A.node, B.node, C.node]
+    tiles = arcs_between(even_right_bounds(2))
+    line = Line([(P.node, tiles[0]), (A.node, tiles[1]), (B.node, None), (C.node, None)])
+    allowed = {member.node: member for member in (A, B, C)}
+    assert pieces_of(line, P.node, LAYOUT, [tiles[0]], allowed, nodes, 2) == [(tiles[0], (A,))]
+    assert pieces_of(line, P.node, LAYOUT, [tiles[0]], allowed, nodes, 3) == [(tiles[0], (A, B))]
+    for most, possible in ((1, 2), (2, 2)):
+        short = shortage_of(LAYOUT, most, allowed.keys(), allowed.keys(), P.node, 2, most)
+        assert short is not None
+        assert (short.possible, short.whose, short.forbids_writes) == (possible, None, False)
+    assert shortage_of(LAYOUT, 3, allowed.keys(), allowed.keys(), P.node, 2, 3) is None
