@@ -20,12 +20,12 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.copies import check_no_shadow
 from scenefold.client.copy_reads import CopyReads
-from scenefold.client.delivery import fetch
+from scenefold.client.fetching import fetch
 from scenefold.client.known_log import LOOK_S
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
-from scenefold.client.sealing import Opened, SceneIdentity, deleted_all, key_withheld, open_all
+from scenefold.client.sealing import Opened, SceneIdentity, are_sound, deleted_all, key_withheld, open_all
 from scenefold.client.setbacks import Setbacks
 from scenefold.client.split import frames
 from scenefold.client.tombstones import Lengths, tombstone
@@ -227,12 +227,15 @@ class SceneAccess:
         return opened
 
     async def fetch(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[RecordBytes | None]:
-        """The records as they lie there, unverified; see `delivery.fetch`."""
+        """The records as they lie there, unverified; see `fetching.fetch`."""
         for space in {key[0] for key in keys}:
             check_no_shadow(self.identity.layouts, space, "read")
         identity = self.identity
-        copies = CopyReads(self.calls, identity.scene, identity.layouts)
+        copies = CopyReads(self.calls, identity.scene, identity.layouts, self._are_sound)
         return await fetch(self.calls, identity.scene, identity.position, keys, stale_ok=stale_ok, copies=copies)
+
+    async def _are_sound(self, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool]:
+        return await self.in_crypto_lane(are_sound, self.identity, keys, records)
 
     async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
         """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""

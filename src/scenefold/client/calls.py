@@ -33,7 +33,7 @@ from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.key_use import KeyUse
 from scenefold.client.patience import Patience
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.client.tail import Tail
+from scenefold.client.tail import Tails
 from scenefold.client.trying import patiently, pause
 from scenefold.wire import Packet, RequestTable, RespondTable, Status
 from scenefold.world import Links, Priority, World
@@ -85,7 +85,7 @@ class Calls:
         self._node_slots: dict[str, trio.CapacityLimiter] = {}
         self._silent: dict[str, None] = {}
         """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
-        self.tail = Tail(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
+        self.tails = Tails(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
         """How long owners take to answer reads."""
         self.check_own: Callable[[], None] = lambda: None
         """Raises what forbids this client to ask anything, such as that its own key was revoked."""

@@ -44,13 +44,13 @@ class CopyWords:
         self._said: dict[tuple[Configuration, bytes], set[NodeId]] = {}
         self._records: dict[bytes, RecordBytes] = {}
 
-    def hear(self, node: NodeId, configuration: Configuration, copy: Copy) -> None:
-        """A node says something. What it has no part in does not count."""
+    def hear(self, node: NodeId, configuration: Configuration, copy: Copy, *, is_forged: bool = False) -> None:
+        """A node says something. What it has no part in does not count. `is_forged`: of what it gives only the version counts."""
         owner, *holders = configuration.members
         word = word_of(copy)
         if word is None or owner.node not in self._owners or node not in {member.node for member in holders}:
             return
-        if copy.record is not None:
+        if copy.record is not None and not is_forged:
             self._records[word] = copy.record
         self._said.setdefault((configuration, word), set()).add(node)
 

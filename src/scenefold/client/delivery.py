@@ -1,4 +1,4 @@
-"""Many records to and from many nodes at once: split by owner, in frames, in parallel, until each has its answer.
+"""Many records to many nodes at once: split by owner, in frames, in parallel, until each has its answer.
 
 Records whose owner is away, busy or another than we thought go into the next round, with a newer table (seeking.py).
 """
@@ -10,20 +10,16 @@ from functools import partial
 from typing import NamedTuple
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_REQUEST_S, CLIENT_STATUS_S
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.copy_reads import CopyReads
 from scenefold.client.doubt import Doubt
 from scenefold.client.patience import Patience, as_told, heaviest, is_passing
 from scenefold.client.seeking import Search
 from scenefold.client.split import frames
 from scenefold.client.together import together
-from scenefold.client.verifying import Key
-from scenefold.crypto import wanted_place
-from scenefold.wire import DAMAGED_RECORD, GetMany, GetManyReply, PutItem, PutMany, PutManyReply, RecordBytes, RecordKey
+from scenefold.wire import PutItem, PutMany, PutManyReply
 
 STORED = 0
 
@@ -75,66 +71,11 @@ async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequenc
     def pending() -> list[int]:
         return [index for index in items if index not in outcomes]
 
-    await _rounds(calls, search, pending, parts, send)
+    await rounds(calls, search, pending, parts, send)
     return outcomes
 
 
-async def fetch(
-    calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool, copies: CopyReads | None = None
-) -> list[RecordBytes | None]:
-    """The records at the keys, unverified, in order; None where the owner says that nothing is there.
-
-    DAMAGED_RECORD where it has one that has rotted. `copies`: who else may be asked, where the owner is slow, or away, or has one that has.
-
-    `stale_ok`: take an answer of a node that may have been replaced without knowing, too.
-    """
-    missing = object()
-    found: list[RecordBytes | object | None] = [missing] * len(keys)
-    locations = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
-    search = Search(calls, locations)
-
-    def is_contested(index: int) -> bool:
-        return len(calls.to_ask(locations[index])) > 1
-
-    async def ask_owner(node: NodeId, frame: list[int]) -> None:
-        address = calls.address_of(node)
-        # One that hangs must not hold up what another one that may have the place can answer.
-        timeout_s = CLIENT_STATUS_S if is_contested(frame[0]) else CLIENT_REQUEST_S
-        while frame:
-            packet = GetMany(scene, position, tuple(RecordKey(*keys[index]) for index in frame))
-            async with calls.turn(address):
-                reply = await calls.ask(address, packet, GetManyReply, timeout_s=timeout_s)
-            if not 1 <= len(reply.records) <= len(frame):
-                raise PeerFault(f"{len(reply.records)} records for {len(frame)} keys", where=address)
-            if reply.stale and not stale_ok:
-                raise stale_answer(address)
-            for index, record in zip(frame, reply.records, strict=False):
-                found[index] = record
-            frame = frame[len(reply.records) :]
-
-    def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
-        ones = [1] * len(keys)
-        # Apart, so that the little time for a contested place is not all that the others have.
-        halves = [[index for index in pending if is_contested(index) == contested] for contested in (False, True)]
-        routed = [part for half in halves for part in search.routed(half).items()]
-        return [(node, frame) for node, indices in routed for frame in frames(indices, ones, CLIENT_GET_KEYS)]
-
-    def pending() -> list[int]:
-        return [index for index, record in enumerate(found) if record is missing]
-
-    def take(index: int, record: RecordBytes | None) -> None:
-        if found[index] in (missing, DAMAGED_RECORD):
-            found[index] = record
-
-    ask = ask_owner if copies is None else partial(copies.beside, ask_owner, keys, locations, position, take)
-    await _rounds(calls, search, pending, parts, ask)
-    if copies is not None and DAMAGED_RECORD in found:
-        damaged = [index for index, record in enumerate(found) if record == DAMAGED_RECORD]
-        await copies.instead(keys, locations, position, take, damaged)
-    return found  # type: ignore[return-value]
-
-
-async def _rounds(
+async def rounds(
     calls: Calls,
     search: Search,
     pending: Callable[[], list[int]],
@@ -183,12 +124,6 @@ async def _rounds(
             raise as_told(silence or (heaviest(errors) if errors else search.excuse(left)))
         await calls.pause(patience)
         await calls.refresh()
-
-
-def stale_answer(address: str) -> Refused:
-    """The error for an answer that an owner without a lease gave."""
-    remedy = "try again in a while; if it lasts, the cluster's voter cannot be reached"
-    return Refused(RejectReason.NOT_READY, "the answer may be stale: the node holds no lease just now", where=address, remedy=remedy)
 
 
 def _no_lease(address: str) -> Refused:

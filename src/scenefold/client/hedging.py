@@ -15,7 +15,7 @@ from typing import TypeVar
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, TurnedAway, Unreachable
-from scenefold.world import background_tasks
+from scenefold.world import background_tasks, first_of
 
 T = TypeVar("T")
 
@@ -111,3 +111,45 @@ async def some_answers(
 def more_telling(first: Unreachable, second: Unreachable) -> Unreachable:
     """Of two that cannot be reached the one whose reason says more; the second if neither does."""
     return first if isinstance(first, TurnedAway) and not isinstance(second, TurnedAway) else second
+
+
+async def helped(
+    first: Callable[[], Awaitable[object]], others: Callable[[], Awaitable[object]], *, after_s: float, others_know: Callable[[], bool]
+) -> bool:
+    """Ask one, and if it fails, or says nothing for so long, others as well. Returns whether the first one had answered, once it has or `others_know`.
+
+    Unreachable, Refused or PeerFault of the first one if the others have ended, and do not know either.
+    """
+    problem: Unreachable | Refused | PeerFault | None = None
+    first_ended, others_ended = trio.Event(), trio.Event()
+
+    async def ask_first() -> None:
+        nonlocal problem
+        try:
+            await first()
+        except (Unreachable, Refused, PeerFault) as error:
+            problem = error
+        first_ended.set()
+
+    async def ask_others() -> None:
+        await others()
+        others_ended.set()
+
+    def is_over() -> bool:
+        return (first_ended.is_set() and problem is None) or (others_ended.is_set() and others_know())
+
+    async with background_tasks() as nursery:
+        nursery.start_soon(ask_first)
+        with trio.move_on_after(after_s):
+            await first_ended.wait()
+        if not is_over():
+            nursery.start_soon(ask_others)
+            await first_of(first_ended.wait, others_ended.wait)
+        if not is_over():
+            await first_ended.wait()
+        if not is_over():
+            await others_ended.wait()
+    if not is_over():
+        assert problem is not None
+        raise problem
+    return first_ended.is_set() and problem is None

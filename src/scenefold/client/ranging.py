@@ -17,7 +17,7 @@ from scenefold.base.limits import CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
-from scenefold.client.delivery import stale_answer
+from scenefold.client.fetching import stale_answer
 from scenefold.client.patience import heaviest, is_passing
 from scenefold.client.table import Owner
 from scenefold.wire import QueryRange, RejectRange, ReturnRange

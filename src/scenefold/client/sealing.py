@@ -67,7 +67,7 @@ class SceneIdentity:
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
-            layouts=Layouts.of(header.spaces),
+            layouts=Layouts.of(header.spaces, header.scene),
         )
 
     def may_write(self, key: KeyId) -> bool:
@@ -158,6 +158,21 @@ def open_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[Rec
         None if record is None else _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)
         for key, record in zip(keys, records, strict=True)
     ]
+
+
+def are_sound(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool]:
+    """Whether each is what a writer put there. Of what may be newer than what is known nobody says that it is not."""
+    return [_is_sound(identity, key, record) for key, record in zip(keys, records, strict=True)]
+
+
+def _is_sound(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:
+    try:
+        verified(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)
+    except NewerThanKnown:
+        return True
+    except DamagedData:
+        return False
+    return True
 
 
 def deleted_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[bool]:

@@ -1,33 +1,72 @@
 """How long answers take that take long: nineteen of twenty came sooner (specs/20-copies.md, Reads). Pure.
 
-Whoever asks somebody else as soon as one is slower than that doubles one request in twenty, and no longer waits for a slow disk.
+Whoever asks somebody else as soon as one is slower than that doubles one request in twenty, and no longer waits for a slow disk. It is
+what is usual among nodes that counts: were all answers counted together, one node in five that is always slow would say what slow is.
 """
 
 from __future__ import annotations
 
-from collections import deque
+import math
+from collections import defaultdict, deque
 
-KEPT = 128
-LEAST = 16
-"""Before so many answers nothing is known of them."""
+from scenefold.base.ids import NodeId
+
+KEPT = 64
+LEAST = 8
+"""Before so many answers nothing is known of a node."""
+BEHIND = 3
+"""So often in a row holders of copies were sooner than an owner that was worth waiting for."""
+CLASSES = (4, 16, math.inf)
+"""Questions are alike that ask for up to so many records."""
 
 
 class Tail:
-    """Of the latest answers. Until there are enough of them it is `unknown_s`; never below `least_s`, nor above `most_s`."""
+    """Of the latest answers of one node to questions that are alike."""
 
-    def __init__(self, *, unknown_s: float, least_s: float, most_s: float) -> None:
-        self._unknown_s, self._least_s, self._most_s = unknown_s, least_s, most_s
+    def __init__(self) -> None:
         self._seconds: deque[float] = deque(maxlen=KEPT)
-        self._limit_s = unknown_s
+        self.slow_s: float | None = None
+        """Nineteen of twenty were sooner; None as long as too few are known."""
 
     def note(self, seconds: float) -> None:
         """An answer took so long."""
         self._seconds.append(seconds)
         if len(self._seconds) >= LEAST:
-            slow = sorted(self._seconds)[len(self._seconds) * 19 // 20]
-            self._limit_s = min(max(slow, self._least_s), self._most_s)
+            self.slow_s = sorted(self._seconds)[len(self._seconds) * 19 // 20]
 
-    @property
-    def limit_s(self) -> float:
-        """After so long it is worth asking somebody else as well."""
-        return self._limit_s
+
+class Tails:
+    """Of all nodes. What is not known yet is `unknown_s`; no limit is below `least_s`, nor above `most_s`."""
+
+    def __init__(self, *, unknown_s: float, least_s: float, most_s: float) -> None:
+        self._unknown_s, self._least_s, self._most_s = unknown_s, least_s, most_s
+        self._tails: list[dict[NodeId, Tail]] = [defaultdict(Tail) for _ in CLASSES]
+        self._late: dict[NodeId, int] = {}
+
+    def note(self, node: NodeId, records: int, seconds: float) -> None:
+        """A node took so long to answer for so many records, and nobody was sooner."""
+        self._tails[_class_of(records)][node].note(seconds)
+        self._late.pop(node, None)
+
+    def was_late(self, node: NodeId) -> None:
+        """Others had been asked beside it, and knew sooner."""
+        self._late[node] = self._late.get(node, 0) + 1
+
+    def is_behind(self, node: NodeId) -> bool:
+        """Whether a node is slow all the time: it is not worth waiting for before others are asked as well."""
+        return self._late.get(node, 0) >= BEHIND
+
+    def limit_s(self, records: int) -> float:
+        """After so long it is worth asking somebody else for so many records as well: what is slow for the faster half of the nodes.
+
+        Where that is not known of so few, what is known of more.
+        """
+        for tails in self._tails[_class_of(records) :]:
+            known = sorted(tail.slow_s for tail in tails.values() if tail.slow_s is not None)
+            if known:
+                return min(max(known[(len(known) - 1) // 2], self._least_s), self._most_s)
+        return self._unknown_s
+
+
+def _class_of(records: int) -> int:
+    return next(number for number, most in enumerate(CLASSES) if records <= most)

@@ -114,6 +114,8 @@ class FakeNodes:
     away: set[str] = field(default_factory=set)
     hung: set[str] = field(default_factory=set)
     """They take requests and never answer."""
+    slow: dict[str, float] = field(default_factory=dict)
+    """Seconds that each answer of a node takes."""
     busy: Counter[str] = field(default_factory=Counter)
     """How many requests of each node are still answered with busy."""
     lost_replies: int = 0
@@ -171,6 +173,8 @@ class FakeNodes:
             raise Unreachable("it does not answer", where=address)
         if address in self.away:
             raise Unreachable("nobody there", where=address)
+        if address in self.slow:
+            await trio.sleep(self.slow[address])
         if self.busy[address]:
             self.busy[address] -= 1
             raise Refused(RejectReason.BUSY, "later", where=address)

@@ -9,8 +9,8 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, Refused, Unreachable
-from scenefold.base.ids import NodeId, node_id_of
-from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_REQUEST_S
+from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
@@ -197,3 +197,26 @@ async def test_any_copy_goes_on_to_the_next_where_one_is_forged_or_rotten(autoju
     nodes.away.add(others[1])
     with pytest.raises((DamagedData, Refused, Unreachable)):
         await scene.space(FILES).get(PLACES[3], any_copy=True)
+
+
+async def test_an_owner_that_is_always_slow_is_not_what_is_usual_and_soon_not_waited_for(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes(slow={"127.0.0.2": 0.002, "127.0.0.3": 0.3, "127.0.0.4": 0.002})
+    scene = await kept_scene(nodes)
+    space = scene.space(FILES)
+    waits: list[float] = []
+    for place in PLACES * 6:
+        began = trio.current_time()
+        assert await space.get(place) == ITEMS[PLACES.index(place)][1]
+        waits.append(trio.current_time() - began)
+    assert max(waits[-len(PLACES) :]) < 3 * CLIENT_HEDGE_S_MIN
+
+
+async def test_what_one_holder_forges_comes_from_the_other(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner = nodes.addresses[1]
+    for place in owned_by(nodes, owner):
+        holder = address_of(scene.access.calls.table.holders_of(LAYOUTS.offsets[FILES], place)[0])
+        nodes.kept[holder][place] = replace(nodes.kept[holder][place], ciphertext=bytes(64))
+    nodes.away.add(owner)
+    assert await scene.space(FILES).get_many(PLACES) == [payload for _, payload in ITEMS]

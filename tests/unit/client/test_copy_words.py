@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from scenefold.base.ids import NodeId
 from scenefold.client.copy_words import CopyWords, enough, word_of
-from scenefold.client.tail import KEPT, LEAST, Tail
 from scenefold.crypto import version_of
 from scenefold.wire import Configuration, Copy, CopyState, Member, RecordBytes
 
@@ -49,6 +48,15 @@ def test_also_that_nothing_is_there() -> None:
     found = words((ADA, THREE, NOTHING), (BOB, THREE, NOTHING))
     assert found.is_here()
     assert found.record is None
+
+
+def test_of_what_is_forged_the_version_counts_and_the_bytes_come_from_another() -> None:
+    found = CopyWords(2, OWNERS)
+    found.hear(ADA.node, THREE, record(replace(NEW, ciphertext=b"forged")), is_forged=True)
+    found.hear(BOB.node, THREE, digest(NEW))
+    assert found.version == version_of(NEW.header) and not found.is_here()
+    found.hear(BOB.node, THREE, record(NEW))
+    assert found.record == NEW
 
 
 def test_what_counts_but_is_not_here_yet_is_known_to_be_missing() -> None:
@@ -126,22 +134,3 @@ def test_never_older_than_what_was_acknowledged(copies: int, needed: int, data: 
 def test_what_cannot_be_said_is_no_word() -> None:
     assert word_of(DAMAGED) is None
     assert word_of(Copy(CopyState.NO_CUSTODY, 0, b"", None)) is None
-
-
-def test_the_tail_is_where_one_answer_in_twenty_begins() -> None:
-    tail = Tail(unknown_s=0.5, least_s=0.01, most_s=2.0)
-    for _ in range(LEAST - 1):
-        tail.note(0.1)
-    assert tail.limit_s == 0.5, "too few are known"
-    for number in range(KEPT):
-        tail.note(0.1 if number % 10 else 0.3)
-    assert tail.limit_s == 0.3
-    for number in range(KEPT):
-        tail.note(0.1 if number % 40 else 0.3)
-    assert tail.limit_s == 0.1
-    for _ in range(KEPT):
-        tail.note(0.001)
-    assert tail.limit_s == 0.01
-    for _ in range(KEPT):
-        tail.note(9.0)
-    assert tail.limit_s == 2.0

@@ -1,0 +1,103 @@
+"""Holders of copies are asked in an owner's stead, and what enough of them say counts (specs/20-copies.md, Reads)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.base.limits import CLIENT_STATUS_S
+from scenefold.client.copy_words import CopyWords, enough
+from scenefold.wire import CopiesFound, Copy, CopyState, GetCopies, RecordKey
+
+if TYPE_CHECKING:
+    from scenefold.client.copy_reads import CopyReads, Wanted
+
+Groups = dict[tuple[NodeId, ...], list[int]]
+"""By who holds copies: which of the keys that are asked for."""
+
+
+class AskedHolders:
+    """What they say of records of one call."""
+
+    def __init__(self, reads: CopyReads, wanted: Wanted) -> None:
+        self._reads = reads
+        self._wanted = wanted
+        self._words: dict[int, CopyWords] = {}
+
+    def have(self, indices: Sequence[int]) -> bool:
+        """Whether it is known of all of these what counts, and it is here."""
+        return all(index in self._words and self._words[index].is_here() for index in indices)
+
+    def version(self, index: int) -> bytes | None:
+        """The version that counts; None as long as none does."""
+        return self._words[index].version if index in self._words else None
+
+    async def ask(self, groups: Groups, *, versions_only: bool = False) -> None:
+        """Hear all of them, and take what counts. `versions_only`: what lies there is of no interest, but which version."""
+        async with trio.open_nursery() as nursery:
+            for nodes, indices in groups.items():
+                nursery.start_soon(partial(self._ask_group, nodes, indices, versions_only=versions_only))
+
+    async def _ask_group(self, nodes: tuple[NodeId, ...], indices: list[int], *, versions_only: bool) -> None:
+        """Ask all holders of some records at once: the best of them for the records, the others which versions they have."""
+        calls, layouts = self._reads.calls, self._reads.layouts
+        for index in indices:
+            space = self._wanted.keys[index][0]
+            least = enough(1 + len(layouts.offsets[space]), layouts.needed[space])
+            owners = frozenset(owner.node_id for owner in calls.table.candidates(self._wanted.homes[index]))
+            self._words[index] = CopyWords(least, owners)
+        ordered = sorted(nodes, key=lambda node: (calls.is_silent(node), calls.tails.is_behind(node)))
+        async with trio.open_nursery() as nursery:
+
+            async def ask(node: NodeId, *, digests_only: bool) -> None:
+                await self._ask(node, indices, digests_only=digests_only)
+                if self.have(indices):
+                    # Whoever has not answered yet changes nothing any more.
+                    nursery.cancel_scope.cancel()
+
+            for place, node in enumerate(ordered):
+                nursery.start_soon(partial(ask, node, digests_only=versions_only or place > 0))
+        if versions_only:
+            return
+        # Of some the first had nothing to say, or something else than the others.
+        for node in ordered[1:]:
+            lacking = [index for index in indices if self.version(index) is not None and not self._words[index].is_here()]
+            if lacking:
+                await self._ask(node, lacking, digests_only=False)
+        for index in indices:
+            if self._words[index].is_here():
+                self._wanted.take(index, self._words[index].record)
+
+    async def _ask(self, node: NodeId, indices: Sequence[int], *, digests_only: bool) -> None:
+        """Hear what one holder says of these. Its silence is nobody's trouble."""
+        calls, left = self._reads.calls, list(indices)
+        address = calls.address_of(node)
+        while left:
+            keys = tuple(RecordKey(*self._wanted.keys[index]) for index in left)
+            packet = GetCopies(self._reads.scene, self._wanted.position, keys, digests_only, False)
+            try:
+                async with calls.turn(address):
+                    reply = await calls.ask(address, packet, CopiesFound, timeout_s=CLIENT_STATUS_S)
+            except (Unreachable, Refused, PeerFault):
+                return
+            if not 1 <= len(reply.copies) <= len(left):
+                return
+            told = list(zip(left, reply.copies, strict=False))
+            forged = await self._forged(told)
+            for index, copy in told:
+                if copy.state is not CopyState.NO_CUSTODY:
+                    self._words[index].hear(node, reply.holders[copy.holders], copy, is_forged=index in forged)
+            left = left[len(reply.copies) :]
+
+    async def _forged(self, told: Sequence[tuple[int, Copy]]) -> set[int]:
+        """Those of the records that nobody put there: what their headers name others may have."""
+        records = [(index, copy.record) for index, copy in told if copy.record is not None]
+        if self._reads.judge is None or not records:
+            return set()
+        verdicts = await self._reads.judge([self._wanted.keys[index] for index, _ in records], [record for _, record in records])
+        return {index for (index, _), is_sound in zip(records, verdicts, strict=True) if not is_sound}
