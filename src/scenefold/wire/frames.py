@@ -3,8 +3,8 @@
     | length: 4 bytes | packet: length bytes | length: 4 bytes | ...
 
 Sans I/O: bytes in, packets' bytes out. The limit is judged as soon as the length has arrived, before anything is
-set aside for it. What is incomplete is kept in one growing buffer, so that a sender of single bytes costs no more
-memory than the frame, and a frame of 8 MiB two copies however small the pieces were that it came in.
+set aside for it. What has come of a frame is kept in pieces, as it came, and joined once, when the last of it is there; pieces that
+are small are gathered, so that a sender of single bytes costs no more memory than the frame: two copies of 8 MiB at most.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from scenefold.base.limits import FRAME_BYTES_MAX
 from scenefold.wire.errors import MalformedPacket
 
 _LENGTH = struct.Struct(">I")
+_PIECE_BYTES_MIN = 4096
+"""A smaller piece is not kept by itself."""
 
 
 def frame(payload: bytes) -> bytes:
@@ -30,14 +32,18 @@ class FrameReader:
 
     def __init__(self, frame_bytes_max: int = FRAME_BYTES_MAX) -> None:
         self._frame_bytes_max = frame_bytes_max
-        self._held = bytearray()
         # The length of the frame that is being read; 0 while the length itself is awaited.
         self._length = 0
+        self._head = b""
+        """What has come of an incomplete length."""
+        self._pieces: list[bytes | bytearray] = []
+        self._missing = 0
+        """Of the frame that is being read."""
 
     @property
     def at_boundary(self) -> bool:
         """Whether the stream may end here; if not, a frame was truncated."""
-        return not self._held and not self._length
+        return not self._head and not self._length
 
     @property
     def awaited_bytes(self) -> int:
@@ -46,25 +52,38 @@ class FrameReader:
 
     def feed(self, data: bytes) -> list[bytes]:
         """Takes what arrived, gives the frames that it completes; MalformedPacket for a length out of bounds."""
-        held = self._held
-        held += data
+        data = self._head + data if self._head else bytes(data)
+        self._head = b""
         frames: list[bytes] = []
         at = 0
-        with memoryview(held) as view:
-            while True:
-                if not self._length:
-                    if len(held) - at < _LENGTH.size:
-                        break
-                    self._length = self._checked(_LENGTH.unpack_from(view, at)[0])
-                    at += _LENGTH.size
-                if len(held) - at < self._length:
-                    break
-                frames.append(bytes(view[at : at + self._length]))
-                at += self._length
-                self._length = 0
-        # Once per call, not once per frame: cutting the front off may move the rest.
-        del held[:at]
-        return frames
+        while True:
+            if not self._length:
+                if len(data) - at < _LENGTH.size:
+                    self._head = data[at:]
+                    return frames
+                self._length = self._missing = self._checked(_LENGTH.unpack_from(data, at)[0])
+                at += _LENGTH.size
+            if len(data) - at < self._missing:
+                self._keep(data[at:])
+                return frames
+            end = at + self._missing
+            frames.append(self._joined(data[at:end]))
+            at, self._length = end, 0
+
+    def _keep(self, piece: bytes) -> None:
+        self._missing -= len(piece)
+        if len(piece) >= _PIECE_BYTES_MIN:
+            self._pieces.append(piece)
+        elif self._pieces and isinstance(self._pieces[-1], bytearray):
+            self._pieces[-1] += piece
+        elif piece:
+            self._pieces.append(bytearray(piece))
+
+    def _joined(self, last: bytes) -> bytes:
+        if not self._pieces:
+            return last
+        pieces, self._pieces = self._pieces, []
+        return b"".join((*pieces, last))
 
     def _checked(self, length: int) -> int:
         if not 0 < length <= self._frame_bytes_max:
