@@ -18,7 +18,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.store.changes import MayUseReserve, storage_full
-from scenefold.store.layout import HOLDING, IDENTITY
+from scenefold.store.layout import FORMER_LIFE, HOLDING, IDENTITY, NOTES
 from scenefold.store.sealing import damaged
 from scenefold.store.tally import Tally
 from scenefold.world.ports import ReadTransaction, WriteTransaction
@@ -102,7 +102,10 @@ class PutHolding(MayUseReserve):
 
 @dataclass(frozen=True, slots=True)
 class RenewIdentity(MayUseReserve):
-    """A new incarnation, which owns nothing. Records stay, and are strays from now on; so does the boot counter."""
+    """A new incarnation, which owns nothing. Records stay, and are strays from now on; so does the boot counter.
+
+    That they are of a former life is noted, until it is known which of them nobody may bring home by himself (suspects.py).
+    """
 
     incarnation: bytes
 
@@ -112,6 +115,7 @@ class RenewIdentity(MayUseReserve):
 
     def apply(self, transaction: WriteTransaction, _tally: Tally, /) -> None:
         transaction.put(IDENTITY, b"incarnation", self.incarnation)
+        transaction.put(NOTES, FORMER_LIFE, b"")
         transaction.delete(HOLDING, ARC_KEY)
         transaction.delete(HOLDING, NOTE_KEY)
         transaction.delete(HOLDING, COPIES_KEY)

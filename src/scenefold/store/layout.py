@@ -10,6 +10,7 @@
     digests     scene(4) | space(2) | level(1) | bound(20)         ->  what lies up to the bound (digest_tree.py)
     debts       as of records                                      ->  version(32) | node(4), for each that is still to get it
     debtors     node(4)                                            ->  records(8) that it is still to get
+    suspects    as of records                                      ->  a packed record that a former life has left (suspects.py)
 
 A packed record:
 
@@ -45,8 +46,11 @@ IDENTITY = "identity"
 DIGESTS = "digests"
 DEBTS = "debts"
 DEBTORS = "debtors"
-TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS, DEBTS, DEBTORS)
+SUSPECTS = "suspects"
+TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS, DEBTS, DEBTORS, SUSPECTS)
 
+FORMER_LIFE = b"former-life"
+"""The note that says that records of a former life were not looked through yet."""
 OBJECTS_END = b"\xff" * OBJECT_BYTES
 """Behind a location's key: the last object that may lie there."""
 NO_OBJECT = bytes(OBJECT_BYTES)

@@ -18,12 +18,12 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from scenefold.base.errors import LocalFault
-from scenefold.store.layout import HEADERS, IDENTITY, RECORDS, TABLES
+from scenefold.store.layout import HEADERS, IDENTITY, RECORDS, SUSPECTS, TABLES
 from scenefold.world.ports import DiskSpace, Environment, ReadTransaction, WriteTransaction
 
 T = TypeVar("T")
 
-PLAIN = frozenset({RECORDS, HEADERS})
+PLAIN = frozenset({RECORDS, HEADERS, SUSPECTS})
 SEALED = tuple(table for table in TABLES if table not in PLAIN)
 WIPE = "see to the disk, then wipe the folder: the node comes back as a newcomer (the voter, whose log is nowhere else: put a backup back)"
 _CHECK = struct.Struct(">I")

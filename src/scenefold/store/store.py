@@ -35,6 +35,7 @@ from scenefold.store.reading import RangeAnswer
 from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.sealing import SealedEnvironment
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts, room_beside
+from scenefold.store.suspects import SuspectStore
 from scenefold.store.walking import Entry, Manifest, Rightful, Weighed
 from scenefold.store.writer import GroupWriter
 from scenefold.world.ports import Environment, World
@@ -44,7 +45,7 @@ SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store(ComparingStore, OwingStore):
+class Store(ComparingStore, OwingStore, SuspectStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:
@@ -188,7 +189,7 @@ class Store(ComparingStore, OwingStore):
     async def renew_identity(self) -> StoreIdentity:
         """Become a newcomer: a new incarnation that holds nothing until the store is opened anew.
 
-        Records stay; the boot counter goes on.
+        Records stay, as those of a former life; the boot counter goes on.
         """
         incarnation = self._entropy.token(INCARNATION_BYTES)
         await self._writer.submit(RenewIdentity(incarnation))

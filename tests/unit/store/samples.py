@@ -34,6 +34,7 @@ def record(
     space: int = SPACE,
     scene: int = SCENE,
     expects: bytes = EXPECTS_ANYTHING,
+    epoch: int = 0,
 ) -> Record:
     """A record at a place, of `size` bytes that begin with `text`."""
     ciphertext = text.ljust(max(size, 16), b".")
@@ -42,7 +43,7 @@ def record(
         genesis=bytes(32),
         space=SpaceId(space),
         location=Location.from_number(number),
-        epoch=0,
+        epoch=epoch,
         seq=seq,
         writer=KeyId(1),
         session=1,
