@@ -36,8 +36,12 @@ ALIVE_DOMAIN = b"scenefold/alive"
 """Proofs of life that others hand on: what a member drew a moment ago."""
 LOG_DOMAIN = b"scenefold/log"
 """Records of the cluster's log."""
+PURGE_DOMAIN = b"scenefold/purge"
+"""What a writer says of deleted records, so that nodes may drop them."""
 LEASE_DOMAIN = b"scenefold/lease"
 """Requests for an owner lease, and their answers."""
+DISCARD_DOMAIN = b"scenefold/discard"
+"""Orders to delete what a returned node keeps apart."""
 
 
 class InvalidSignature(DamagedData):

@@ -105,18 +105,45 @@ def many_of_size(size: int, count_max: int) -> Strides[bytes]:
     return Strides(Bin(lengths=(size,)), size, count_max, bytes)
 
 
+class Late(Kind[T]):
+    """The last field of a struct that is older than it: left out as long as it has nothing to say.
+
+    So what was written before there was such a field keeps its bytes, and what is signed or hashed of them counts as ever.
+    """
+
+    __slots__ = ("absent", "inner")
+
+    def __init__(self, inner: Kind[T], absent: T) -> None:
+        """`absent`: what it is where it is left out. `inner` refuses that, so that each value has one form."""
+        self.inner = inner
+        self.absent = absent
+        self.text = f"{inner.text} or left out"
+
+    def plain(self, value: T) -> object:
+        return self.inner.plain(value)
+
+    def read(self, data: bytes, at: int) -> tuple[T, int]:
+        return self.inner.read(data, at)
+
+
+def _nothing(_value: object) -> tuple[()]:
+    return ()
+
+
 class Struct(Kind[T]):
     """A frozen dataclass as an array of its fields, in order. Packets are made of it as well."""
 
-    __slots__ = ("_plains", "_reads", "_values", "build", "fields", "law", "name")
+    __slots__ = ("_late", "_plains", "_reads", "_values", "build", "fields", "law", "name")
 
     def __init__(self, build: Callable[..., T], *fields: tuple[str, Kind[Any]], law: Law | None = None) -> None:
         self.build = build
         self.name = getattr(build, "__name__", "struct")
         self.fields = fields
+        assert not any(isinstance(kind, Late) for _, kind in fields[:-1]), "only the last field can be left out"
+        self._late = fields[-1][1] if fields and isinstance(fields[-1][1], Late) else None
         # Found once: looking up a method of every field costs a tenth of a packet's time.
         self._plains = [kind.plain for _, kind in fields]
-        self._values = attrgetter(*(name for name, _ in fields))
+        self._values = attrgetter(*(name for name, _ in fields)) if fields else _nothing
         self._reads = [kind.read for _, kind in fields]
         self.law = law
         self.text = self.name
@@ -131,8 +158,10 @@ class Struct(Kind[T]):
     def plain_fields(self, value: T) -> list[object]:
         plains: list[object] = []
         try:
-            values = self._values(value)
-            for plain, item in zip(self._plains, values if len(self._plains) > 1 else (values,), strict=True):
+            values = (self._values(value),) if len(self._plains) == 1 else self._values(value)
+            if self._late is not None and values[-1] == self._late.absent:
+                values = values[:-1]
+            for plain, item in zip(self._plains, values, strict=self._late is None):
                 plains.append(plain(item))
         except Misfit as misfit:
             raise misfit.inside(f".{self.fields[len(plains)][0]}") from None
@@ -144,9 +173,10 @@ class Struct(Kind[T]):
 
     def read_counted(self, data: bytes, at: int, count: int) -> tuple[T, int]:
         """The struct behind an array's head that was read already and left `count` fields."""
-        if count != len(self.fields):
+        left_out = self._late is not None and count == len(self.fields) - 1
+        if count != len(self.fields) and not left_out:
             raise Misfit(f"{count} fields, {len(self.fields)} were expected")
-        values, at = self.read_fields(data, at)
+        values, at = self.read_fields(data, at, count)
         value = self.build(*values)
         self._hold(value)
         return value, at
@@ -155,16 +185,19 @@ class Struct(Kind[T]):
         if self.law is not None and not self.law.holds(value):
             raise Misfit(f"not {self.law}")
 
-    def read_fields(self, data: bytes, at: int) -> tuple[list[Any], int]:
+    def read_fields(self, data: bytes, at: int, count: int | None = None) -> tuple[list[Any], int]:
+        """All fields, of which only the first `count` are there."""
         values: list[Any] = []
         try:
-            for read in self._reads:
+            for read in self._reads if count is None else self._reads[:count]:
                 value, at = read(data, at)
                 values.append(value)
         except Misfit as misfit:
             raise misfit.inside(f".{self.fields[len(values)][0]}") from None
         except TRUNCATED:
             raise Misfit("truncated", f".{self.fields[len(values)][0]}") from None
+        if self._late is not None and len(values) < len(self.fields):
+            values.append(self._late.absent)
         return values, at
 
 

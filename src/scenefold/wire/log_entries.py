@@ -87,6 +87,11 @@ class SetMode:
 
 
 @dataclass(frozen=True, slots=True)
+class BeginPurge:
+    """What was deleted before this may be purged: nothing that was signed before can be put any more (specs/22-purge.md)."""
+
+
+@dataclass(frozen=True, slots=True)
 class AddParticipant:
     member: Member
 
@@ -194,6 +199,7 @@ SingleEntry: TypeAlias = (
     | Revoke
     | KeyEpoch
     | SetCopies
+    | BeginPurge
     | AddNode
     | RemoveNode
     | Trust
@@ -259,6 +265,7 @@ _SINGLE: dict[int, Struct[Any]] = {
     **ENROL_ENTRIES,
     # Behind all that were there before, so that the examples of the golden vectors stay those that they are.
     14: Struct(SetCopies, ("space", SPACE), ("copies", _COPIES), ("copies_min", _COPIES), law=Order("copies_min", "copies")),
+    15: Struct(BeginPurge),
 }
 SINGLE_ENTRY: Tagged[SingleEntry] = Tagged("SingleEntry", _SINGLE)
 LOG_ENTRY: Tagged[LogEntry] = Tagged(

@@ -32,8 +32,8 @@ from scenefold.wire.common import (
     SceneId,
     SpaceId,
 )
-from scenefold.wire.containers import Many, Struct
-from scenefold.wire.kinds import Bin, Choice, Maybe
+from scenefold.wire.containers import Late, Many, Struct
+from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import UNSIGNED
 
@@ -133,7 +133,8 @@ class SceneLogPublic:
     header and every record without asking further. `key_epoch`: of the symmetric key that new records are sealed under;
     `former_keys`: those before it, sealed under it. `birth` and `first_key` stay as they were at position 1: they are what the genesis
     is the hash of, so a header of any position shows which key the scene began with; and so is `origin_key`, by which `origin` decides.
-    `log_hash`: of the sealed log of the same position. `decision` None: it was proposed, and no more.
+    `log_hash`: of the sealed log of the same position. `decision` None: it was proposed, and no more. `purged`: the position at which
+    the newest purge of deletions began; 0 if none did (specs/22-purge.md).
     """
 
     scene: SceneId
@@ -158,6 +159,7 @@ class SceneLogPublic:
     signature: bytes = UNSIGNED
     decision: Decision | None = None
 
+    purged: int = 0
     def signable(self) -> bytes:
         """The bytes that `signature` signs, under the domain scenefold/header, and `decision` under scenefold/decided."""
         return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED, decision=None))
@@ -224,5 +226,6 @@ SCENE_LOG_PUBLIC = Struct(
     ("signature", SIGNATURE),
     ("decision", DECISION_OR_NONE),
 )
+    ("purged", Late(Uint(64, least=1), 0)),
 
 STRUCTS = (SPACE_ENTRY, WRITER_ENTRY, KEY_ENTRY, LOCKBOX, SUCCESSION, DECISION, SCENE_LOG_PUBLIC)

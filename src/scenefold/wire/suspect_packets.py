@@ -27,6 +27,7 @@ from scenefold.wire.containers import Many, Struct
 from scenefold.wire.custody_packets import HELD_RECORD, HeldRecord
 from scenefold.wire.handover_packets import HAND_ITEMS, RECORD_ENTRY, HandItem, RecordEntry
 from scenefold.wire.kinds import Bin, Maybe, Uint
+from scenefold.wire.laws import Distinct
 from scenefold.wire.pieces import pack_piece
 from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import UNSIGNED
@@ -145,7 +146,13 @@ ROWS = (
         ("next", Maybe(_CURSOR)),
     ),
     row(FetchSuspects, Carrier.TCP_LOW, ("entries", Many(RECORD_ENTRY, HANDOVER_BATCH_RECORDS_MAX))),
-    row(SuspectsFetched, Carrier.TCP_LOW, ("items", HAND_ITEMS), ("missing", Many(_INDEX, HANDOVER_BATCH_RECORDS_MAX))),
+    row(
+        SuspectsFetched,
+        Carrier.TCP_LOW,
+        ("items", HAND_ITEMS),
+        ("missing", Many(_INDEX, HANDOVER_BATCH_RECORDS_MAX)),
+        law=Distinct("missing"),
+    ),
     row(DiscardSuspects, Carrier.TCP_LOW, ("order", DISCARD_ORDER)),
     row(SuspectsDiscarded, Carrier.TCP_LOW, ("discarded", Uint(16, most=SUSPECTS_DISCARDED_MAX))),
 )

@@ -18,10 +18,12 @@ from scenefold.wire import (
     orders,
     own_packets,
     pool_packets,
+    purge_packets,
     render_packets,
     scene_headers,
     scene_log_packets,
     status_packets,
+    suspect_packets,
 )
 from scenefold.wire.common import MINI_STATUS, Row
 
@@ -39,6 +41,8 @@ ROWS: dict[int, Row] = {
         enrol_packets,
         custody_packets,
         copy_packets,
+        purge_packets,
+        suspect_packets,
     )
     for row in family.ROWS
 }
@@ -52,7 +56,7 @@ RESERVED: dict[int, str] = {
     29: "of the thesis's range",
     30: "of the thesis's range",
     31: "of the thesis's range",
-    45: "PurgeRecord",
+    45: "PurgeRecord, which became 102",
     46: "ReturnCredits",
     47: "WatchEvents",
     61: "TerminationToken",
@@ -71,10 +75,12 @@ STRUCTS = (
     *custody.STRUCTS,
     *custody_packets.STRUCTS,
     *copy_packets.STRUCTS,
+    *purge_packets.STRUCTS,
+    *suspect_packets.STRUCTS,
     *log_records.STRUCTS,
     *orders.STRUCTS,
 )
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 102))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 114))

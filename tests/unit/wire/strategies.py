@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scenefold.base.location import Location
 from scenefold.wire.common import MINI_STATUS, Packet
-from scenefold.wire.containers import Many, Struct, Tagged
+from scenefold.wire.containers import Late, Many, Struct, Tagged
 from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Nothing, Place, Text, Uint
 from scenefold.wire.table import ROWS
 from unit.wire.lawful import lawful
@@ -38,6 +38,8 @@ def values(kind: Kind[Any]) -> st.SearchStrategy[Any]:
             return st.binary(min_size=20, max_size=20).map(Location)
         case Nothing():
             return st.none()
+        case Late():
+            return st.one_of(st.just(kind.absent), values(kind.inner))
         case Maybe():
             return st.one_of(st.none(), values(kind.inner))
         case Many() if kind.counts:

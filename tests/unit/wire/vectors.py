@@ -17,7 +17,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.wire import encode_packet
 from scenefold.wire.common import DIGEST, INCARNATION, MINI_STATUS, Packet
-from scenefold.wire.containers import Many, Struct, Tagged
+from scenefold.wire.containers import Late, Many, Struct, Tagged
 from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Place, Text, Uint
 from scenefold.wire.log_entries import LOG_ENTRY
 from scenefold.wire.log_records import LOG_RECORD, LogRecord
@@ -53,6 +53,8 @@ def example(kind: Kind[Any], salt: int, *, is_long: bool = False) -> Any:
             return f"text {salt} é"
         case Place():
             return Location(bytes((salt * 7 + at) % 256 for at in range(20)))
+        case Late():
+            return kind.absent
         case Maybe():
             return example(kind.inner, salt, is_long=is_long)
         case Many():

@@ -38,6 +38,8 @@ def checked_proposal(public: SceneLogPublic, known: KnownScene | None) -> KnownS
         raise Refused(RejectReason.ILL_FORMED, "the scene id is not the beginning of its genesis hash")
     if public.position <= FIRST_POSITION and public.with_genesis() != public:
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
+    if public.purged > public.write_floor:
+        raise Refused(RejectReason.ILL_FORMED, "what was signed before the purge began could still be written")
     expected = _check_alone(public) if known is None else _check_follows(public, known)
     try:
         scene = KnownScene.of(public)
@@ -77,7 +79,7 @@ def _check_follows(public: SceneLogPublic, scene: KnownScene) -> PublicKey:
     if [term.key for term in public.writers[:1]] != [term.key for term in known.writers[:1]]:
         raise Refused(RejectReason.ILL_FORMED, "the header names another maker of the scene than the one before")
     key = _header_key(public, known, scene.keys[known.public_key])
-    if public.position < known.position or public.write_floor < known.write_floor or public.key_epoch < known.key_epoch:
+    if any(getattr(public, name) < getattr(known, name) for name in ("position", "write_floor", "key_epoch", "purged")):
         raise Refused(RejectReason.POSITION_BEHIND, f"the scene's log is at position {known.position} already")
     if public.position == known.position and public.signable() != known.signable():
         raise Refused(RejectReason.POSITION_TAKEN, f"position {known.position} is decided otherwise")

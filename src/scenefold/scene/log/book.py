@@ -29,6 +29,7 @@ from scenefold.wire import (
     AddParticipant,
     Batch,
     CreateSpace,
+    BeginPurge,
     CurveKind,
     Grant,
     KeyEpoch,
@@ -58,7 +59,9 @@ class SceneLog:
     head: bytes = NO_RECORD
     mode: SceneMode = SceneMode.EDIT
     write_floor: int = 0
-    """Position of the newest change of mode, revocation or key epoch: records of an earlier epoch are refused from then on."""
+    """Position of the newest change of mode, revocation, key epoch or purge: records of an earlier epoch are refused from then on."""
+    purged: int = 0
+    """Position at which the newest purge of deletions began; 0: none did."""
     spaces: Mapping[SpaceId, LoggedSpace] = field(default_factory=lambda: MappingProxyType({}))
     """In the order of their creation."""
     participants: tuple[Member, ...] = ()
@@ -152,6 +155,10 @@ class SceneLog:
                 return replace(self, mode=entry.mode, write_floor=position)
             case Grant() | Revoke() | KeyEpoch():
                 return self._regranted(entry, position)
+            case BeginPurge():
+                if self.mode is not SceneMode.EDIT:
+                    raise _ill_formed("nothing is purged while the scene is rendered")
+                return replace(self, purged=position, write_floor=position)
             case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
                 return self._joined_or_left(entry)
             case _:

@@ -98,6 +98,7 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         header,
         position=state.position,
         write_floor=max(state.write_floor, header.write_floor),
+        purged=max(state.purged, header.purged),
         mode=state.mode,
         spaces=state.public_spaces(),
         writers=state.grants.writers,
