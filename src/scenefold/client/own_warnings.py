@@ -45,7 +45,7 @@ def own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Conc
             "strays", f"{address} holds {report.strays} records that belong elsewhere: they are being brought home", False, address
         )
     if report.damaged:
-        yield Concern("damaged", f"{address} has met damaged records {report.damaged} times: check its disk", True, address)
+        yield Concern("damaged", f"{address} has met {report.damaged} damaged records since its start: check its disk", True, address)
     if report.fill >= NEARLY_FULL:
         yield Concern("nearly full", f"{address} is {report.fill:.0%} full", True, address)
     if report.stall_ago_s is not None and report.stall_ago_s < RECENT_S:

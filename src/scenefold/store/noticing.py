@@ -1,4 +1,4 @@
-"""Records that have rotted, as the store meets them: counted, and told of each place once a minute at most.
+"""Records that have rotted, as the store meets them: each counted once, and told of its place once a minute at most.
 
 Whoever asks for such a record, or writes where it lies and is refused, leaves it as it is, and may do so as often as he likes.
 """
@@ -6,11 +6,20 @@ Whoever asks for such a record, or writes where it lies and is refused, leaves i
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.crypto import RecordPlace, object_of
+from scenefold.store.judging import Put, PutResult
 from scenefold.store.layout import Spot
 from scenefold.world.ports import Clock
 from scenefold.world.quiet import QuietLog
+
+MET_MAX = 16_384
+"""Rotten records that are remembered, so that none is counted twice. Whatever is met beyond is counted each time."""
+
+_Name = tuple[SceneId, SpaceId, bytes]
+"""An object is wherever its node put it: its id says which one it is."""
 
 
 class Noticed:
@@ -19,25 +28,47 @@ class Noticed:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._quiet = QuietLog(logging.getLogger("scenefold.store"), logging.ERROR)
+        self._rotten: set[_Name] = set()
         self.count = 0
-        """Reads and writes that met a record which had changed on the disk."""
+        """Records that reads and writes met, and that had changed on the disk: each once, until it is written anew and rots again."""
         self.hear: Callable[[Spot], None] = _nobody_hears
-        """Called for each record that cannot be read; must return at once."""
+        """Called whenever a record cannot be read; must return at once."""
+
+    def is_rotten(self, spot: Spot) -> bool:
+        """Whether a rotten record was met there, and nothing has been written over it since."""
+        return _name(spot) in self._rotten
 
     def read(self, spot: Spot, problem: str) -> None:
         self._met(spot, "read", problem)
         self.hear(spot)
 
-    def written_over(self, spot: Spot) -> None:
-        """A write was judged by what is left of the record there."""
-        self._met(spot, "write", "a damaged record, whose header has changed on the disk, is in the way of another")
+    def judged(self, put: Put, result: PutResult) -> None:
+        """What became of a put: it may have been judged by what is left of the record there, or have taken its place."""
+        header = put.record.header
+        spot = Spot(RecordPlace(header.scene, header.space, header.location), object_of(header))
+        if result.over_wreck:
+            self._met(spot, "write", "a damaged record, whose header has changed on the disk, is in the way of another")
+        if result.has_changed:
+            self.gone([spot])
+
+    def gone(self, spots: Iterable[Spot]) -> None:
+        """Nothing rotten lies there any more."""
+        self._rotten.difference_update(map(_name, spots))
 
     def _met(self, spot: Spot, kind: str, text: str) -> None:
-        self.count += 1
-        (scene, space, location), name = spot
-        # An object is wherever its node put it: its name says which one it is.
-        what = f"object {name.hex()}" if name else location.hex()
+        (scene, space, _), _ = spot
+        name = _name(spot)
+        if name not in self._rotten:
+            self.count += 1
+            if len(self._rotten) < MET_MAX:
+                self._rotten.add(name)
+        what = f"object {spot.object.hex()}" if spot.object else spot.place.location.hex()
         self._quiet.say(self._clock.now(), f"scene {scene:08x}, space {space}, {what}", kind, text)
+
+
+def _name(spot: Spot) -> _Name:
+    (scene, space, location), object_id = spot
+    return scene, space, object_id or location
 
 
 def _nobody_hears(_spot: Spot) -> None:

@@ -17,7 +17,7 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import STORE_READ_BATCH_MAX, STORE_RESERVE_BYTES
 from scenefold.base.location import Arc
-from scenefold.crypto import Record, RecordHeader, RecordPlace, object_of
+from scenefold.crypto import Record, RecordHeader, RecordPlace
 from scenefold.store import reading, walking
 from scenefold.store.building import keep_building
 from scenefold.store.changes import PutValue, PutValues
@@ -53,16 +53,16 @@ class Store(ComparingStore, OwingStore, SuspectStore):
         self._entropy = world.entropy
         self.identity = identity
         self._opened_as = identity.incarnation
-        self._noticed = Noticed(world.clock)
+        self.noticed = Noticed(world.clock)
 
     @property
     def damaged(self) -> int:
-        """Reads and writes since the start that met a record which had changed on the disk."""
-        return self._noticed.count
+        """Records that were met since the start, and had changed on the disk: each once."""
+        return self.noticed.count
 
     def tell_of_rot(self, hear: Callable[[Spot], None]) -> None:
         """Have each record told that cannot be read any more, whoever reads it. `hear` must return at once."""
-        self._noticed.hear = hear
+        self.noticed.hear = hear
 
     @property
     def commits(self) -> int:
@@ -87,9 +87,7 @@ class Store(ComparingStore, OwingStore, SuspectStore):
 
     def _looked_over(self, puts: Sequence[Put], results: list[PutResult]) -> list[PutResult]:
         for put, result in zip(puts, results, strict=True):
-            if result.over_wreck:
-                header = put.record.header
-                self._noticed.written_over(Spot(RecordPlace(header.scene, header.space, header.location), object_of(header)))
+            self.noticed.judged(put, result)
         return results
 
     async def remove(self, versions: Sequence[tuple[Spot, bytes]]) -> int:
@@ -98,7 +96,9 @@ class Store(ComparingStore, OwingStore, SuspectStore):
 
     async def discard(self, spots: Sequence[Spot]) -> int:
         """Delete the records there that have changed on the disk; sound ones stay. For what nobody can be given."""
-        return await self._writer.submit(DiscardDamaged(list(spots)))
+        discarded = await self._writer.submit(DiscardDamaged(list(spots)))
+        self.noticed.gone(spots)
+        return discarded
 
     async def slide(self, parts: Sequence[Arc], limit: int = SLIDE_BATCH) -> int:
         """Put up to `limit` node-managed records into the part that their home is in; 0 once all are in theirs."""
@@ -132,7 +132,7 @@ class Store(ComparingStore, OwingStore, SuspectStore):
             records += await self._view(reading.read_records, spots[start : start + STORE_READ_BATCH_MAX])
         for spot, found in zip(spots, records, strict=True):
             if isinstance(found, DamagedData):
-                self._noticed.read(spot, found.what)
+                self.noticed.read(spot, found.what)
         return records
 
     async def digests(self, spots: Sequence[Spot]) -> list[bytes | None]:

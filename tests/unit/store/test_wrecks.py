@@ -126,4 +126,7 @@ async def test_who_repeats_what_is_refused_fills_no_log(tmp_path: Path, caplog: 
             "the header of a stored record has changed on the disk",
         ]
         assert all(place(1).location.hex() in line.getMessage() for line in caplog.records), "it says where"
-        assert store.damaged == 20
+        assert store.damaged == 1, "one record has rotted"
+        assert store.noticed.is_rotten(Spot(place(1)))
+        await store.merge([Put(THERE)])
+        assert not store.noticed.is_rotten(Spot(place(1)))

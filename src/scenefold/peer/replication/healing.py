@@ -2,6 +2,8 @@
 
 A record whose header is left is known: that version, or a newer one, from whomever. Of a wreck nobody knows which version it was, and
 it may have counted for an acknowledgement: so an owner hears all who may have it, and a holder its owner, before anything takes its place.
+
+What nobody can be asked for is left as it is, and not read again: it is known to be rotten until something is written over it.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import logging
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from enum import Enum
 from typing import NamedTuple
 
 import trio
@@ -35,9 +38,10 @@ QUEUE_MAX = 4_096
 TRIES_MAX = 20
 """Of one record in a row, a minute or two; then it waits until it is met again."""
 AGAIN_S = 300.0
-"""What was given up is looked at again: somebody may have written it anew, or who has it may be back."""
+"""What was given up is asked for again, if there is anybody to ask: who has it may be back, or may hold it only now."""
 AGAIN_MAX = 256
-READ_BATCH = 32
+DENIED_TRIES_MAX = 3
+"""Where all have answered, and nobody could give it: they may just have been writing it."""
 ASK_S_MAX = 10.0
 GATE_S_MAX = 2.0
 _FEW = 2
@@ -60,6 +64,17 @@ class _Offer(NamedTuple):
     listed: ListedRecord
 
 
+class _Verdict(Enum):
+    """What became of one try."""
+
+    OVER = 1
+    """It is sound again, or there is nobody to ask."""
+    NOT_NOW = 2
+    """Somebody who may have it did not answer."""
+    DENIED = 3
+    """All have answered."""
+
+
 class Healing:
     """Used from the Trio thread only."""
 
@@ -80,11 +95,12 @@ class Healing:
     @property
     def unhealed(self) -> int:
         """Records that have rotted since the start and were given up, or that nobody else has: up to QUEUE_MAX of them."""
+        self._forget_healed()
         return len(self._unhealed)
 
     def rotten(self, spot: Spot) -> None:
-        """Fetch this from others, soon."""
-        if len(self._tries) < QUEUE_MAX:
+        """Fetch this from others, soon. What was given up is asked for again in its own time, however often it is met."""
+        if spot not in self._unhealed and len(self._tries) < QUEUE_MAX:
             self._tries.setdefault(spot, 0)
             self._wake.set()
 
@@ -108,66 +124,84 @@ class Healing:
 
     async def _try(self, spot: Spot) -> None:
         try:
-            is_over = await self._heal(spot)
+            verdict = await self._heal(spot)
         except (Refused, Unreachable, PeerFault) as problem:
             _log.debug("a record that has rotted is not healed yet: %s", problem)
-            is_over = False
+            verdict = _Verdict.NOT_NOW
         self._tries[spot] += 1
-        if is_over or self._tries[spot] >= TRIES_MAX:
-            if not is_over:
+        tries_max = DENIED_TRIES_MAX if verdict is _Verdict.DENIED else TRIES_MAX
+        if verdict is _Verdict.OVER or self._tries[spot] >= tries_max:
+            if verdict is not _Verdict.OVER:
                 self._parts.events["not healed"] += 1
                 self._give_up(spot)
             del self._tries[spot]
 
     async def _look_again(self) -> None:
-        """At what was given up: what is still rotten comes back here by being read."""
-        spots = list(self._unhealed)[:AGAIN_MAX]
-        for start in range(0, len(spots), READ_BATCH):
-            batch = spots[start : start + READ_BATCH]
-            for spot, found in zip(batch, await self._parts.store.read(batch), strict=True):
-                if not isinstance(found, DamagedData):
-                    self._unhealed.pop(spot, None)
+        """At what was given up, the longest time ago first. None of it is read for that."""
+        self._forget_healed()
+        for spot in list(self._unhealed)[:AGAIN_MAX]:
+            has_sources = await self._sources(spot) is not None
+            self._unhealed.pop(spot, None)
+            if has_sources:
+                self.rotten(spot)
+            elif self._parts.keeper.holding.owns(spot.home):
+                self._give_up(spot)
+
+    def _forget_healed(self) -> None:
+        noticed = self._parts.store.noticed
+        self._unhealed = {spot: None for spot in self._unhealed if noticed.is_rotten(spot)}
 
     def _give_up(self, spot: Spot) -> None:
         if len(self._unhealed) < QUEUE_MAX:
             self._unhealed[spot] = None
 
-    async def _heal(self, spot: Spot) -> bool:
-        """Whether there is nothing left to be done."""
+    async def _heal(self, spot: Spot) -> _Verdict:
         parts = self._parts
-        (debtors,) = await parts.store.debtors_of([spot])
-        layout = await self._layout(spot)
-        owns = parts.keeper.holding.owns(spot.home)
-        sources = sources_of(parts.keeper.copies, layout, spot, debtors, owns=owns)
+        sources = await self._sources(spot)
         if sources is None:
-            if owns:
+            if parts.keeper.holding.owns(spot.home):
                 self._give_up(spot)
-            return True
-        if not isinstance((await parts.store.read([spot]))[0], DamagedData):
-            self._unhealed.pop(spot, None)
-            return True
+            return _Verdict.OVER
+        if not await self._is_rotten(spot):
+            return _Verdict.OVER
         (header,) = await parts.store.record_headers([spot])
         if header is not None:
             known = rank_of(told_version(header))
-            offers = [offer for offer in await self._offers(spot, sources.members) if offer.rank >= known]
+            offers, have_all_answered = await self._offers(spot, sources.members)
+            offers = [offer for offer in offers if offer.rank >= known]
+        elif not isinstance((await parts.store.read([spot]))[0], DamagedData):
+            # It was deleted.
+            parts.store.noticed.gone([spot])
+            return _Verdict.OVER
         else:
             # Nothing older than the newest that is named takes its place.
-            offers = (await self._heard(spot, sources))[:1]
+            offers, have_all_answered = (await self._heard(spot, sources))[:1], True
         for offer in offers:
             if await self._take(spot, offer, sources):
                 parts.events["healed"] += 1
-                self._unhealed.pop(spot, None)
-                return True
-        return False
+                return _Verdict.OVER
+        return _Verdict.DENIED if have_all_answered else _Verdict.NOT_NOW
 
-    async def _offers(self, spot: Spot, members: Sequence[Member]) -> list[_Offer]:
-        """Of those who answer, the newest first."""
+    async def _is_rotten(self, spot: Spot) -> bool:
+        """What is known to be rotten is not read once more."""
+        store = self._parts.store
+        return store.noticed.is_rotten(spot) or isinstance((await store.read([spot]))[0], DamagedData)
+
+    async def _sources(self, spot: Spot) -> Sources | None:
+        (debtors,) = await self._parts.store.debtors_of([spot])
+        layout = await self._layout(spot)
+        return sources_of(self._parts.keeper.copies, layout, spot, debtors, owns=self._parts.keeper.holding.owns(spot.home))
+
+    async def _offers(self, spot: Spot, members: Sequence[Member]) -> tuple[list[_Offer], bool]:
+        """Of those who answer, the newest first; whether all of them did."""
         offers: list[_Offer] = []
+        answered = 0
         for member in members:
             with suppress(Refused, Unreachable, PeerFault):
                 offer = await self._ask(spot, member)
                 offers += [] if offer is None else [offer]
-        return sorted(offers, key=lambda offer: offer.rank, reverse=True)
+                answered += 1
+        return sorted(offers, key=lambda offer: offer.rank, reverse=True), answered == len(members)
 
     async def _heard(self, spot: Spot, sources: Sources) -> list[_Offer]:
         """Of those by whom it is known what lay there, the newest first. Refused if that is nobody."""
@@ -207,7 +241,7 @@ class Healing:
         for verdict in await verified(parts, items[:1]):
             if isinstance(verdict, Put):
                 await self._put(replace(verdict, at=place.location if spot.object else None), spot, sources)
-        return not isinstance((await parts.store.read([spot]))[0], DamagedData)
+        return not await self._is_rotten(spot)
 
     async def _put(self, put: Put, spot: Spot, sources: Sources) -> None:
         parts = self._parts

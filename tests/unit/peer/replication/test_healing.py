@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 import trio
 
+from scenefold.base.errors import DamagedData
 from scenefold.base.location import Location
 from scenefold.crypto import Record, wanted_place
 from scenefold.peer.replication import healing
 from scenefold.peer.replication.healing import sources_of
-from scenefold.store import Put
+from scenefold.store import Put, Spot
 from unit.peer.line.street import places, rot
 from unit.peer.replication.terrace import OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
 from unit.peer.replication.test_comparing import arc_of, holders_of, is_settled, lies_with_all, played
@@ -40,6 +43,19 @@ async def until_sound(home: Home, place: Location, seq: int = 1) -> None:
     with trio.fail_after(60.0):
         while not await is_sound(home, place, seq):  # noqa: ASYNC110 - a disk tells nobody what it has
             await trio.sleep(0.2)
+
+
+def count_reads(home: Home, monkeypatch: pytest.MonkeyPatch) -> list[Spot]:
+    """What is read there from now on."""
+    seen: list[Spot] = []
+    read = home.store.read
+
+    async def counted(spots: Sequence[Spot]) -> list[Record | DamagedData | None]:
+        seen.extend(spots)
+        return await read(spots)
+
+    monkeypatch.setattr(home.store, "read", counted)
+    return seen
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")
@@ -133,9 +149,33 @@ def test_what_nobody_else_has_is_told_as_given_up_until_it_is_written_anew(monke
         await until(lambda: first.replication.healing.unhealed == 1 and not first.replication.healing.waiting)
         document = await first.replication.health.document()
         assert document["rotten"] == {"waiting": 0, "unhealed": 1, "healed": 0}
-        await trio.sleep(AGAIN_S)
-        assert first.replication.healing.unhealed == 1
+        reads = count_reads(first, monkeypatch)
+        await trio.sleep(3 * AGAIN_S)
+        assert (first.replication.healing.unhealed, first.store.damaged, len(reads)) == (1, 1, 0)
         await first.store.put([Put(record_at(place, 2, space=SPACE))])
-        await until(lambda: not first.replication.healing.unhealed, 2 * AGAIN_S)
+        assert not first.replication.healing.unhealed
 
     played(main, seed=12)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_what_all_have_lost_is_asked_for_now_and_then_and_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(healing, "AGAIN_S", AGAIN_S)
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        holders = holders_of(terrace, first, place)
+        for home in (first, *holders):
+            rot(home, [place], LAST_BYTE)
+            await home.store.read([home.spot(place)])
+        await until(lambda: all(home.replication.healing.unhealed == 1 for home in (first, *holders)), 4 * AGAIN_S)
+        await trio.sleep(3 * AGAIN_S)
+        assert (first.replication.healing.unhealed, first.store.damaged) == (1, 1)
+        # Somebody has it again: whoever lacks it gets it from there.
+        await holders[0].store.merge([Put(record_at(place))])
+        await until(lambda: not first.replication.healing.unhealed, 4 * AGAIN_S)
+        await until_sound(first, place)
+        await until_sound(holders[1], place)
+
+    played(main, seed=15)
