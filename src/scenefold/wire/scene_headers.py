@@ -158,8 +158,8 @@ class SceneLogPublic:
     log_hash: bytes = NO_LOG
     signature: bytes = UNSIGNED
     decision: Decision | None = None
-
     purged: int = 0
+
     def signable(self) -> bytes:
         """The bytes that `signature` signs, under the domain scenefold/header, and `decision` under scenefold/decided."""
         return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED, decision=None))
@@ -225,7 +225,7 @@ SCENE_LOG_PUBLIC = Struct(
     ("log_hash", DIGEST),
     ("signature", SIGNATURE),
     ("decision", DECISION_OR_NONE),
-)
     ("purged", Late(Uint(64, least=1), 0)),
+)
 
 STRUCTS = (SPACE_ENTRY, WRITER_ENTRY, KEY_ENTRY, LOCKBOX, SUCCESSION, DECISION, SCENE_LOG_PUBLIC)

@@ -28,8 +28,8 @@ from scenefold.wire import (
     AddObserver,
     AddParticipant,
     Batch,
-    CreateSpace,
     BeginPurge,
+    CreateSpace,
     CurveKind,
     Grant,
     KeyEpoch,
@@ -153,12 +153,12 @@ class SceneLog:
                 return replace(self, spaces=_with(self.spaces, space.id, replace(space, copies=entry.copies, copies_min=entry.copies_min)))
             case SetMode():
                 return replace(self, mode=entry.mode, write_floor=position)
-            case Grant() | Revoke() | KeyEpoch():
-                return self._regranted(entry, position)
             case BeginPurge():
                 if self.mode is not SceneMode.EDIT:
                     raise _ill_formed("nothing is purged while the scene is rendered")
                 return replace(self, purged=position, write_floor=position)
+            case Grant() | Revoke() | KeyEpoch():
+                return self._regranted(entry, position)
             case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
                 return self._joined_or_left(entry)
             case _:
