@@ -20,13 +20,15 @@ from scenefold.base.location import Arc
 from scenefold.crypto import Record, RecordHeader, RecordPlace
 from scenefold.store import reading, walking
 from scenefold.store.building import keep_building
+from scenefold.store.bygone import Bygone
 from scenefold.store.changes import PutValue, PutValues
 from scenefold.store.comparing import ComparingStore
 from scenefold.store.debts import read_owed
 from scenefold.store.digest_changes import has_unbuilt
+from scenefold.store.dropping import DroppingStore
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
-from scenefold.store.judging import Put, PutResult
+from scenefold.store.judging import Outcome, Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
 from scenefold.store.noticing import Noticed
 from scenefold.store.opened import in_view
@@ -45,7 +47,7 @@ SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store(ComparingStore, OwingStore, SuspectStore):
+class Store(ComparingStore, OwingStore, DroppingStore, SuspectStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:
@@ -54,6 +56,7 @@ class Store(ComparingStore, OwingStore, SuspectStore):
         self.identity = identity
         self._opened_as = identity.incarnation
         self.noticed = Noticed(world.clock)
+        self.bygone = Bygone(world.clock.now)
 
     @property
     def damaged(self) -> int:
@@ -76,14 +79,22 @@ class Store(ComparingStore, OwingStore, SuspectStore):
 
         `debtors`: for each put the nodes that are still to get it. What is there already, so that nothing is written, owes what it owed.
         """
-        return self._looked_over(puts, await self._writer.submit(PutRecords(_with_headers(_owed(puts, debtors)))))
+        return await self._keep(PutRecords, _owed(puts, debtors))
 
     async def merge(self, puts: Sequence[Put], debtors: Sequence[Sequence[NodeId]] = ()) -> list[PutResult]:
         """Take verified copies from other nodes, wherever they lie: the highest version stays, whatever it expects.
 
         A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
         """
-        return self._looked_over(puts, await self._writer.submit(MergeRecords(_with_headers(_owed(puts, debtors)))))
+        return await self._keep(MergeRecords, _owed(puts, debtors))
+
+    async def _keep(self, change: type[PutRecords | MergeRecords], puts: Sequence[Put]) -> list[PutResult]:
+        late = self.bygone.late(puts)
+        if not late:
+            return self._looked_over(puts, await self._writer.submit(change(_with_headers(puts))))
+        rest = [put for index, put in enumerate(puts) if index not in late]
+        kept = iter(self._looked_over(rest, await self._writer.submit(change(_with_headers(rest)))) if rest else ())
+        return [PutResult(Outcome.STALE, late[index]) if index in late else next(kept) for index in range(len(puts))]
 
     def _looked_over(self, puts: Sequence[Put], results: list[PutResult]) -> list[PutResult]:
         for put, result in zip(puts, results, strict=True):
