@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.proof import Proof
+    from scenefold.client.purge_walk import Purge
     from scenefold.client.reading import open_scene_with_keys
     from scenefold.client.reencryption import Reencryption
     from scenefold.client.removals import RemovedNode
@@ -49,6 +50,7 @@ _HOMES = {
     "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.proof": "Proof",
+    "scenefold.client.purge_walk": "Purge",
     "scenefold.client.reading": "open_scene_with_keys",
     "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.removals": "RemovedNode",
@@ -96,6 +98,7 @@ __all__ = [
     "ProgressCallback",
     "ProgressState",
     "Proof",
+    "Purge",
     "Rate",
     "Reencryption",
     "RemovedNode",

@@ -15,6 +15,8 @@ from scenefold.client.importing import ImportReport, prepare_import, store_impor
 from scenefold.client.new_space import SpaceOptions, new_space
 from scenefold.client.positions import logged_spaces
 from scenefold.client.progress import ProgressCallback, callback_of
+from scenefold.client.purge_walk import Purge
+from scenefold.client.purging import purge
 from scenefold.client.reencrypting import reencrypt
 from scenefold.client.reencryption import Reencryption
 from scenefold.client.space import Space
@@ -132,6 +134,13 @@ class Scene:
     async def former_keys(self, look_s: float = LOOK_S) -> FormerKeys:
         """Whether records lie under older keys still: a revocation's work that was left, or ended. Looks for `look_s` at most."""
         return await former_keys(self.access, look_s)
+
+    async def purge(self, spaces: Sequence[int] = (), *, dry_run: bool = False, progress: ProgressCallback | bool = False) -> Purge:
+        """Have deleted records dropped for good, of these spaces or all; a writer's to do, and an owner's for what is newer than the last purge.
+
+        They go only once no node has anything older. May be cancelled, and begun again; see `purging`.
+        """
+        return await purge(self.access, [SpaceId(space) for space in spaces], dry_run=dry_run, progress=callback_of(progress))
 
     async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
