@@ -50,9 +50,13 @@ class Configurations:
         index = bisect_right(firsts, location) - 1
         return segments[index] if index >= 0 and location in segments[index].arc else None
 
+    def touching(self, arc: Arc) -> list[Segment]:
+        """Of all layouts, what of the segments lies in an arc."""
+        return [found for layout in self._by_layout for found in self._within(layout, arc)]
+
     def word(self, holder: Member, scope: Arc) -> Word:
         """All that a node is to keep of an arc, of all layouts."""
-        wanted = [found.wanted(holder, self.me) for layout in self._by_layout for found in self._within(layout, scope)]
+        wanted = [found.wanted(holder, self.me) for found in self.touching(scope)]
         return Word(holder, self.number, scope, joined(entry for entry in wanted if entry is not None))
 
     def untold(self) -> list[Word]:
@@ -153,7 +157,8 @@ class Configurations:
 
     def take(self, number: int, segments: Iterable[Segment]) -> Configurations:
         """With a piece, and the number that its giver said."""
-        return self._with([*self.segments, *(segment.taken(self.me) for segment in segments)], max(self.number, number) + 1)
+        number = max(self.number, number) + 1
+        return self._with([*self.segments, *(segment.taken(self.me, number) for segment in segments)], number)
 
     def adopt(self, gap: Arc, heard: Mapping[Member, Sequence[Entry]], number: int) -> Configurations:
         """With a gap of which every registered node has said what it holds, after it had promised to take nothing below `number` there.
@@ -262,4 +267,4 @@ def _recovered(layout: Layout, arc: Arc, stretch: Mapping[Member, Entry], heard:
             bounds[member] = number if member in heard else GONE
         else:
             bounds[member] = entry.number if entry.whole else number - 1
-    return Segment(layout, arc, configurations, confirmed=frozenset(bounds.items()))
+    return Segment(layout, arc, configurations, confirmed=frozenset(bounds.items()), leaving=number)

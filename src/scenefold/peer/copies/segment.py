@@ -8,7 +8,7 @@ So of each member it keeps the number below which that one certainly has no entr
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Set
+from collections.abc import Callable, Collection, Iterable, Set
 from dataclasses import dataclass, replace
 
 from scenefold.base.location import Arc
@@ -52,19 +52,22 @@ class Segment:
         return self.configurations[-1] if self.configurations else None
 
     def active(self, me: Member) -> Configuration | None:
-        """The newest configuration, if it is this owner's own."""
+        """The newest configuration, if it is this owner's own, and none of its holders was told otherwise since, by an owner in between."""
         newest = self.newest
-        return newest if newest is not None and newest.members[0] == me else None
+        if newest is None or newest.members[0] != me:
+            return None
+        holders = newest.members[1:]
+        return None if any(member in holders and newest.number < bound < GONE for member, bound in self.confirmed) else newest
 
     def bound_of(self, member: Member) -> int:
         """The number below which a node certainly has no entry any more."""
         return dict(self.confirmed).get(member, 0)
 
-    def is_closed(self, configuration: Configuration, me: Member) -> bool:
-        """Whether too few are left who could be read by it."""
+    def is_closed(self, configuration: Configuration, me: Member, is_over: Callable[[Member], bool] | None = None) -> bool:
+        """Whether too few are left who could be read by it. `is_over`: who could not for another reason."""
         confirmed = dict(self.confirmed)
         left = [member for member in configuration.members if member != me and confirmed.get(member, 0) <= configuration.number]
-        return len(left) < configuration.quorum
+        return len(left if is_over is None else [member for member in left if not is_over(member)]) < configuration.quorum
 
     def is_settled(self, have: Set[Member], needed: int, me: Member) -> bool:
         """Whether what these nodes have durably, the owner among them, may be acknowledged (Writes, rules 1 and 2)."""
@@ -194,10 +197,10 @@ class Segment:
         """As it passes to another owner. This one takes nothing below `number` there any more."""
         return replace(self, change=None, confirmed=self._all_known(me) | {(me, number)}, sound=frozenset(), leaving=0)
 
-    def taken(self, me: Member) -> Segment:
-        """As it is for its new owner."""
+    def taken(self, me: Member, number: int) -> Segment:
+        """As it is for its new owner, from this number on. Of those who may have entries here all have to hear of it, also who is none of its holders."""
         confirmed = frozenset((member, bound) for member, bound in self.confirmed if member != me)
-        return replace(self, change=None, confirmed=confirmed, sound=frozenset(), leaving=0)
+        return replace(self, change=None, confirmed=confirmed, sound=frozenset(), leaving=number)
 
     # --------------------------------------------------------------------------------------------------- helpers
 

@@ -188,6 +188,28 @@ def test_a_receiver_that_was_a_holder_is_none_any_more() -> None:
     assert only(Configurations(Q).take(number, pieces)).is_closed(pieces[0].configurations[0], Q)
 
 
+def test_a_piece_that_comes_back_is_an_inherited_one_where_somebody_was_told_otherwise_meanwhile() -> None:
+    mine = changed(Configurations(P), A, B, needed=3)
+    _, number, passed = mine.give(arc(0, 99))
+    other = Configurations(Q).take(number, passed).place(ONE, [(arc(0, 99), (A, C))], 3)
+    other = tell(other, B)
+    _, number, passed = other.give(arc(0, 99))
+    back = Configurations(P, mine.number).take(number, passed)
+    assert only(back).newest == only(mine).newest and only(back).active(P) is None
+    back = tell(changed(back, A, B, needed=3))
+    assert only(back).is_idle(P)
+
+
+def test_who_was_told_by_an_owner_in_between_hears_that_it_holds_nothing_any_more() -> None:
+    mine = changed(Configurations(P), A, B)
+    _, number, passed = mine.give(arc(0, 99))
+    _, number, passed = tell(Configurations(Q).take(number, passed).place(ONE, [(arc(0, 99), (C, D))], 2), A, B).give(arc(0, 99))
+    back = Configurations(P, mine.number).take(number, passed).place(ONE, [(arc(0, 99), (A, B))], 2)
+    assert only(back).active(P) is not None, "nobody of it has heard of another owner"
+    assert {word.holder: len(word.entries) for word in back.untold()} == {C: 0, D: 0, Q: 0}
+    assert only(tell(back)).is_idle(P)
+
+
 def test_a_gap_is_adopted_with_all_that_was_met_there() -> None:
     whole = Entry(ONE, arc(0, 59), 5, (P, A, B), 2, whole=True)
     newer = Entry(ONE, arc(20, 39), 8, (P, A, C), 2, whole=True)
