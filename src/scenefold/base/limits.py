@@ -253,6 +253,10 @@ CLIENT_FRAME_RECORDS = 1_024
 """Records of one bulk write, so that verifying them takes a node less than a tenth of a second."""
 CLIENT_GET_KEYS = 64
 """Keys of one bulk read: full records make 3.7 MiB of reply."""
+CLIENT_PART_BYTES = 512 * 1024
+"""What a holder of copies is asked for at a time, about, where several are read at once: some milliseconds of work."""
+CLIENT_PART_RECORDS = 8
+"""Records of such a part at least."""
 CLIENT_IMPORT_BATCHES = 3
 """Batches of an import that are being stored at a time, each of CLIENT_FRAME_BYTES; one more waits."""
 CLIENT_BATCH_BYTES = 1024 * 1024

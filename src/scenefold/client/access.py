@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
 
 import trio
 
 from scenefold.base.errors import LocalFault, Refused, ScenefoldError
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import CLIENT_BATCH_BYTES
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, CLIENT_BATCH_BYTES
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
@@ -27,6 +28,7 @@ from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.client.sealing import Opened, SceneIdentity, are_sound, deleted_all, key_withheld, open_all
 from scenefold.client.setbacks import Setbacks
+from scenefold.client.shares import UsualBytes
 from scenefold.client.split import frames
 from scenefold.client.tombstones import Lengths, tombstone
 from scenefold.client.verifying import Key, NewerThanKnown
@@ -51,6 +53,7 @@ class SceneAccess:
     sequencer: Sequencer = field(default_factory=Sequencer)
     lengths: Lengths = field(default_factory=Lengths)
     setbacks: Setbacks = field(default_factory=Setbacks)
+    usual: UsualBytes = field(default_factory=partial(UsualBytes, CIPHERTEXT_BYTES_MAX))
     log: LogAccess | None = None
     """None: nothing is known of the scene's log, and records are written at the position of `identity`."""
 
@@ -231,7 +234,7 @@ class SceneAccess:
         for space in {key[0] for key in keys}:
             check_no_shadow(self.identity.layouts, space, "read")
         identity = self.identity
-        copies = CopyReads(self.calls, identity.scene, identity.layouts, self._are_sound)
+        copies = CopyReads(self.calls, identity.scene, identity.layouts, self._are_sound, self.usual)
         return await fetch(self.calls, identity.scene, identity.position, keys, stale_ok=stale_ok, copies=copies)
 
     async def _are_sound(self, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool]:

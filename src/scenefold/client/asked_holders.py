@@ -12,7 +12,7 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.client.copy_words import CopyWords, enough
-from scenefold.wire import CopiesFound, Copy, CopyState, GetCopies, RecordKey
+from scenefold.wire import CopiesFound, CopyState, GetCopies, RecordKey
 
 if TYPE_CHECKING:
     from scenefold.client.copy_reads import CopyReads, Wanted
@@ -75,29 +75,29 @@ class AskedHolders:
 
     async def _ask(self, node: NodeId, indices: Sequence[int], *, digests_only: bool) -> None:
         """Hear what one holder says of these. Its silence is nobody's trouble."""
-        calls, left = self._reads.calls, list(indices)
-        address = calls.address_of(node)
+        left = list(indices)
         while left:
-            keys = tuple(RecordKey(*self._wanted.keys[index]) for index in left)
-            packet = GetCopies(self._reads.scene, self._wanted.position, keys, digests_only, False)
             try:
-                async with calls.turn(address):
-                    reply = await calls.ask(address, packet, CopiesFound, timeout_s=CLIENT_STATUS_S)
+                async with self._reads.calls.turn(self._reads.calls.address_of(node)):
+                    reply = await ask_copies(self._reads, self._wanted, node, left, digests_only=digests_only)
             except (Unreachable, Refused, PeerFault):
                 return
-            if not 1 <= len(reply.copies) <= len(left):
-                return
             told = list(zip(left, reply.copies, strict=False))
-            forged = await self._forged(told)
+            forged = await self._reads.forged(self._wanted, [(index, copy.record) for index, copy in told if copy.record is not None])
             for index, copy in told:
                 if copy.state is not CopyState.NO_CUSTODY:
                     self._words[index].hear(node, reply.holders[copy.holders], copy, is_forged=index in forged)
             left = left[len(reply.copies) :]
 
-    async def _forged(self, told: Sequence[tuple[int, Copy]]) -> set[int]:
-        """Those of the records that nobody put there: what their headers name others may have."""
-        records = [(index, copy.record) for index, copy in told if copy.record is not None]
-        if self._reads.judge is None or not records:
-            return set()
-        verdicts = await self._reads.judge([self._wanted.keys[index] for index, _ in records], [record for _, record in records])
-        return {index for (index, _), is_sound in zip(records, verdicts, strict=True) if not is_sound}
+
+async def ask_copies(
+    reads: CopyReads, wanted: Wanted, node: NodeId, indices: Sequence[int], *, digests_only: bool, any_copy: bool = False
+) -> CopiesFound:
+    """What a node says of the first of these, at least of one. Errors as of `Calls.ask`."""
+    address = reads.calls.address_of(node)
+    keys = tuple(RecordKey(*wanted.keys[index]) for index in indices)
+    packet = GetCopies(reads.scene, wanted.position, keys, digests_only, any_copy)
+    reply = await reads.calls.ask(address, packet, CopiesFound, timeout_s=CLIENT_STATUS_S)
+    if not 1 <= len(reply.copies) <= len(indices):
+        raise PeerFault(f"{len(reply.copies)} copies for {len(indices)} keys", where=address)
+    return reply

@@ -1,22 +1,26 @@
 """Reads that holders of copies answer where the owner is slow or away (specs/20-copies.md, Reads).
 
 The owner is asked first. If it says nothing for longer than nineteen of twenty answers took lately, or did not answer the last
-time, those who hold copies are asked as well, as placement gives them; whatever comes first counts.
+time, those who hold copies are asked as well, as placement gives them; whatever comes first counts. Where far more of a call lies with one
+owner than with others, they are asked from the beginning (wide_reads.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
 from scenefold.base.ids import NodeId, SceneId, SpaceId
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.client.asked_holders import AskedHolders, Groups
 from scenefold.client.calls import Calls
 from scenefold.client.hedging import helped
+from scenefold.client.shares import UsualBytes
 from scenefold.client.verifying import Key
+from scenefold.client.wide_reads import AskOnce, WideRead
 from scenefold.scene.log import Layouts
 from scenefold.wire import RecordBytes
 
@@ -47,11 +51,12 @@ class CopyReads:
     layouts: Layouts
     judge: Judge | None = None
     """None: whoever reads looks at all of it himself, whoever it came from."""
+    usual: UsualBytes = field(default_factory=partial(UsualBytes, CIPHERTEXT_BYTES_MAX))
 
     def holders(self, space: SpaceId, home: Location) -> tuple[NodeId, ...]:
         """Who holds copies of a place, as far as the client knows the line; nobody if the space has no shadows."""
         offsets = self.layouts.offsets.get(space, ())
-        return self.calls.table.holders_of(offsets, home) if offsets else ()
+        return self.calls.table.holders_of(offsets, home, self.layouts.needed[space]) if offsets else ()
 
     async def beside(self, ask_owner: AskOwner, wanted: Wanted, owner: NodeId, frame: list[int]) -> None:
         """Ask the owner for some of the records, and, if it is slow, the holders; `wanted.take` is told what they say that counts.
@@ -78,9 +83,20 @@ class CopyReads:
         elif not calls.is_silent(owner):
             tails.was_late(owner)
 
+    async def wide(self, ask_once: AskOnce, wanted: Wanted, owner: NodeId, frame: list[int], least: int) -> None:
+        """Read them from the owner and all holders at once. Raises what the owner raises if others cannot help either."""
+        await WideRead(self, ask_once, wanted, owner, frame, least).run()
+
     async def instead(self, wanted: Wanted, frame: list[int]) -> None:
         """Ask the holders alone: the owner has said that it has lost these."""
         await AskedHolders(self, wanted).ask(self.groups(wanted, frame))
+
+    async def forged(self, wanted: Wanted, told: Sequence[tuple[int, RecordBytes]]) -> set[int]:
+        """Those of some records that nobody put there."""
+        if self.judge is None or not told:
+            return set()
+        verdicts = await self.judge([wanted.keys[index] for index, _ in told], [record for _, record in told])
+        return {index for (index, _), is_sound in zip(told, verdicts, strict=True) if not is_sound}
 
     def groups(self, wanted: Wanted, frame: Iterable[int]) -> Groups:
         """Those of the keys that anybody holds copies of, by who does."""

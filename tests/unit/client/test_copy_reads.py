@@ -47,6 +47,12 @@ class HoldingNodes(FakeNodes):
         copies: list[Copy] = []
         for key in packet.keys[: self.reply_records_max]:
             owner = self.table.owner_of(key.location)
+            if owner.address == address and packet.digests_only and not packet.any_copy and address not in self.without_lease:
+                holders.append(Configuration(0, (Member(owner.node_id, bytes(16)),), 1))
+                item = self._found(key)
+                digest = b"" if item is None else version_of(item.header)
+                copies.append(Copy(CopyState.DIGEST if digest else CopyState.NOTHING, len(holders) - 1, digest, None))
+                continue
             if owner.address == address or (address in self.without_lease and not packet.any_copy):
                 copies.append(Copy(CopyState.NO_CUSTODY, 0, b"", None))
                 continue

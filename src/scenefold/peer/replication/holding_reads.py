@@ -1,12 +1,13 @@
 """Copies as answers to readers: GetCopies (specs/20-copies.md, Reads).
 
 What a holder says counts only together with what others say under the same configuration. So it names that configuration, and
-answers only while it has its entry, whole, and its own lease: both are looked at when the records have been read.
+answers only while it has its entry, whole, and its own lease: both are looked at when the records have been read. Who is asked for digests
+of what it owns answers for that alone (owner_versions.py).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.limits import BULK_BYTES_MAX, CUSTODY_ENTRIES_MAX, STORE_READ_BATCH_MAX
@@ -17,6 +18,7 @@ from scenefold.peer.copies.entries import Entry
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication.owner_versions import OwnerVersions
 from scenefold.store import Spot, version_of
 from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, Packet, RecordBytes, RecordKey
 
@@ -32,8 +34,9 @@ _MEMBER_BYTES = 32
 class HoldingReads:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: Parts, owner: OwnerVersions) -> None:
         self._parts = parts
+        self._owner = owner
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(GetCopies, self._on_get)
@@ -52,14 +55,19 @@ class HoldingReads:
     async def _read(self, packet: GetCopies, keys: Sequence[RecordKey], known: KnownScene, answer: _Answer) -> bool:
         """Answer these; False if there is no room for all of them."""
         before = [self._entry(known.layouts.get(key.space), _home_of(key), any_copy=packet.any_copy) for key in keys]
-        wanted = [key for key, entry in zip(keys, before, strict=True) if entry is not None]
-        spots = [Spot(RecordPlace(packet.scene, key.space, key.location), key.object) for key in wanted]
-        records = iter(await self._found(spots, digests_only=packet.digests_only))
-        for key, entry in zip(keys, before, strict=True):
+        spots = [Spot(RecordPlace(packet.scene, key.space, key.location), key.object) for key in keys]
+        held = [spot for spot, entry in zip(spots, before, strict=True) if entry is not None]
+        records = iter(await self._found(held, digests_only=packet.digests_only))
+        own: Mapping[Spot, _Found] = {}
+        if packet.digests_only and not packet.any_copy and len(held) < len(spots):
+            own = await self._owner.told([spot for spot, entry in zip(spots, before, strict=True) if entry is None])
+        me = Configuration(0, (self._parts.own.member,), 1)
+        for key, spot, entry in zip(keys, spots, before, strict=True):
             found = None if entry is None else next(records)
             # What was said in between may have ended the entry: then others may have been told newer things since.
             is_still = entry is not None and self._entry(entry.layout, _home_of(key), any_copy=packet.any_copy) == entry
-            if not answer.add(entry if is_still else None, found):
+            has_room = answer.tell(me, own[spot]) if spot in own else answer.add(entry if is_still else None, found)
+            if not has_room:
                 return False
         return True
 
@@ -95,7 +103,10 @@ class _Answer:
         if entry is None or (found is None and not entry.whole):
             # Who has not all of it cannot say that nothing is there.
             return self._append(_NO_CUSTODY, None)
-        group = Configuration(entry.number, entry.members, entry.needed)
+        return self.tell(Configuration(entry.number, entry.members, entry.needed), found)
+
+    def tell(self, group: Configuration, found: _Found) -> bool:
+        """Likewise, of what counts under this configuration."""
         place = self._places.get(group, len(self.holders))
         return self._append(self._copy(place, found), group)
 

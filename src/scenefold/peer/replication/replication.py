@@ -16,6 +16,7 @@ from scenefold.peer.replication.health import Health
 from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
+from scenefold.peer.replication.owner_versions import OwnerVersions
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.recovering import Recovering
 from scenefold.peer.replication.spreading import Spreading
@@ -31,7 +32,6 @@ class Replication:
         self._parts = parts
         self._roster = roster
         self._routing = routing
-        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), HoldingReads(parts))
         self.placing = Placing(parts, roster)
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
@@ -41,6 +41,8 @@ class Replication:
         self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left)
         self.recovering = Recovering(parts)
         self.recovering.doubt = self.spreading.doubt
+        reads = HoldingReads(parts, OwnerVersions(parts, self.spreading, self.recovering))
+        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), reads)
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
