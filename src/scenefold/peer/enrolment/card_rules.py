@@ -12,6 +12,7 @@ from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Card, OutOfDate, PublicKey, node_named
 from scenefold.peer.cluster_log.registry import Registry
+from scenefold.wire import SceneLogPublic
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, Trust
 from scenefold.world.enrol_forms import check_place, form_in
 from scenefold.world.facts import ClusterFacts, Credential
@@ -55,6 +56,14 @@ def is_user_key(key: PublicKey, registry: Registry, facts: ClusterFacts) -> bool
     names = (*registry.roll.cards, *(Card.read(owner).name for owner in facts.owners))
     cards = (card_of(name, registry, facts) for name in names if node_named(name) is None)
     return any(card is not None and card.keys.signing == key for card in cards)
+
+
+def is_scene_member(user: str, header: SceneLogPublic, registry: Registry, facts: ClusterFacts) -> bool:
+    """Whether a scene's keys are sealed to a user. In a cluster in memory, which has no authority, nobody can tell, and anybody may be."""
+    if not facts.authority:
+        return True
+    card = card_of(user, registry, facts)
+    return card is not None and any(lockbox.recipient == card.keys.sealing.key_id for lockbox in header.lockboxes)
 
 
 def refusal_of(name: str, key: KeyId | None, registry: Registry, facts: ClusterFacts) -> Refused | None:
