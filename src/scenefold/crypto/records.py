@@ -173,12 +173,12 @@ def verify_record(record: Record, public_key: PublicKey, place: RecordPlace | No
     return record.header
 
 
-def check_claim(record: Record, public_key: PublicKey, place: RecordPlace | None = None) -> None:
-    """The cheap half of `verify_record`: what the record says of itself."""
+def check_claim(record: Record, public_key: PublicKey, place: RecordPlace | None = None, *, or_husk: bool = False) -> None:
+    """The cheap half of `verify_record`: what the record says of itself. `or_husk`: its ciphertext may be missing."""
     header = record.header
     if place is not None and (header.scene, header.space, header.location) != place:
         raise IllFormedRecord("the record belongs elsewhere", where=f"scene {header.scene:08x}, space {header.space}, {header.location!r}")
-    if header.length != len(record.ciphertext):
+    if header.length != len(record.ciphertext) and not (or_husk and is_husk(record)):
         raise IllFormedRecord(f"a ciphertext of {len(record.ciphertext)} bytes, {header.length} were announced")
     if header.writer != public_key.key_id:
         raise InvalidSignature(f"the record was written by key {header.writer:08x}, not {public_key.key_id:08x}")
@@ -186,9 +186,19 @@ def check_claim(record: Record, public_key: PublicKey, place: RecordPlace | None
         raise InvalidSignature(f"a record of suite {header.suite} by a key of suite {public_key.suite}")
 
 
+def is_husk(record: Record) -> bool:
+    """Whether it is what is left of a record whose ciphertext is lost: the header and its signature."""
+    return not record.ciphertext and record.header.length > 0
+
+
+def check_header_signature(record: Record, public_key: PublicKey) -> None:
+    """That the writer signed this header, whatever became of the ciphertext."""
+    public_key.verify(record.signature, RECORD_DOMAIN, record.header_bytes)
+
+
 def check_signature(record: Record, public_key: PublicKey) -> None:
     """The other half: that the writer said so. Some 100 microseconds, and as long as hashing the ciphertext takes."""
-    public_key.verify(record.signature, RECORD_DOMAIN, record.header_bytes)
+    check_header_signature(record, public_key)
     if hashlib.sha256(record.ciphertext).digest() != record.header.digest:
         raise InvalidSignature("the ciphertext is not the one that was signed")
 

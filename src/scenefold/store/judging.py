@@ -8,7 +8,7 @@ from enum import Enum
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, Record, RecordHeader, version_key
+from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, Record, RecordHeader, is_husk, version_key
 
 
 class Outcome(Enum):
@@ -70,6 +70,11 @@ class Put:
     record: Record
     at: Location | None = None
     debtors: tuple[NodeId, ...] = ()
+
+    @property
+    def is_husk(self) -> bool:
+        """Whether it is what is left of a record whose ciphertext is lost (husks.py)."""
+        return is_husk(self.record)
 
 
 def judge(new: RecordHeader, present: RecordHeader | None) -> PutResult:

@@ -146,8 +146,15 @@ def unpack_record(value: memoryview) -> Record:
         ciphertext=bytes(value[signature_end:]),
     )
     if hashlib.sha256(record.ciphertext).digest() != RecordHeader.decode(record.header_bytes).digest:
-        raise DamagedData("the bytes of a stored record have changed on the disk")
+        left = "have changed on the disk" if record.ciphertext else "are lost, here and where they came from: only its header is left"
+        raise DamagedData(f"the bytes of a stored record {left}")
     return record
+
+
+def remains_of(value: memoryview) -> Record | None:
+    """The header and the signature of a stored value, without a ciphertext; None if they are not what was written."""
+    header = sound_header(value)
+    return None if header is None else Record(header, bytes(value[HEADER_AT + len(header) : _ends(value)[1]]), b"")
 
 
 def sound_header(value: memoryview) -> bytes | None:

@@ -50,6 +50,8 @@ class Noticed:
             self._met(spot, "write", "a damaged record, whose header has changed on the disk, is in the way of another")
         if result.has_changed:
             self.gone([spot])
+            if put.is_husk:
+                self.read(spot, "only the header of a record came: its bytes are lost where it lay")
 
     def gone(self, spots: Iterable[Spot]) -> None:
         """Nothing rotten lies there any more."""

@@ -44,7 +44,7 @@ def read_records(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[Re
 
 
 def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedData | None:
-    value = _stored(transaction, spot)
+    value = stored_value(transaction, spot)
     if value is None:
         return None
     try:
@@ -53,7 +53,7 @@ def _read_record(transaction: ReadTransaction, spot: Spot) -> Record | DamagedDa
         return DamagedData(error.what, where=describe(spot), remedy="write it anew, or restore it from a copy")
 
 
-def _stored(transaction: ReadTransaction, spot: Spot) -> memoryview | None:
+def stored_value(transaction: ReadTransaction, spot: Spot) -> memoryview | None:
     """An object is found wherever this node has put it."""
     place, object_id = spot
     value = transaction.get(RECORDS, record_key(place, object_id))
@@ -65,7 +65,7 @@ def _stored(transaction: ReadTransaction, spot: Spot) -> memoryview | None:
 
 def read_record_headers(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[bytes | None]:
     """The headers alone: ciphertexts are not looked at. None for nothing, or for a header that has rotted."""
-    found = [_stored(transaction, spot) for spot in spots]
+    found = [stored_value(transaction, spot) for spot in spots]
     return [None if value is None else sound_header(value) for value in found]
 
 

@@ -17,6 +17,7 @@ from scenefold.base.location import Arc, Location
 from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of, wanted_place
 from scenefold.store.changes import MayUseReserve, storage_full
 from scenefold.store.holding import read_arc
+from scenefold.store.husks import keep_husk
 from scenefold.store.judging import Outcome, Put, PutResult, judge, judge_copy
 from scenefold.store.keeping import drop_record, keep_record, move_object
 from scenefold.store.layout import RECORDS, Spot, pack_record, record_key, stored_header, unpack_record
@@ -79,7 +80,7 @@ class MergeRecords(MayUseReserve):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [_write(transaction, tally, _judge_for_node, put, _place(transaction, arc, header, put.at)) for header, put in self.puts]
+        return [_merge(transaction, tally, arc, header, put) for header, put in self.puts]
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -203,6 +204,12 @@ def _put_sparingly(
     if value is None or len(pack_record(put.record)) > max(len(value), grown_bytes):
         return looked
     return _put(transaction, tally, arc, new, put)
+
+
+def _merge(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+    if put.is_husk:
+        return keep_husk(transaction, tally, arc, put)
+    return _write(transaction, tally, _judge_for_node, put, _place(transaction, arc, new, put.at))
 
 
 def _lying(transaction: ReadTransaction, new: RecordHeader) -> Spot:

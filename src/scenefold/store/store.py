@@ -27,6 +27,7 @@ from scenefold.store.debts import read_owed
 from scenefold.store.digest_changes import has_unbuilt
 from scenefold.store.dropping import DroppingStore
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
+from scenefold.store.husks import HuskStore
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Outcome, Put, PutResult
 from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
@@ -47,7 +48,7 @@ SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store(ComparingStore, OwingStore, DroppingStore, SuspectStore):
+class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, SuspectStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:

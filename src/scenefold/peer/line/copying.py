@@ -94,8 +94,12 @@ class Copier:
         """What has rotted, or was replaced just now, is `unsent`: the same version may be whole again before the last pass."""
         found = await self._parts.store.read([entry.spot for entry in batch])
         unsent.update(_version(entry) for entry, record in zip(batch, found, strict=True) if not isinstance(record, Record))
-        items = tuple(hand_item(entry, record) for entry, record in zip(batch, found, strict=True) if isinstance(record, Record))
-        self._parts.events["damaged"] += sum(isinstance(record, DamagedData) for record in found)
+        rotten = [entry for entry, record in zip(batch, found, strict=True) if isinstance(record, DamagedData)]
+        self._parts.events["damaged"] += len(rotten)
+        whole = [(entry, record) for entry, record in zip(batch, found, strict=True) if isinstance(record, Record)]
+        # What is left of them goes along: where it lay nobody shall be told that there was nothing.
+        husks = zip(rotten, await self._parts.store.remains([entry.spot for entry in rotten]), strict=True) if rotten else ()
+        items = tuple(hand_item(entry, record) for entry, record in [*whole, *husks] if record is not None)
         if not items:
             return 0
         size_bytes = sum(entry.size for entry in batch)

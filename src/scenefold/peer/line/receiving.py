@@ -24,7 +24,7 @@ from scenefold.peer.line.holding import Handover, Holding, Step, describe
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import side_of_giver
-from scenefold.peer.records.verification import KnownScene, epochs_of, verify_copies
+from scenefold.peer.records.verification import KnownScene, epochs_of, verify_copies, verify_copies_and_husks
 from scenefold.store import Outcome, Put, Spot, Store
 from scenefold.wire import (
     ClaimRange,
@@ -146,7 +146,7 @@ class Receiving:
     async def _copy(self, packet: CopyRecords, peer: str) -> None:
         handover = self._noted(packet.handover, peer)
         _check_inside([spot_of_item(item) for item in packet.items], handover.piece)
-        verdicts = await verified(self._parts, packet.items)
+        verdicts = await verified(self._parts, packet.items, or_husks=True)
         self._touch(packet.handover)
         for verdict in verdicts:
             if isinstance(verdict, Refused):
@@ -214,8 +214,11 @@ async def keep_durably(store: Store, puts: Sequence[Put]) -> None:
         raise Refused(RejectReason.STORAGE_FULL, "the receiver's disk is full")
 
 
-async def verified(parts: Parts, items: Sequence[HandItem]) -> list[Put | Refused]:
-    """What other nodes hand over, judged like a put but for the write floor; headers that the records' authors knew are pulled first."""
+async def verified(parts: Parts, items: Sequence[HandItem], *, or_husks: bool = False) -> list[Put | Refused]:
+    """What other nodes hand over, judged like a put but for the write floor; headers that the records' authors knew are pulled first.
+
+    `or_husks`: what is left of rotten records is taken as well.
+    """
     scenes: dict[SceneId, KnownScene] = {}
     for scene, epoch in epochs_of(items).items():
         try:
@@ -227,7 +230,7 @@ async def verified(parts: Parts, items: Sequence[HandItem]) -> list[Put | Refuse
     for start in range(0, len(items), VERIFY_BATCH):
         batch = items[start : start + VERIFY_BATCH]
         claims = [(item, scenes[item.scene]) for item in batch if item.scene in scenes]
-        judged = iter(await parts.world.workers.run("crypto", verify_copies, claims))
+        judged = iter(await parts.world.workers.run("crypto", verify_copies_and_husks if or_husks else verify_copies, claims))
         verdicts += [next(judged) if item.scene in scenes else unknown for item in batch]
     return verdicts
 

@@ -27,6 +27,7 @@ from scenefold.crypto import (
     RecordHeader,
     RecordPlace,
     check_claim,
+    check_header_signature,
     check_signature,
     claimed_epoch,
     key_id_of,
@@ -125,13 +126,17 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
     return Claim(Put(record), key)
 
 
-def _claimed_copy(item: HandItem, scene: KnownScene) -> Claim:
+def _claimed_copy(item: HandItem, scene: KnownScene, *, or_husk: bool = False) -> Claim:
     record = Record(item.header, item.signature, item.ciphertext)
-    header, key = _claimed(record, item, scene)
+    header, key = _claimed(record, item, scene, or_husk=or_husk)
     if item.object != object_of(header):
         raise Refused(RejectReason.ILL_FORMED, "the record is that of another object")
     _check_key_epoch(header, scene)
     return Claim(Put(record, at=item.location if item.object else None), key)
+
+
+def _claimed_copy_or_husk(item: HandItem, scene: KnownScene) -> Claim:
+    return _claimed_copy(item, scene, or_husk=True)
 
 
 def home_of(item: PutItem | HandItem) -> Location:
@@ -146,7 +151,7 @@ def home_of(item: PutItem | HandItem) -> Location:
     return wanted_place(object_id) if object_id else item.location
 
 
-def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tuple[RecordHeader, PublicKey]:
+def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene, *, or_husk: bool = False) -> tuple[RecordHeader, PublicKey]:
     """The record's header and its writer's key, if it says the right things of itself."""
     try:
         header = record.header
@@ -154,7 +159,7 @@ def _claimed(record: Record, item: PutItem | HandItem, scene: KnownScene) -> tup
         key = scene.writer_key(header)
         # Where a node-managed record lies is no business of its writer, so it is no part of what is signed.
         signed_place = header.location if header.placement == PLACED_BY_NODE else item.location
-        check_claim(record, key, RecordPlace(item.scene, item.space, signed_place))
+        check_claim(record, key, RecordPlace(item.scene, item.space, signed_place), or_husk=or_husk)
     except DamagedData as problem:
         raise _refused(problem) from problem
     return header, key
@@ -168,7 +173,7 @@ def _check_key_epoch(header: RecordHeader, scene: KnownScene) -> None:
 
 def _signed(claim: Claim) -> Put:
     try:
-        check_signature(claim.put.record, claim.key)
+        (check_header_signature if claim.put.is_husk else check_signature)(claim.put.record, claim.key)
     except DamagedData as problem:
         raise _refused(problem) from problem
     return claim.put
@@ -212,6 +217,11 @@ def verify_all(claims: Sequence[tuple[PutItem, KnownScene]]) -> list[Put | Refus
 def verify_copies(claims: Sequence[tuple[HandItem, KnownScene]]) -> list[Put | Refused]:
     """The same for records that another node hands over."""
     return _verdicts(_claimed_copy, claims)
+
+
+def verify_copies_and_husks(claims: Sequence[tuple[HandItem, KnownScene]]) -> list[Put | Refused]:
+    """Likewise, where a husk may be among them: of a record whose ciphertext nobody has sound any more."""
+    return _verdicts(_claimed_copy_or_husk, claims)
 
 
 def _verdicts(claimed: Callable[[Item, KnownScene], Claim], claims: Sequence[tuple[Item, KnownScene]]) -> list[Put | Refused]:

@@ -124,16 +124,19 @@ class Comparing:
         await parts.keeper.flush()
         begin = parts.world.clock.now()
         self._look()
+        has_new_husks = False
         for scene, space in await self._spaces(job):
             comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs)
             if not await comparison.run():
-                raise Refused(RejectReason.DAMAGED, "some records cannot be read here")
+                raise Refused(RejectReason.BUSY, "some records have changed meanwhile")
+            has_new_husks |= comparison.has_new_husks
         if not parts.cluster_log.registry.is_current(job.holder):
             raise Refused(RejectReason.WRONG_INCARNATION, "another incarnation may have answered")
         if not job.is_routine:
             await parts.keeper.change_copies(lambda copies, _holding: _compared(copies, job))
         parts.events["compared"] += len(arcs)
-        self._checked = {key: at for key, at in self._checked.items() if begin - at < AGAIN_S}
+        others = {key: at for key, at in self._checked.items() if not (has_new_husks and key[1] == job.layout)}
+        self._checked = {key: at for key, at in others.items() if begin - at < AGAIN_S}
         self._checked.update(((job.holder, job.layout, arc), begin) for arc in arcs)
 
     async def _spaces(self, job: Job) -> Sequence[tuple[SceneId, SpaceId]]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, SpaceId, address_of
 from scenefold.base.limits import COMPARED_RECORDS_MAX
 from scenefold.base.location import Arc, Location
@@ -72,6 +72,8 @@ class SpaceComparison:
         self._scene, self._space = scene, space
         self._arcs = arcs
         self._complete = True
+        self.has_new_husks = False
+        """Whether this owner has learnt of versions that nobody can be given: other holders have to learn of them too."""
 
     async def run(self) -> bool:
         """Whether the holder has all that lay here when this began. Refused, Unreachable or PeerFault: not now."""
@@ -163,12 +165,14 @@ class SpaceComparison:
         """The holder has these, or newer ones, durably; or the comparison is not complete."""
         parts = self._parts
         found = await parts.store.read([known.spot for known in batch])
-        # What has slid or was written over meanwhile is met again, or owed; what has rotted here nobody can be given.
+        # What has slid or was written over meanwhile is met again, or owed.
+        self._complete = self._complete and all(record is not None for record in found)
         sound = [(known.spot, record) for known, record in zip(batch, found, strict=True) if isinstance(record, Record)]
-        self._complete = self._complete and len(sound) == len(batch)
-        if not sound:
+        rotten = [known.spot for known, record in zip(batch, found, strict=True) if isinstance(record, DamagedData)]
+        husks = await self._husks(rotten) if rotten else []
+        if not (sound or husks):
             return
-        items = tuple(item_of(spot, record) for spot, record in sound)
+        items = tuple(item_of(spot, record) for spot, record in (*sound, *husks))
         size = sum(_size(item) for item in items)
         await parts.budget.take(size)
         request = StoreCopies(parts.own.member, items)
@@ -176,14 +180,24 @@ class SpaceComparison:
         if len(reply.reasons) != len(items):
             raise PeerFault("a holder answered for another number of records", where=address_of(self._holder.node))
         self._progress.sent(self, len(items), size)
-        taken = [one for one, reason in zip(sound, reply.reasons, strict=True) if not reason]
+        taken = [one for one, reason in zip(sound, reply.reasons, strict=False) if not reason]
         parts.events["copies sent"] += len(taken)
         parts.events["copied bytes"] += size
         if self._holder.node in parts.store.owed:
             await parts.store.paid([(spot, version_of(record.header_bytes), self._holder.node) for spot, record in taken])
-        refused = next((reason for reason in reply.reasons if reason), 0)
+        # Where something older is sound nothing is lost for what cannot be had any more.
+        lost = [reason for reason in reply.reasons[len(sound) :] if reason != RejectReason.DAMAGED]
+        refused = next((reason for reason in (*reply.reasons[: len(sound)], *lost) if reason), 0)
         if refused:
             raise Refused(RejectReason(refused), reply.text or "the holder does not take it")
+
+    async def _husks(self, rotten: Sequence[Spot]) -> list[tuple[Spot, Record]]:
+        """What is left of what nobody can be given: the holder shall not say that there was nothing. What is owed to it anyway is left out."""
+        store = self._parts.store
+        owed = await store.debtors_of(rotten)
+        lacking = [spot for spot, nodes in zip(rotten, owed, strict=True) if self._holder.node not in nodes]
+        found = await store.remains(lacking)
+        return [(spot, husk) for spot, husk in zip(lacking, found, strict=True) if husk is not None]
 
     # -------------------------------------------------------------------------------------------------- fetching
 
@@ -218,17 +232,26 @@ class SpaceComparison:
         self._parts.budget.charge(sum(map(_size, reply.items)))
         asked = {known.spot for known in wanted}
         items = [item for item in reply.items if Spot(RecordPlace(item.scene, item.space, item.location), item.object) in asked]
-        verdicts = await verified(self._parts, items)
+        verdicts = await verified(self._parts, items, or_husks=True)
         puts = [
             replace(verdict, at=home_of(item)) if item.object else verdict
             for item, verdict in zip(items, verdicts, strict=True)
             if isinstance(verdict, Put) and any(home_of(item) in arc for arc in self._arcs)
         ]
-        if puts:
-            await self._take(puts)
+        whole, husks = [put for put in puts if not put.is_husk], [put for put in puts if put.is_husk]
+        if whole:
+            await self._take(whole, self._merge)
+        if husks:
+            # Nobody can be sent these, so they are owed to nobody: whoever lacks them is found by comparing.
+            await self._take(husks, self._keep_husks)
         return answered
 
-    async def _take(self, puts: Sequence[Put]) -> None:
+    async def _keep_husks(self, husks: Sequence[Put]) -> Sequence[PutResult]:
+        results = await self._parts.store.merge(husks)
+        self.has_new_husks |= any(result.has_changed for result in results)
+        return results
+
+    async def _take(self, puts: Sequence[Put], merge: Merge) -> None:
         parts = self._parts
         homes = [_home(put) for put in puts]
         with trio.move_on_after(GATE_S_MAX) as patience:
@@ -236,7 +259,7 @@ class SpaceComparison:
                 patience.deadline = float("inf")
                 if not all(map(parts.keeper.holding.owns, homes)):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
-                results = await self._merge(puts)
+                results = await merge(puts)
         if patience.cancelled_caught:
             raise Refused(RejectReason.BUSY, "the place is being handed over")
         if any(isinstance(result, NotKept) or result.outcome is Outcome.FULL for result in results):

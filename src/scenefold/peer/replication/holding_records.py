@@ -75,7 +75,7 @@ class HoldingRecords:
         layouts = await self._layouts(items)
         problems = [self._refused(owner, item, layout) for item, layout in zip(items, layouts, strict=True)]
         open_ones = [index for index, problem in enumerate(problems) if problem is None]
-        verdicts = await verified(self._parts, [items[index] for index in open_ones])
+        verdicts = await verified(self._parts, [items[index] for index in open_ones], or_husks=True)
         charge_forged(sum(isinstance(verdict, Refused) and verdict.reason in NEVER_HONEST for verdict in verdicts))
         puts: list[tuple[int, Put]] = []
         for index, verdict in zip(open_ones, verdicts, strict=True):
@@ -172,11 +172,10 @@ class HoldingRecords:
         room = BULK_BYTES_MAX
         for start in range(0, len(packet.entries), STORE_READ_BATCH_MAX):
             batch = packet.entries[start : start + STORE_READ_BATCH_MAX]
-            found = await self._parts.store.read([_spot_of(entry) for entry in batch])
+            found = await self._found([_spot_of(entry) for entry in batch])
             for index, (entry, record) in enumerate(zip(batch, found, strict=True), start):
-                if not isinstance(record, Record) or record.header.digest != entry.digest:
-                    # Nobody can be given what has rotted, and what was written over since was listed anew.
-                    self._parts.events["damaged"] += isinstance(record, DamagedData)
+                if record is None or record.header.digest != entry.digest:
+                    # What was written over since was listed anew.
                     missing.append(index)
                     continue
                 room -= len(record.signature) + len(record.header_bytes) + len(record.ciphertext) + _ITEM_FRAMING_BYTES
@@ -184,6 +183,17 @@ class HoldingRecords:
                     return HeldFetched(tuple(items), tuple(missing))
                 items.append(_item(entry, record))
         return HeldFetched(tuple(items), tuple(missing))
+
+    async def _found(self, spots: Sequence[Spot]) -> list[Record | None]:
+        """What lies there; of what has rotted what is left. That is not read once more if it is known."""
+        store = self._parts.store
+        unread = [spot for spot in spots if not store.noticed.is_rotten(spot)]
+        read = dict(zip(unread, await store.read(unread), strict=True))
+        rotten = [spot for spot in spots if spot not in read or isinstance(read[spot], DamagedData)]
+        husks = dict(zip(rotten, await store.remains(rotten), strict=True)) if rotten else {}
+        self._parts.events["damaged"] += len(rotten)
+        sound = {spot: record for spot, record in read.items() if isinstance(record, Record)}
+        return [husks[spot] if spot in husks else sound.get(spot) for spot in spots]
 
 
 def _at_home(put: Put, item: HandItem) -> Put:

@@ -12,6 +12,7 @@ from scenefold.base.ids import address_of
 from scenefold.base.location import Arc, Location
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.line.receiving import keep_durably
 from scenefold.peer.replication.recovering_hearing import Hearing
 from scenefold.peer.replication.recovering_roll import Roll
 from scenefold.wire import Member
@@ -19,6 +20,7 @@ from scenefold.world import first_of
 
 HEARINGS_MAX = 16
 """Nodes that say at one time what they have: each has one page here."""
+HUSKS_AT_ONCE = 1024
 TRIES_LOUD = 6
 """Of a node that cannot be heard, before people are told what the gap waits for: some 10 s."""
 
@@ -47,6 +49,7 @@ class Asking:
         async with trio.open_nursery() as nursery:
             for member in self.roll.asked:
                 nursery.start_soon(self._hear_out, member)
+        await self._keep_husks(self.roll.gap)
 
     async def look_up(self, place: Location) -> bool:
         """Whether all that anybody has at a place is here now. Takes as long as it takes."""
@@ -59,7 +62,20 @@ class Asking:
         async with trio.open_nursery() as nursery:
             for member in missing:
                 nursery.start_soon(self._hear_of, member, place, heard)
-        return len(heard) == len(missing)
+        if len(heard) < len(missing):
+            return False
+        try:
+            await self._keep_husks(Arc(place, place))
+        except Refused as problem:
+            _log.debug("a place cannot be looked up: %s", problem)
+            return False
+        return True
+
+    async def _keep_husks(self, arc: Arc) -> None:
+        """What is left of versions that nobody could deliver: where nothing else lies it is known that something did."""
+        husks = self.roll.husks(arc)
+        for start in range(0, len(husks), HUSKS_AT_ONCE):
+            await keep_durably(self._parts.store, husks[start : start + HUSKS_AT_ONCE])
 
     async def _hear_of(self, member: Member, place: Location, heard: list[Member]) -> None:
         try:

@@ -46,6 +46,7 @@ class Hearing:
     def __init__(self, parts: Parts, roll: Roll, teller: Member, arc: Arc, turn: AbstractAsyncContextManager[object]) -> None:
         """`turn`: held while records are fetched, by one hearing at a time, since several nodes name the same ones."""
         self._parts = parts
+        self._roll = roll
         self._position = roll.position
         self._teller = teller
         self._arc = arc
@@ -142,29 +143,38 @@ class Hearing:
                     answered = len(reply.items) + len(reply.missing)
                     if not 1 <= answered <= len(batch):
                         return denied
-                    await self._take(reply.items)
+                    rotten = await self._take(reply.items)
                     denied.update(batch[index] for index in reply.missing if index < len(batch))
+                    denied.update(rotten)
                     batch = batch[answered:]
         return denied
 
-    async def _take(self, items: Sequence[HandItem]) -> None:
-        """Keep what is sound and lies in the arc by its home; whatever else came, was not asked for."""
+    async def _take(self, items: Sequence[HandItem]) -> list[RecordEntry]:
+        """Keep what is sound and lies in the arc by its home; whatever else came, was not asked for. Of what is not sound the names.
+
+        What is left of that waits until all were heard: somebody else may have it sound, or something older.
+        """
         inside = [item for item in items if home_of(item) in self._arc]
-        verdicts = await verified(self._parts, inside)
+        verdicts = await verified(self._parts, inside, or_husks=True)
         # An object comes to lie at its home: that is in the arc, wherever it lay.
         puts = [
-            replace(verdict, at=home_of(item)) if item.object else verdict
+            (item, replace(verdict, at=home_of(item)) if item.object else verdict)
             for item, verdict in zip(inside, verdicts, strict=True)
             if isinstance(verdict, Put)
         ]
-        await keep_durably(self._parts.store, puts)
-        self._parts.events["fetched"] += len(puts)
+        whole = [put for _, put in puts if not put.is_husk]
+        await keep_durably(self._parts.store, whole)
+        self._parts.events["fetched"] += len(whole)
+        husks = [(item, put) for item, put in puts if put.is_husk]
+        for _, husk in husks:
+            self._roll.note_husk(husk)
         size_bytes = sum(len(item.header) + len(item.signature) + len(item.ciphertext) for item in items)
         if self._arc.first == self._arc.last:
             # Somebody waits for this place.
             self._parts.budget.charge(size_bytes)
         else:
             await self._parts.budget.take(size_bytes)
+        return [RecordEntry(item.scene, item.space, item.location, item.object, husk.record.header.digest) for item, husk in husks]
 
     @property
     def _name(self) -> str:

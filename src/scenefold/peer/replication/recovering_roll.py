@@ -8,11 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from scenefold.base.location import Arc
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Arc, Location
+from scenefold.crypto import object_of, version_key, wanted_place
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.numbers import first_number
+from scenefold.store import Put
 from scenefold.wire import Member
+
+HUSKS_MAX = 16_384
+"""Remembered until all were heard. Where more has rotted, what is beyond is as lost as if its disk were."""
 
 
 class Roll:
@@ -25,6 +31,7 @@ class Roll:
         self.asked = tuple(sorted(set(registered) - {me}, key=lambda member: (member.node, member.incarnation)))
         self._heard: dict[Member, tuple[Entry, ...]] = {}
         self._lost: set[Member] = set()
+        self._husks: dict[tuple[SceneId, SpaceId, bytes], Put] = {}
 
     @property
     def number(self) -> int:
@@ -43,7 +50,25 @@ class Roll:
         """The log has removed a node, and T_wait has passed since this node learnt that. What it has said before counts."""
         self._lost.add(member)
 
+    def note_husk(self, husk: Put) -> None:
+        """This is left somewhere of a version that has rotted. Of one record the newest counts."""
+        header = husk.record.header
+        name = header.scene, header.space, object_of(header) or header.location
+        known = self._husks.get(name)
+        is_newer = known is not None and version_key(known.record.header) < version_key(header)
+        if is_newer or (known is None and len(self._husks) < HUSKS_MAX):
+            self._husks[name] = husk
+
+    def husks(self, arc: Arc) -> list[Put]:
+        """What is left of records with their homes in an arc: to be kept where nothing sound is there, once all were heard."""
+        return [husk for husk in self._husks.values() if husk_home(husk) in arc]
+
     def recover(self, copies: Copies) -> Copies:
         """What is known about copies once the gap is recovered; only when nobody is missing."""
         assert not self.missing()
         return copies.recover(self.gap, self._heard, self.number)
+
+
+def husk_home(husk: Put) -> Location:
+    object_id = object_of(husk.record.header)
+    return wanted_place(object_id) if object_id else husk.record.header.location
