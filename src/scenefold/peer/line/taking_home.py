@@ -52,9 +52,16 @@ class TakingHome:
         handlers.add(HandRecords, self._on_hand, senders=Senders.NODES)
         handlers.add(OfferStrays, self._on_offer, senders=Senders.NODES)
 
+    def _require_registered(self, peer: str) -> None:
+        """Refused (12) for a node that was removed and does not know it yet: it is asked of nothing that is purged (specs/22-purge.md, Who was away)."""
+        node = node_of(peer)
+        if node is None or self._parts.cluster_log.registry.current(node) is None:
+            raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is no member of this cluster, as far as is known here")
+
     # ------------------------------------------------------------------------------------------------ OfferStrays
 
     async def _on_offer(self, packet: OfferStrays, peer: str) -> Packet:
+        self._require_registered(peer)
         reasons: list[int] = []
         for start in range(0, len(packet.records), STORE_READ_BATCH_MAX):
             part = packet.records[start : start + STORE_READ_BATCH_MAX]
@@ -112,6 +119,7 @@ class TakingHome:
     # ------------------------------------------------------------------------------------------------ HandRecords
 
     async def _on_hand(self, packet: HandRecords, peer: str) -> Packet:
+        self._require_registered(peer)
         verdicts = await verified(self._parts, packet.items)
         problems = [
             verdict if isinstance(verdict, Refused) else await self._why_stays(item, home_of(item), peer)
