@@ -41,6 +41,7 @@ from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.membership.tables import Tables
 from scenefold.peer.peers import Peers
 from scenefold.peer.public_keys import PublicKeys
+from scenefold.peer.purging import Arriving, Purging
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.replication import Replication
@@ -106,6 +107,8 @@ class PeerServices:
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
         self._replication = Replication(line.parts, roster, routing)
+        purging = Purging(line.parts, self._replication.spreading.in_hand)
+        self._arriving = Arriving(line.parts, scenes, lease.held)
         data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
@@ -143,6 +146,7 @@ class PeerServices:
             scenes,
             line,
             self._replication,
+            purging,
             data,
             probing,
             sharing,
@@ -235,7 +239,7 @@ class PeerServices:
     async def _join(self) -> None:
         context = self.context
         await context.enrolment.registered()
-        await context.lease.held()
+        await self._arriving.run()
         await context.scenes.catch_up()
         with trio.move_on_after(JOIN_WAIT_S):
             await context.gossip.everybody_heard()

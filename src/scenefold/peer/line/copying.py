@@ -66,7 +66,8 @@ class Copier:
             entries = [entry for entry in there if _version(entry) not in self._answered]
             unsent: set[bytes] = set()
             for batch in _batches(await self._wanted(entries, hurry), self._part_bytes):
-                stored_bytes += await self._send(batch, hurry, unsent)
+                with self._parts.carrying.begun():
+                    stored_bytes += await self._send(batch, hurry, unsent)
                 records += len(batch)
             if len(self._answered) < ANSWERED_MAX:
                 self._answered.update(version for version in map(_version, entries) if version not in unsent)

@@ -44,6 +44,8 @@ class Keeper:
         self._lock = trio.Lock()
         self._changed = trio.Event()
         self._is_begun = False
+        self.require_arrival: Callable[[], None] = lambda: None
+        """Refused (16) before a new incarnation may own or hold anything."""
         self.holding = Holding()
         self.copies = Copies.of(own.member)
 
@@ -111,6 +113,7 @@ class Keeper:
             raise Refused(RejectReason.NOT_READY, "this node is no registered member, as far as it knows")
         if self._is_begun:
             return
+        self.require_arrival()
         arc = registry.founding_arc(self._own.me)
         # Nobody can have owned a founding arc before.
         await self._keep(Holding() if arc is None else Holding().found(arc), Copies.of(self._own.member))

@@ -15,7 +15,9 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.holdings import Lease, Owners
+from scenefold.peer.line.arrival import Arrival
 from scenefold.peer.line.budget import Budget
+from scenefold.peer.line.carrying import Carrying
 from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
@@ -66,6 +68,8 @@ class Parts:
     budget: Budget
     keeping: Keeping
     unsettled: Unsettled = field(default_factory=Unsettled)
+    carrying: Carrying = field(default_factory=Carrying)
+    arrival: Arrival = field(default_factory=Arrival)
     events: Counter[str] = field(default_factory=Counter)
 
     def require_lease(self) -> None:

@@ -103,6 +103,7 @@ class Receiving:
             raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} offers in the name of {address_of(packet.giver.node)}")
         if self.refuses:
             raise Refused(RejectReason.BUSY, self.refuses)
+        parts.arrival.require()
         parts.require_lease()
         if parts.cluster_log.registry.position < packet.log_position:
             await parts.cluster_log.pull_from(packet.giver.node)

@@ -65,6 +65,7 @@ class Strays:
 
     async def run(self) -> None:
         """Look through the store again and again, more seldom while there is nothing to bring home, until cancelled."""
+        await self._parts.arrival.done()
         keeper = self._parts.keeper
         pause_s, known = PAUSE_S_MIN, (0, keeper.copies.custody)
         while True:
@@ -161,7 +162,8 @@ class Strays:
         parts = self._parts
         custody = parts.keeper.copies.custody
         taken, wanted = await self._offered(owner, entries)
-        taken += await self._handed(owner, wanted)
+        with parts.carrying.begun():
+            taken += await self._handed(owner, wanted)
         async with parts.keeper.unchanging():
             now = await rightful(parts)
             # Whoever was made a holder since the owner was asked holds what lies here already, of whatever layout its space is by now.

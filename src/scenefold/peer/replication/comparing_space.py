@@ -149,7 +149,8 @@ class SpaceComparison:
         async def fly() -> None:
             for batch in batches:
                 try:
-                    await self._send(batch)
+                    with self._parts.carrying.begun():
+                        await self._send(batch)
                 except (Refused, Unreachable, PeerFault) as problem:
                     problems.append(problem)
                 if problems:

@@ -52,6 +52,7 @@ class HoldingCustody:
         parts, scope = self._parts, Arc(packet.first, packet.last)
         require_sender(peer, packet.owner)
         require_meant(parts, packet.holder)
+        parts.arrival.require()
         await require_owner(parts, self._roster, packet.owner, scope)
         await self._check_number(packet)
         if any(entry.whole and parts.own.member not in entry.members for entry in packet.entries):
@@ -88,6 +89,7 @@ class HoldingCustody:
         parts, arc = self._parts, Arc(packet.first, packet.last)
         require_sender(peer, packet.asker)
         require_meant(parts, packet.holder)
+        parts.arrival.require()
         if not packet.log_position:
             raise Refused(RejectReason.ILL_FORMED, "nothing is adopted before the cluster's log begins")
         if parts.cluster_log.registry.position < packet.log_position:

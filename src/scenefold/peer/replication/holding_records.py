@@ -129,6 +129,7 @@ class HoldingRecords:
 
     async def _on_compare(self, packet: CompareRange, peer: str) -> Packet:
         require_member(self._parts, peer)
+        self._parts.arrival.require()
         arcs = [span.arc for span in packet.arcs]
         layout = await layout_of(self._parts, packet.scene, packet.space)
         totals = await self._parts.store.sums(packet.scene, packet.space, arcs)

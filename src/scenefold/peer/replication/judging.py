@@ -14,7 +14,7 @@ from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
 from scenefold.peer.copies.segment import Segment
 from scenefold.peer.line.parts import Parts
-from scenefold.peer.line.unsettled import Doubt, Pending, name_of
+from scenefold.peer.line.unsettled import Doubt, Name, Pending, name_of
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.lane import Lane
 from scenefold.peer.replication.paying import Due, Paying
@@ -67,6 +67,10 @@ class Judging:
     def needed(self, wanted: int) -> int:
         """How many have to have a record of a space that asks for so many."""
         return min(wanted, max(1, len(self._parts.cluster_log.registry.order)))
+
+    def in_hand(self) -> set[Name]:
+        """Of what records there are versions in memory that may still be sent."""
+        return {name_of(spot) for lane in self._lanes.values() for spot in lane.in_hand}
 
     def could_settle(self, rule: Rule, wanted: int) -> bool:
         """Whether those who seem to be there are enough."""

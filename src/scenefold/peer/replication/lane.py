@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Protocol
 
@@ -92,6 +92,11 @@ class Lane:
         return pending in self._known
 
     @property
+    def in_hand(self) -> Iterator[Spot]:
+        """Of what records lie here that may still be sent, whatever lies on the disk by now."""
+        return (pending.spot for pending in self._known)
+
+    @property
     def is_down(self) -> bool:
         return self._is_down
 
@@ -136,7 +141,8 @@ class Lane:
             batch = await self._next()
             copies = self._parts.keeper.copies
             try:
-                refused = await self._deliver(batch)
+                with self._parts.carrying.begun():
+                    refused = await self._deliver(batch)
                 self._pauses.reset()
                 if refused:
                     nursery.start_soon(self._again, refused, copies)

@@ -101,7 +101,8 @@ class Paying:
             left += sum(due is Due.LATER for _, due in dues)
             to_pay = [debt for debt, due in dues if due is Due.PAY]
             for start in range(0, len(to_pay), READ_BATCH):
-                left += await self._pay(to_pay[start : start + READ_BATCH])
+                with self._parts.carrying.begun():
+                    left += await self._pay(to_pay[start : start + READ_BATCH])
             cursor = page.after
             if cursor is None:
                 break

@@ -20,7 +20,7 @@ from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace, object_of
 from scenefold.peer.line.parts import Parts
-from scenefold.peer.line.unsettled import Pending, first_unsettled, name_of
+from scenefold.peer.line.unsettled import Name, Pending, first_unsettled, name_of
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.records.copying import TOLD_S_MAX, NotKept
 from scenefold.peer.records.verification import KnownScene
@@ -85,6 +85,10 @@ class Spreading:
             nursery.start_soon(self._judging.run)
             nursery.start_soon(beginning.run)
             task_status.started()
+
+    def in_hand(self) -> set[Name]:
+        """Of what records there are versions in memory that may still be sent to holders, whatever lies on the disk by now."""
+        return self._judging.in_hand()
 
     def doubt(self, arc: Arc) -> None:
         """Nobody knows who has what there, as of a gap: it is unsettled until each place satisfies both rules by who is sound."""

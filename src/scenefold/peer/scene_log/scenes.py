@@ -103,13 +103,13 @@ class Scenes:
     async def catch_up(self) -> None:
         """Take the list of scenes of the first other member that answers; tell what this node decided and that list lacks."""
         for member in self._peers.others():
-            listed = await self._take_list(member)
+            listed = await self.take_list(member)
             if listed is None:
                 continue
             for origin in sorted({public.origin for public in listed} - {member}):
                 # What was shown was decided, and may be old: who decides knows.
                 if origin in self._peers.others():
-                    await self._take_list(origin)
+                    await self.take_list(origin)
             told = {public.scene: public.position for public in listed}
             for scene in self.decided_by(self._own.me):
                 # It may have died between deciding and telling.
@@ -129,7 +129,7 @@ class Scenes:
             else:
                 self._quiet.say(self._world.clock.now(), source, refusal.reason.name, text)
 
-    async def _take_list(self, member: NodeId) -> Sequence[SceneLogPublic] | None:
+    async def take_list(self, member: NodeId) -> Sequence[SceneLogPublic] | None:
         """Take what a member lists; None if it does not say."""
         try:
             listed = await listed_by(self._peers, member)
