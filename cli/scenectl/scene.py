@@ -10,13 +10,14 @@ from cyclopts import App
 from scenectl.copies import lacking_text
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
+from scenectl.purging import purge, strays
 from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key, seconds_to_look
 
 if TYPE_CHECKING:
     from scenefold.client import FormerKeys, ImportReport, SceneInfo, SceneListing
 
 app = App(name="scene", help="Make scenes, fill them, and say who may use them.", help_format="plaintext")
-for verb in (grant, access, revoke, rotate_key):
+for verb in (grant, access, revoke, rotate_key, purge, strays):
     app.command(verb)
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
+    from scenefold.client.suspects import SuspectReport
     from scenefold.client.watching import Watch
     from scenefold.scene.log import EpochKeys, SceneKeys
     from scenefold.world.keyring import KeptScene, Keyring
@@ -58,6 +59,7 @@ _HOMES = {
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
+    "scenefold.client.suspects": "SuspectReport",
     "scenefold.client.watching": "Watch",
     "scenefold.scene.log": "EpochKeys SceneKeys",
     "scenefold.world.keyring": "KeptScene Keyring",
@@ -109,6 +111,7 @@ __all__ = [
     "Scenes",
     "Space",
     "Stored",
+    "SuspectReport",
     "Watch",
     "card_for",
     "connect",

@@ -20,6 +20,7 @@ from scenefold.client.purging import purge
 from scenefold.client.reencrypting import reencrypt
 from scenefold.client.reencryption import Reencryption
 from scenefold.client.space import Space
+from scenefold.client.suspects import SuspectReport, look_at_suspects
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
 from scenefold.scene.log import LoggedSpace
 
@@ -141,6 +142,10 @@ class Scene:
         They go only once no node has anything older. May be cancelled, and begun again; see `purging`.
         """
         return await purge(self.access, [SpaceId(space) for space in spaces], dry_run=dry_run, progress=callback_of(progress))
+
+    async def strays(self, *, restore: bool = False, discard: bool = False, progress: ProgressCallback | bool = False) -> SuspectReport:
+        """What nodes keep apart that were away while deletions were purged: list it, and put it where nothing lies, or let it go; see `suspects`."""
+        return await look_at_suspects(self.access, restore=restore, discard=discard, progress=callback_of(progress))
 
     async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
