@@ -20,6 +20,7 @@ from scenefold.peer.membership.probing import Probing
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
+from scenefold.peer.purging.suspects import Suspects
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.replication import Replication
@@ -64,6 +65,8 @@ class NodeContext:
     draining: Draining
     scrub: Scrub
     """Reads all records again and again; whoever repairs listens to it."""
+    suspects: Suspects
+    """What this node has brought along from a former life, and nobody may bring home by himself."""
     gossip: Gossip
     range_datagrams: RangeDatagrams
     discovery: Discovery

@@ -86,6 +86,7 @@ class Moment:
     blacklist: Blacklist = field(default_factory=Blacklist)
     signs: Sequence[Mapping[str, Any]] = ()
     copies: Mapping[str, Any] = field(default_factory=dict)
+    suspects: Mapping[str, Any] = field(default_factory=dict)
 
 
 def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory) -> dict[str, Any]:
@@ -126,6 +127,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "blacklist_version": moment.blacklist.version,
         "signs": list(moment.signs),
         "copies": dict(moment.copies),
+        "suspects": dict(moment.suspects),
     }
 
 
@@ -228,6 +230,7 @@ class Reporting:
             blacklist=context.own.blacklist,
             signs=context.gossip.signs.documents(now),
             copies=copies,
+            suspects=context.suspects.document(),
         )
         return report_of(moment, context.cluster_log.registry, context.roster, self._memory)
 

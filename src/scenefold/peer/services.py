@@ -23,7 +23,7 @@ from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.context import NodeContext
-from scenefold.peer.enrolment.card_rules import is_administrator, is_user_key
+from scenefold.peer.enrolment.card_rules import is_administrator, is_scene_member, is_user_key
 from scenefold.peer.enrolment.discovery import Discovery
 from scenefold.peer.enrolment.door import Door
 from scenefold.peer.enrolment.enrolling import Enrolling
@@ -42,6 +42,8 @@ from scenefold.peer.membership.tables import Tables
 from scenefold.peer.peers import Peers
 from scenefold.peer.public_keys import PublicKeys
 from scenefold.peer.purging import Arriving, Purging
+from scenefold.peer.purging.showing import Showing
+from scenefold.peer.purging.suspects import Suspects
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.replication import Replication
@@ -108,6 +110,9 @@ class PeerServices:
         )
         self._replication = Replication(line.parts, roster, routing)
         purging = Purging(line.parts, self._replication.spreading.in_hand)
+        suspects = Suspects(line.parts)
+        line.parts.arrival.before.append(suspects.set_aside)
+        showing = Showing(line.parts, suspects, lambda user, scene: is_scene_member(user, scene.public, registry(), facts))
         self._arriving = Arriving(line.parts, scenes, lease.held)
         data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
@@ -147,6 +152,7 @@ class PeerServices:
             line,
             self._replication,
             purging,
+            showing,
             data,
             probing,
             sharing,
@@ -171,6 +177,7 @@ class PeerServices:
             renewal.run,
             discovery.run,
             scrub.run,
+            suspects.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
         self._is_seed = settings.address in seeds
@@ -197,6 +204,7 @@ class PeerServices:
             balancer=balancer,
             draining=draining,
             scrub=scrub,
+            suspects=suspects,
             gossip=gossip,
             range_datagrams=RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges),
             discovery=discovery,

@@ -97,7 +97,7 @@ def studio(tmp_path: Path, nodes: ReturnedNodes) -> Studio:
 
 async def returned(studio: Studio, nodes: ReturnedNodes) -> Scene:
     """At 0 and 1 nothing lies any more, at 2 something newer, at 3 a deletion; of 0 a second node keeps something older."""
-    scene = await studio.scenes(1).create("kitchen", copies=1)
+    scene = await studio.scenes(1).create("kitchen")
     space = scene.space(GEOMETRY)
     await space.put(PLACES[0], b"oldest")
     nodes.keep(THERE, PLACES[0])
@@ -146,7 +146,7 @@ async def test_what_is_discarded_is_written_nowhere(autojump_clock: MockClock, s
 
 
 async def test_a_deletion_that_was_kept_apart_is_not_undone(autojump_clock: MockClock, studio: Studio, nodes: ReturnedNodes) -> None:
-    scene = await studio.scenes(1).create("kitchen", copies=1)
+    scene = await studio.scenes(1).create("kitchen")
     await scene.space(GEOMETRY).put(PLACES[0], b"a chair")
     await scene.space(GEOMETRY).delete(PLACES[0])
     nodes.keep(HERE, PLACES[0])
