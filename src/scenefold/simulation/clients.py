@@ -73,7 +73,7 @@ async def keep_copies(scene: Scene, copying: Copying, watch: Watch) -> None:
         watch.keeping.rules[scene.id, number] = Rule(tuple(space.offset for space in shadows), copying.least)
     watch.keeping.racks = copying.racks
     least = max(1 + copying.copies - copying.least, copying.least - 1)
-    watch.recorder.copies = HeardCopies(lambda place: least if watch.keeping.has(place) else 1)
+    watch.recorder.copies = HeardCopies(lambda place: least if watch.keeping.has(place) else 1, watch.is_lied_about_by)
     watch.tell(None, "{}", copying)
 
 

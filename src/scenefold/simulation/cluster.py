@@ -7,6 +7,7 @@ again after a second, as a supervisor would, and is a violation unless the node 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -123,6 +124,8 @@ class Cluster:
         self.net = net
         self.habits = habits
         self.nodes: dict[int, Node] = {}
+        self.on_death: Callable[[Node], object] = lambda _: None
+        """Called with each node that is killed, at that instant."""
         self._running: dict[int, Node] = {}
         self._nursery = nursery
         for slot in range(founders + spares):
@@ -186,6 +189,7 @@ class Cluster:
         self.net.crash(node.address, silent=silent, torn=torn)
         if node.scope is not None:
             node.scope.cancel()
+        self.on_death(node)
         return True
 
     async def restart(self, slot: int, after_s: float) -> None:
@@ -261,8 +265,8 @@ class Cluster:
         # The start must be counted durably, so none is possible on a full disk; a node that runs goes on running.
         is_full = not came_up and all(isinstance(end, LocalFault) and isinstance(end.__cause__, DiskFull) for end in ends)
         node.must_be_wiped = node.has_rotted and any(isinstance(end, StoreDamaged) for end in ends)
-        is_excused = is_full or node.must_be_wiped or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)
-        if not ends or not is_excused:
+        is_right = is_full or node.must_be_wiped or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)
+        if not ends or not is_right:
             self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
         if node.must_be_wiped:
             self.watch.counts["damage noticed"] += 1

@@ -5,17 +5,20 @@ Read off true disks. Where copies belong is computed here anew from arcs and rac
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
+from scenefold.peer.copies.entries import Entry, joined
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.copying import holders
 from scenefold.simulation.disks import Disk, arc_of, copies_of, place_of, records_of
 from scenefold.simulation.history import Place, Version
 from scenefold.store.layout import DEBTS, space_of
+from scenefold.wire import Member
 
-Arcs = dict[NodeId, Arc]
+Arcs = dict[NodeId, Arc | None]
 Wrong = tuple[str, tuple[int, ...]]
 """In words, and on which slots."""
 
@@ -29,8 +32,8 @@ def is_held(cluster: Cluster, disk: Disk, key: bytes, members: set[int]) -> bool
     place = place_of(key)
     if any(entry.layout == rule.layout and place.home in entry.arc for entry in copies.custody.entries):
         return True
-    line = _line([cluster.nodes[slot] for slot in sorted(members)])
-    return len(_wanted(cluster, line, place)) < cluster.watch.keeping.needed(place)
+    line = line_of(cluster.nodes[slot] for slot in sorted(members))
+    return len(wanted_slots(cluster, line, place)) < cluster.watch.keeping.needed(place)
 
 
 def wrong_copies(cluster: Cluster, members: set[int]) -> Iterator[Wrong]:
@@ -40,7 +43,7 @@ def wrong_copies(cluster: Cluster, members: set[int]) -> Iterator[Wrong]:
     nodes = [cluster.nodes[slot] for slot in sorted(members)]
     open_ends = [wrong for node in nodes for wrong in _unsettled(node)]
     # As long as holders change, copies are where they were.
-    yield from open_ends or _misplaced(cluster, nodes)
+    yield from open_ends or [*_untold(cluster, nodes), *_misplaced(cluster, nodes)]
 
 
 def _unsettled(node: Node) -> Iterator[Wrong]:
@@ -61,19 +64,40 @@ def _unsettled(node: Node) -> Iterator[Wrong]:
             return
 
 
+def _untold(cluster: Cluster, nodes: list[Node]) -> Iterator[Wrong]:
+    """Each holder keeps what the owners of today count on, and nothing else: by what another one has said it would still answer."""
+    told: dict[Member, list[Entry]] = {}
+    kept = {copies.configurations.me: (node.slot, copies) for node in nodes if (copies := copies_of(node.disk)) is not None}
+    for me, (_, copies) in kept.items():
+        for segment in copies.configurations.segments:
+            active = segment.active(me)
+            for member in () if active is None else active.members[1:]:
+                if (entry := segment.wanted(member, me)) is not None:
+                    told.setdefault(member, []).append(entry)
+    for member, (slot, copies) in kept.items():
+        entries = joined(replace(entry, fenced=False) for entry in copies.custody.entries)
+        wanted = joined(told.get(member, []))
+        for entry in sorted({*entries} ^ {*wanted}, key=lambda entry: (entry.layout, entry.arc.first)):
+            word = "holds for" if entry in entries else "does not hold for"
+            words = f"n{slot} {word} n{cluster.slot_of(entry.owner.node)} {_span(entry.arc)} under {entry.number}"
+            yield words, (slot, cluster.slot_of(entry.owner.node))
+            return
+
+
 def _misplaced(cluster: Cluster, nodes: list[Node]) -> Iterator[Wrong]:
     keeping, rot = cluster.watch.keeping, cluster.watch.rot
-    line = _line(nodes)
+    line = line_of(nodes)
     found: dict[Place, dict[int, Version]] = {}
     for node in nodes:
         for place, version in records_of(node.disk).items():
             if keeping.has(place):
                 found.setdefault(place, {})[node.slot] = version
     for place, versions in sorted(found.items()):
-        wanted = _wanted(cluster, line, place)
+        wanted = wanted_slots(cluster, line, place)
         best = max(versions.values(), key=lambda version: version.order)
-        # A copy that has rotted is not known to have before it is read.
-        lacking = [other for other in sorted(wanted) if versions.get(other) != best and not rot.is_at(other, place)]
+        # A copy that has rotted is not known to have before it is read; and who says that it has what it has not is not asked again for an hour.
+        excused = {other for other in wanted if rot.is_at(other, place) or keeping.is_liar(other, place)}
+        lacking = [other for other in sorted(set(wanted) - excused) if versions.get(other) != best]
         beside = sorted(versions.keys() - set(wanted)) if len(wanted) >= keeping.needed(place) else []
         if lacking or beside:
             name = f"{best.digest.hex()[:6]} of {place.location.hex()[:8]}… in space {place.space}, which n{wanted[0]} owns"
@@ -83,20 +107,21 @@ def _misplaced(cluster: Cluster, nodes: list[Node]) -> Iterator[Wrong]:
             return
 
 
-def _line(nodes: list[Node]) -> Arcs:
-    """The members' true arcs."""
-    return {node.node_id: arc for node in nodes if (arc := arc_of(node.disk)) is not None}
+def line_of(nodes: Iterable[Node]) -> Arcs:
+    """The true arcs of nodes; None of those that have none yet."""
+    return {node.node_id: arc_of(node.disk) for node in nodes}
 
 
-def _wanted(cluster: Cluster, line: Arcs, place: Place) -> list[int]:
+def wanted_slots(cluster: Cluster, line: Arcs, place: Place) -> list[int]:
     """The slots on whose disks a record is to lie, its owner's first; nobody's if the arcs do not tile the line."""
-    owner = next((node for node in line if place.home in line[node]), None)
+    arcs = {node: arc for node, arc in line.items() if arc is not None}
+    owner = next((node for node, arc in arcs.items() if place.home in arc), None)
     if owner is None:
         return []
     slot, copying = cluster.slot_of(owner), cluster.habits.copying
     forbidden = () if copying is None else copying.forbidden_to(slot)
     rule = cluster.watch.keeping.rules[place.scene, place.space]
-    return [slot, *map(cluster.slot_of, holders(rule, place.home, owner, line, forbidden))]
+    return [slot, *map(cluster.slot_of, holders(rule, place.home, owner, arcs, forbidden, line.keys() - arcs))]
 
 
 def _span(arc: Arc) -> str:

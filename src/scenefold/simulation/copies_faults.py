@@ -5,6 +5,7 @@ The voter, which alone has the cluster's log and decides for the scene, is never
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -22,6 +23,8 @@ FOR_EVER = 0.6
 POWER = 0.3
 """A rack of a smaller amount comes back with its disks: it had no power."""
 STAY_MIN = 3
+SAME = 0.4
+"""Share of records that rot on several of the disks."""
 LOOK_S = 0.25
 
 
@@ -68,15 +71,32 @@ class CopiesFaults:
                 self._nursery.start_soon(self._cluster.restart, node.slot, fault.end_s - fault.begin_s)
 
     def _rot(self, fault: Fault) -> None:
-        """Bits turn over on several disks, most of them in records that have copies."""
+        """Bits turn over on several disks, most of them in records that have copies, and often in all copies of one but the last."""
         has_begun = False
-        for slot in fault.slots:
-            for _ in range(int(fault.amount)):
-                has_begun = self._rot_one(self._cluster.nodes[slot], fault, has_begun=has_begun) or has_begun
+        for _ in range(int(fault.amount)):
+            same = self._key_on_several(fault) if self._dice.random() < SAME else None
+            for slot in fault.slots:
+                node = self._cluster.nodes[slot]
+                kept = [key for key in node.disk.peek(RECORDS) if space_of(key) in self._watch.keeping.rules]
+                victim = self._dice.choice(kept) if kept and self._dice.random() < 0.8 else None
+                if same is not None:
+                    others = [other for other in self._cluster.nodes.values() if other is not node and self._has_sound(other, same)]
+                    if not (others and self._has_sound(node, same)):
+                        continue
+                    victim = same
+                has_begun = self._rot_one(node, victim, fault, has_begun=has_begun) or has_begun
 
-    def _rot_one(self, node: Node, fault: Fault, *, has_begun: bool) -> bool:
-        kept = [key for key in node.disk.peek(RECORDS) if space_of(key) in self._watch.keeping.rules]
-        victim = self._dice.choice(kept) if kept and self._dice.random() < 0.8 else None
+    def _key_on_several(self, fault: Fault) -> bytes | None:
+        """Of a record of which two copies at least lie on disks that are hit."""
+        disks = [self._cluster.nodes[slot].disk.peek(RECORDS) for slot in fault.slots]
+        found = Counter(key for disk in disks for key in disk if space_of(key) in self._watch.keeping.rules)
+        keys = sorted(key for key, count in found.items() if count > 1)
+        return self._dice.choice(keys) if keys else None
+
+    def _has_sound(self, node: Node, key: bytes) -> bool:
+        return key in node.disk.peek(RECORDS) and not self._watch.rot.has(node.slot, key)
+
+    def _rot_one(self, node: Node, victim: bytes | None, fault: Fault, *, has_begun: bool) -> bool:
         before = self._watch.records(node.slot)
         key = node.disk.corrupt(RECORDS, self._dice, victim)
         if key is None:

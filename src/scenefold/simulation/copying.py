@@ -72,9 +72,17 @@ class Rule(NamedTuple):
 
 
 def holders(
-    rule: Rule, home: Location, owner: NodeId, arcs: Mapping[NodeId, Arc], forbidden: Iterable[AddressPrefix]
+    rule: Rule,
+    home: Location,
+    owner: NodeId,
+    arcs: Mapping[NodeId, Arc],
+    forbidden: Iterable[AddressPrefix],
+    waiting: Iterable[NodeId] = (),
 ) -> tuple[NodeId, ...]:
-    """Who is to hold copies of what lies at a place, word for word as Algorithm 7 says it, and not as nodes compute it."""
+    """Who is to hold copies of what lies at a place, word for word as Algorithm 7 says it, and not as nodes compute it.
+
+    `waiting`: who has no arc yet. They come last, and only as far as a write needs them.
+    """
     prefixes, taken = tuple(forbidden), list[NodeId]()
     for offset in rule.layout:
         copy = (home.number + offset.number) % LINE_LENGTH
@@ -82,7 +90,8 @@ def holders(
         if not allowed:
             break
         taken.append(min(allowed, key=lambda node: (_distance(arcs[node], copy), node)))
-    return tuple(taken)
+    beside = [node for node in sorted(waiting) if not forbids(prefixes, node, owner=owner)]
+    return (*taken, *beside[: max(0, min(rule.needed - 1, len(rule.layout)) - len(taken))])
 
 
 def _distance(arc: Arc, place: int) -> int:

@@ -45,6 +45,7 @@ class Kind(Enum):
     LOST_RACK = "lost rack"
     ROT_ON_SEVERAL = "rot on several nodes"
     CUT_IN_REPAIR = "partition in repair"
+    LYING_HOLDER = "lying holder"
 
 
 VOTER = 0
@@ -150,6 +151,7 @@ KINDS: dict[Kind, Shape] = {
     ),
     Kind.ROT_ON_SEVERAL: Shape(0.5, Whom.SEVERAL, (0, 0), (1, 4), "records on each", of_copies=True),
     Kind.CUT_IN_REPAIR: Shape(0.6, Whom.GROUP, (2, 30), of_copies=True),
+    Kind.LYING_HOLDER: Shape(0.5, Whom.ONE, (10, 70), long_odds=0.3, of_copies=True),
 }
 
 

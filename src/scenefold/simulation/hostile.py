@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import trio
 
@@ -20,6 +21,7 @@ from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.liar import Liar, MadeUp, Scope, flipped, scopes_of
 from scenefold.simulation.lying_answers import LyingAnswers
 from scenefold.simulation.lying_bounds import LyingBounds
+from scenefold.simulation.lying_copies import LyingCopies
 from scenefold.simulation.lying_handovers import LyingHandovers
 from scenefold.simulation.lying_judge import LyingJudge
 from scenefold.simulation.lying_lives import LyingLives
@@ -76,14 +78,15 @@ class HostileFaults:
             self._ends(fault)
 
     async def _lie(self, fault: Fault) -> None:
-        possession, scopes = self._possession(fault.slots[0]), scopes_of(fault.amount)
+        possession = self._possession(fault.slots[0])
+        scopes = (Scope.COPIES,) if fault.kind is Kind.LYING_HOLDER else scopes_of(fault.amount)
         told, before, has_begun = self._cluster.watch.recorder.lies.told, self._cluster.watch.recorder.lies.told.total(), False
         possession.liar.at_work += scopes
         try:
             while self._cluster.net.now < fault.end_s and not self._is_over():
                 # It lies on after a restart.
                 possession.possess()
-                await trio.sleep(INTRUDE_S if {Scope.HANDOVERS, Scope.ACKNOWLEDGEMENTS} & set(scopes) else LOOK_S)
+                await trio.sleep(INTRUDE_S if {Scope.HANDOVERS, Scope.ACKNOWLEDGEMENTS, Scope.COPIES} & set(scopes) else LOOK_S)
                 if Scope.HANDOVERS in scopes:
                     await possession.handovers.intrude()
                     await possession.bounds.offer_others()
@@ -91,6 +94,8 @@ class HostileFaults:
                     await possession.judge.offer_again()
                 if Scope.STATUSES in scopes:
                     await possession.lives.flood()
+                if Scope.COPIES in scopes:
+                    await possession.copies.intrude()
                 self._look_for_believers()
                 if not has_begun and told.total() > before:
                     has_begun = True
@@ -107,16 +112,15 @@ class HostileFaults:
             node, lies, seed = self._cluster.nodes[slot], watch.recorder.lies, self._cluster.net.seed
             liar = Liar(node, lies, self._made_up, self._keys, self._owner, seed)
             judge = LyingJudge(liar, watch.recorder)
-            handovers = LyingHandovers(liar, watch, self._lies_in_handovers)
-            bounds = LyingBounds(liar, self._cluster)
-            self._liars[slot] = _Possession(
-                liar, judge, LyingAnswers(liar, judge), handovers, bounds, LyingLives(liar, self._cluster), LyingWords(liar)
-            )
+            handovers = LyingHandovers(liar, watch, partial(self._lies_in, Scope.HANDOVERS))
+            copies = LyingCopies(liar, watch, partial(self._lies_in, Scope.COPIES))
+            bounds, lives = LyingBounds(liar, self._cluster), LyingLives(liar, self._cluster)
+            self._liars[slot] = _Possession(liar, judge, LyingAnswers(liar, judge), handovers, bounds, lives, LyingWords(liar), copies)
         return self._liars[slot]
 
-    def _lies_in_handovers(self, node_id: int) -> bool:
+    def _lies_in(self, scope: Scope, node_id: int) -> bool:
         liars = (possession.liar for possession in self._liars.values())
-        return any(liar.node.node_id == node_id and liar.lies_in(Scope.HANDOVERS) for liar in liars)
+        return any(liar.node.node_id == node_id and liar.lies_in(scope) for liar in liars)
 
     def _keys(self) -> Mapping[int, bytes]:
         scene = next((client.scene for client in self._clients if client.scene is not None), None)
@@ -165,13 +169,15 @@ class _Possession:
         bounds: LyingBounds,
         lives: LyingLives,
         words: LyingWords,
+        copies: LyingCopies,
     ) -> None:
         self.liar = liar
         self.judge = judge
         self.handovers = handovers
         self.bounds = bounds
         self.lives = lives
-        self._mouths = judge, answers, handovers, bounds, lives, words
+        self.copies = copies
+        self._mouths = judge, answers, handovers, bounds, lives, words, copies
         self._possessed: NodeContext | None = None
 
     def possess(self) -> None:

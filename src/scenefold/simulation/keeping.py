@@ -1,13 +1,15 @@
 """Copies on the true disks: enough of them before anything is told, and none gone that is needed (specs/17-simulation.md, Copies).
 
 A version is *told* once a node has acknowledged it or a client has read it: then it must lie on as many disks as its space asks for.
-From then on a copy leaves a disk only if the place's owner has that version or a newer one, and enough disks do. So a told version is
-lost only with that many disks: a disk that is gone (lost, put back, or its node's incarnation removed) is a *witness* of all that lay on it.
+From then on a copy leaves a disk only if the place's owner has that version or a newer one, and enough disks do. Disks that stand in the
+owner's rack never count. So a told version is lost only with that many disks, and never with one rack alone: a disk that is gone (lost, put
+back, or its node's incarnation removed) is a *witness* of all that lay on it.
 Versions that never lay on enough disks to be told are excused by nothing, and need not be: nobody has heard of them.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
@@ -17,6 +19,7 @@ from scenefold.simulation.copying import Rule, rack_of
 from scenefold.simulation.custody import Lost
 from scenefold.simulation.disks import Disk, found_at, incarnation_of, place_of, version_in
 from scenefold.simulation.history import Place, Version
+from scenefold.simulation.lies import Lies, Manner
 from scenefold.simulation.lineage import Holder
 from scenefold.store.layout import RECORDS
 
@@ -44,6 +47,7 @@ class Keeping:
         owner_of: Callable[[Location], int | None],
         is_rotten: IsRotten,
         violated: Violated,
+        lies: Lies,
     ) -> None:
         self.rules: dict[tuple[int, int], Rule] = {}
         """By scene and space; all others have one copy."""
@@ -51,11 +55,16 @@ class Keeping:
         self.members: frozenset[Holder] = frozenset()
         """Who is registered, as the voter last said."""
         self._fewest = 0
+        self._sizes: deque[tuple[float, int]] = deque()
+        """How many nodes the log had, by the second since which: the last one before RECENT_S, and all since."""
         self._disks = disks
         self._now = now
         self._owner_of = owner_of
         self._is_rotten = is_rotten
         self._violated = violated
+        self._lies = lies
+        self._liars: dict[Place, set[int]] = {}
+        """Whose word for their copies is worth nothing, by slot: others count on them, and they may as well have lost them."""
         self._told: dict[Place, Version] = {}
         self._witnesses: dict[Place, dict[int, Witness]] = {}
         """By slot: a machine that loses one disk after the other is one witness."""
@@ -69,9 +78,27 @@ class Keeping:
         """The log says so. Where fewer nodes are left than a space asks for, all that there are is enough."""
         self.members = members
         self._fewest = min(self._fewest or len(members), len(members))
+        if not self._sizes or self._sizes[-1][1] != len(members):
+            self._sizes.append((self._now(), len(members)))
 
     def needed(self, place: Place) -> int:
-        return min(self.rules[place.scene, place.space].needed, self._fewest or 1)
+        """As any node may know it: some have not heard yet that the log has more nodes by now."""
+        while len(self._sizes) > 1 and self._sizes[1][0] < self._now() - RECENT_S:
+            self._sizes.popleft()
+        return min(self.rules[place.scene, place.space].needed, *(size for _, size in self._sizes)) if self._sizes else 1
+
+    def lied(self, slot: int, place: Place) -> list[Lost]:
+        """A node has said something else of its copy than what lies on its disk. What may be lost by that."""
+        if not self.has(place):
+            return []
+        self._liars.setdefault(place, set()).add(slot)
+        return self._lost(place)
+
+    def is_liar(self, slot: int, place: Place) -> bool:
+        return slot in self._liars.get(place, ())
+
+    def is_lied_about(self, place: Place) -> bool:
+        return place in self._liars
 
     # ------------------------------------------------------------------------------------------------------ telling
 
@@ -81,7 +108,7 @@ class Keeping:
             return
         self._tell(place, version)
         held = self._held(place, version)
-        allowed = {other for other in held if other == slot or not self.racks or rack_of(other, self.racks) != rack_of(slot, self.racks)}
+        allowed = self._allowed(slot, held)
         if len(allowed) < self.needed(place):
             beside = "" if allowed == held else f", and n{slot} forbids {_names(held - allowed)}"
             words = f"n{slot} acknowledges {_name(place, version)} with {_names(allowed)} only{beside}; {self.needed(place)} must have it"
@@ -105,8 +132,8 @@ class Keeping:
         return True
 
     def _held(self, place: Place, version: Version, *, ever: bool = False) -> set[int]:
-        """The disks that have this or something newer, and those that had it a while ago, or ever, and are gone."""
-        found = {slot for slot, disk in self._disks.items() if _is_newer(found_at(disk, place), version)}
+        """The disks that have this or something newer, those that had it a while ago, or ever, and are gone, and those of liars."""
+        found = {slot for slot, disk in self._disks.items() if _is_newer(found_at(disk, place), version)} | self._liars.get(place, set())
         since = self._now() - RECENT_S
         witnesses = self._witnesses.get(place, {}).items()
         return found | {
@@ -114,6 +141,12 @@ class Keeping:
             for slot, witness in witnesses
             if witness.version.order >= version.order and (ever or witness.at_s > since or self._is_rotten(slot, place))
         }
+
+    def _allowed(self, owner: int | None, held: set[int]) -> set[int]:
+        """Of the disks that have something those that count for the owner of its place."""
+        if owner is None or not self.racks:
+            return held
+        return {slot for slot in held if slot == owner or rack_of(slot, self.racks) != rack_of(owner, self.racks)}
 
     # ------------------------------------------------------------------------------------------------------ leaving
 
@@ -132,9 +165,14 @@ class Keeping:
 
     def _leaves(self, slot: int, place: Place, version: Version) -> None:
         held, owner = self._held(place, version), self._owner_of(place.home)
-        if len(held) < self.needed(place) or owner not in (None, *held):
+        allowed = self._allowed(owner, held)
+        if len(allowed) < self.needed(place) or owner not in (None, *held):
             beside = "" if owner in (None, *held) else f", and not on n{owner}, which owns the place"
-            words = f"{_name(place, version)} leaves n{slot}, and lies on {_names(held)} only{beside}; {self.needed(place)} must have it"
+            beside += "" if allowed == held else f", and on {_names(held - allowed)}, which n{owner} forbids"
+            words = f"{_name(place, version)} leaves n{slot}, and lies on {_names(allowed)} only{beside}; {self.needed(place)} must have it"
+            if owner is not None and self.is_liar(owner, place):
+                self._lies.report(place, Manner.HELD, words)
+                return
             self._violated(laws.KEPT, words, place.location, (slot, *sorted(held)))
 
     # ------------------------------------------------------------------------------------------------------- losses
@@ -162,23 +200,35 @@ class Keeping:
 
     def _lost(self, place: Place) -> list[Lost]:
         """The highest version that was on as many disks as must be gone for that, if no member has it or a newer one."""
-        gone = sorted((witness.version for witness in self._witnesses.get(place, {}).values()), key=_order)
-        needed = self.needed(place)
-        if len(gone) < needed:
+        highest = self._highest_gone(place)
+        if highest is None:
             return []
-        highest = gone[-needed]
         there = {slot: version for slot in self._disks if (version := self._sound(slot, place)) is not None}
-        alive = [version for slot, version in there.items() if self._counts(slot)]
+        alive = [version for slot, version in there.items() if self._counts(slot) and not self.is_liar(slot, place)]
         best = max(alive, default=None, key=_order)
         if _is_newer(best, highest):
             return []
         # What is written from here on needs witnesses of its own; of what is left these are some as well.
         self._told.pop(place, None)
-        found = self._witnesses.pop(place)
+        found = self._witnesses.pop(place, {})
+        if self.is_lied_about(place):
+            self._lies.report(place, Manner.HELD, f"{_name(place, highest)} may be lost by that")
         if best is not None:
             self._witnesses[place] = {slot: Witness(min(one.version, best, key=_order), one.at_s) for slot, one in found.items()}
         left = {version for version in there.values() if best is None or version.order >= best.order}
         return [Lost(place, tuple(sorted(left, key=_order)), highest, best is None)]
+
+    def _highest_gone(self, place: Place) -> Version | None:
+        """The highest version that may have been told by what its witnesses had: on enough disks, which did not all stand in one rack."""
+        needed = min(self.rules[place.scene, place.space].needed, self._fewest or 1)
+        witnesses, liars, told = self._witnesses.get(place, {}), self._liars.get(place, set()), self._told.get(place)
+        versions = {witness.version for witness in witnesses.values()} | ({told} if told is not None and liars else set())
+        for version in sorted(versions, key=_order, reverse=True):
+            slots = liars | {slot for slot, witness in witnesses.items() if witness.version.order >= version.order}
+            standing = {rack_of(slot, self.racks) if self.racks else slot for slot in slots}
+            if len(slots) >= needed and len(standing) >= min(needed, 2):
+                return version
+        return None
 
     def _sound(self, slot: int, place: Place) -> Version | None:
         return None if self._is_rotten(slot, place) else found_at(self._disks[slot], place)

@@ -45,15 +45,16 @@ class Scope(Enum):
     STATUSES = "statuses"
     TABLES = "tables"
     HEADERS = "headers"
+    COPIES = "copies"
 
 
-SCOPES = tuple(Scope)
+SINGLE_SCOPES = tuple(scope for scope in Scope if scope is not Scope.COPIES)
 
 
 def scopes_of(amount: float) -> tuple[Scope, ...]:
-    """What the amount of a fault means: 1, 2 ... one of these; above their number all of them."""
+    """What the amount of a fault means: 1, 2 ... one of these; above their number all of them, and copies."""
     number = int(amount) - 1
-    return (SCOPES[number],) if number < len(SCOPES) else SCOPES
+    return (SINGLE_SCOPES[number],) if number < len(SINGLE_SCOPES) else tuple(Scope)
 
 
 @dataclass(eq=False)

@@ -128,6 +128,52 @@ def _trusting_receiver(_original: Any) -> Any:
     return verify_copies
 
 
+def _trusting_comparison(original: Any) -> Any:
+    """Whatever a holder has otherwise is the newest, also where it is older."""
+
+    def compare(arc: Any, own: Any, theirs: Any, found: Any) -> None:
+        original(arc, own, theirs, found)
+        found.newer[:] = [other for key, other in theirs.items() if key not in own or own[key].rank != other.rank]
+
+    return compare
+
+
+def _wanting_all(_original: Any) -> Any:
+    async def wanted(_self: Any, named: Any) -> list[Any]:
+        return list(named)
+
+    return wanted
+
+
+def _overwriting(original: Any) -> Any:
+    """What a holder has given takes the place of what lay there, whichever is newer."""
+
+    async def take(self: Any, puts: Any) -> None:
+        from scenefold.crypto import RecordHeader, RecordPlace
+        from scenefold.store import Spot
+
+        store, headers = self._parts.store, [put.record.header for put in puts if put.at is None]
+        spots = [Spot(RecordPlace(header.scene, header.space, header.location), b"") for header in headers]
+        present = await store.record_headers(spots)
+        gone = [(spot, RecordHeader.decode(bytes(header)).digest) for spot, header in zip(spots, present, strict=True) if header]
+        await store.remove(gone)
+        await original(self, puts)
+
+    return take
+
+
+def _one_witness(original: Any) -> Any:
+    """Who recovers a gap hears one node, and takes all others as heard."""
+
+    async def hear_out(self: Any, member: Any) -> None:
+        if member == self.roll.asked[0]:
+            await original(self, member)
+        else:
+            self.roll.hear(member, ())
+
+    return hear_out
+
+
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": tuple(Patch("scenefold.store.record_changes", name, _blind_judge) for name in ("judge", "judge_copy")),
     "signed expectation": (Patch("scenefold.store.record_changes", "judge", _judge_of_copies),),
@@ -153,6 +199,12 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     ),
     "others' claims": (Patch("scenefold.peer.line.claims", "claimants", lambda _original: lambda *_args: iter(())),),
     "acknowledged at one copy": (Patch("scenefold.peer.replication.settling_rule", "Rule.is_settled", _always(True)),),
+    "repair trusts the first answer": (
+        Patch("scenefold.peer.replication.comparing_dialogue", "_compare", _trusting_comparison),
+        Patch("scenefold.peer.replication.comparing_space", "SpaceComparison._wanted", _wanting_all),
+        Patch("scenefold.peer.replication.comparing_space", "SpaceComparison._take", _overwriting),
+    ),
+    "recovery hears one node": (Patch("scenefold.peer.replication.recovering_gap", "Asking._hear_out", _one_witness),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 

@@ -165,8 +165,11 @@ class Recorder:
         if self.copies is None:
             return
         who = name_of(way.to)
-        for place, version, since in self.copies.heard(who, way.by, begin, packet, answer):
+        for place, version, since, is_lied in self.copies.heard(who, way.by, begin, packet, answer):
             digest = None if version is None else version.digest
+            if is_lied:
+                self.lies.report(place, Manner.HELD, f"{who} is told {'nothing' if digest is None else digest.hex()[:6]} by holders")
+                continue
             if version is not None:
                 self.told(who, place, version)
             self.histories.add(place, Read(since, self.histories.moment(), digest, who, self._now()))
@@ -240,7 +243,7 @@ def _is_of(place: Place, record: RecordBytes) -> bool:
 def _asked_about(packet: Packet) -> list[Place]:
     """What nonsense in the answer would be about, as liars name it."""
     match packet:
-        case GetMany():
+        case GetMany() | GetCopies():
             return [Place(packet.scene, key.space, key.object or key.location) for key in packet.keys]
         case QueryRange():
             return [Place(packet.scene, packet.space, packet.first)]

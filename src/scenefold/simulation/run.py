@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import trio
@@ -31,12 +32,14 @@ from scenefold.simulation.leaving import drain
 from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.mutants import mutated
 from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
+from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.rotating import KeyChanges
 from scenefold.simulation.speed import quick_headers, quick_packets, remembered_signatures
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
 from scenefold.simulation.weather import spares_of
+from scenefold.simulation.whole import judge_store, judge_stores
 from scenefold.simulation.workload import CLIENTS, SINGLE, WITH_COPIES, Tally, Worker, client_name, draw_places
 from scenefold.world import open_links
 from scenefold.world.sim import SimNet, Trace, run_simulated
@@ -98,6 +101,7 @@ class _Drama:
             spares = max(spares_of(self._schedule, self._order.nodes), default=self._order.nodes - 1) + 1 - self._order.nodes
             habits = HABITS if self._order.copying is None else replace(HABITS, copying=self._order.copying)
             cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery, habits)
+            cluster.on_death = partial(judge_store, cluster)
             for slot in range(self._order.nodes):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)
@@ -166,6 +170,9 @@ class _Drama:
         """Wait for quiet, read everything, judge."""
         if await self._until(lambda: not unrest(cluster), QUIET_S_MAX, checks=QUIET_CHECKS):
             cluster.watch.homecoming.judge_rest()
+            if clients[0].scene is not None:
+                await prove_copies(cluster, clients[0].scene)
+            judge_stores(cluster)
         else:
             self._complain(cluster, unrest(cluster))
         await read_everything(cluster.watch, clients[0])

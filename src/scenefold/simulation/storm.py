@@ -85,10 +85,10 @@ class Storm:
                 self._set_clocks(fault)
             case Kind.KILL_IN_HANDOVER:
                 self._wait_for_handover.append(fault)
+            case Kind.REPLAY | Kind.LIAR | Kind.LYING_HOLDER:
+                await self._hostile.befall(fault)
             case kind if KINDS[kind].of_copies:
                 await self._copies.befall(fault)
-            case Kind.REPLAY | Kind.LIAR:
-                await self._hostile.befall(fault)
             case kind if kind in _POINTS:
                 self._set_trap(fault, _POINTS[kind])
             case kind:

@@ -68,7 +68,7 @@ class Watch:
         self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
         self.rot = Rot(disks)
         self.homecoming = Homecoming(disks, lambda place: self._owner_of(place.home), self.recorder.lies, self.violated)
-        self.keeping = Keeping(disks, now, self._owner_of, self.rot.is_at, self.violated)
+        self.keeping = Keeping(disks, now, self._owner_of, self.rot.is_at, self.violated, self.recorder.lies)
         self.recorder.told = self.keeping.read
         self._replaced: set[Holder] = set()
 
@@ -149,6 +149,14 @@ class Watch:
         """The slot whose disk durably owns a place, or did last."""
         holder = self.lineage.holder_of(location).holder
         return None if holder is None or holder.slot not in self._disks else holder.slot
+
+    def is_lied_about_by(self, name: str, place: Place) -> bool:
+        """Whether the node of this name is one whose word of a copy is worth nothing."""
+        return self.keeping.is_liar(self._slot_of(int(name.partition(":")[2])), place)
+
+    def lied_about_copy(self, slot: int, place: Place) -> None:
+        """What a node says of its copy of a record is worth nothing from now on."""
+        self._lost(self.keeping.lied(slot, place), f"n{slot} lies about its copy")
 
     def _look_at_rot(self) -> None:
         """Which places cannot be read, because their owner's own copy is rotten."""

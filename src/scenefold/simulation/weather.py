@@ -83,9 +83,13 @@ def spares_of(schedule: Schedule, nodes: int) -> list[int]:
 def _of_copies(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:
     """What comes on top where copies are kept, with dice of its own: everything else in the seed stays as it is without them."""
     dice = random.Random(f"weather of copies/{seed}/{climate.nodes}")
-    kinds = [kind for kind, shape in KINDS.items() if shape.of_copies and (kind in climate.kinds or not climate.kinds)]
+    allowed = [kind for kind, shape in KINDS.items() if shape.of_copies and (kind in climate.kinds or not climate.kinds)]
+    kinds = [kind for kind in allowed if kind is not Kind.LYING_HOLDER]
     kinds = [kind for kind in kinds for _ in range(1 if climate.kinds else _times(KINDS[kind].odds, dice))]
     faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
+    liar, dice = KINDS[Kind.LYING_HOLDER], random.Random(f"weather of lying holders/{seed}/{climate.nodes}")
+    if Kind.LYING_HOLDER in allowed and (climate.kinds or _times(liar.odds, dice)):
+        faults.append(_fault(Kind.LYING_HOLDER, liar, climate, dice, spares))
     return [fault for fault in faults if fault.slots]
 
 

@@ -27,8 +27,11 @@ def test_the_judge_and_nodes_put_copies_in_the_same_places(data: st.DataObject) 
     home = Location.from_number(data.draw(st.sampled_from([0, *bounds]) | st.integers(0, LINE_LENGTH - 1)))
     owner = next(node for node in arcs if home in arcs[node])
     prefixes = Copying(3, 2, 3).forbidden_to(data.draw(st.integers(0, 2)))
-    forbidden = [node for node in arcs if forbids(prefixes, node, owner=owner)]
-    assert holders(Rule(layout, 1), home, owner, arcs, prefixes) == holders_at(Line(arcs.items()), owner, forbidden, layout, home)
+    waiting = [NodeId((10 << 24) + (number % 3 << 16) + 100 + number) for number in range(data.draw(st.integers(0, 3)))]
+    forbidden = [node for node in [*arcs, *waiting] if forbids(prefixes, node, owner=owner)]
+    line, needed = Line([*arcs.items(), *((node, None) for node in waiting)]), data.draw(st.integers(1, 4))
+    expected = holders_at(line, owner, forbidden, layout, home, needed - 1)
+    assert holders(Rule(layout, needed), home, owner, arcs, prefixes, waiting) == expected
 
 
 def test_seeds_differ_and_most_keep_three_copies_of_which_two_count() -> None:

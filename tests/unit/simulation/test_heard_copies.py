@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from scenefold.base.ids import NodeId
 from scenefold.simulation.heard_copies import Counted, HeardCopies
 from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, Member, RecordBytes, RecordKey
@@ -42,6 +44,15 @@ def test_what_enough_say_alike_counts_from_the_first_question_on() -> None:
     assert heard(says(it_is(1)), says(it_is(1)), says(it_is(1))) == [Counted(PLACE, version(1), 2)]
 
 
+def test_an_owner_counts_alone_and_who_is_asked_for_bytes_only_not_at_all() -> None:
+    owner = Configuration(0, MEMBERS[:1], 1)
+    assert heard(CopiesFound((owner,), (it_is(1),))) == [Counted(PLACE, version(1), 1)]
+    copies = HeardCopies(lambda _place: 1)
+    copies.offered(record(1).header_bytes, version(1))
+    assert [copies.heard("c", name, 1, replace(ASKED, any_copy=True), says(it_is(1))) for name in ("n1", "n2")] == [[], []]
+    assert [len(copies.heard("c", name, 1, ASKED, says(it_is(1)))) for name in ("n1", "n2")] == [0, 1]
+
+
 def test_one_alone_or_twice_the_same_does_not_count() -> None:
     assert heard(says(it_is(1))) == []
     assert heard(says(it_is(1)), says(it_is(1)), by=("n1",)) == []
@@ -53,3 +64,12 @@ def test_what_they_say_differently_does_not_count() -> None:
     assert heard(says(it_is(1)), says(it_is(2))) == []
     assert heard(says(it_is(1)), says(it_is(1), number=8)) == []
     assert heard(says(UNKNOWN), says(UNKNOWN)) == heard(says(LOST), says(LOST)) == heard(says(it_is(3)), says(it_is(3))) == []
+
+
+def test_what_counts_only_with_a_liar_is_no_event() -> None:
+    copies = HeardCopies(lambda _place: 2, lambda node, place: (node, place) == ("n2", PLACE))
+    copies.offered(record(1).header_bytes, version(1))
+    for moment, name in enumerate(("n1", "n2"), 1):
+        found = copies.heard("c", name, moment, ASKED, says(it_is(1)))
+    assert found == [Counted(PLACE, version(1), 1, is_lied=True)]
+    assert copies.heard("c", "n3", 3, ASKED, says(it_is(1))) == [Counted(PLACE, version(1), 1)], "two others say so as well"

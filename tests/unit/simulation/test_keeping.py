@@ -172,3 +172,52 @@ def test_what_is_written_after_a_loss_needs_witnesses_of_its_own() -> None:
     stage.machines[0].store(record(1))
     stage.watch.keeping.gone(0, member(0).incarnation, records_of(stage.machines[0]))
     assert len(losses(stage)) == 1
+
+
+def test_what_stands_in_the_owners_rack_does_not_count_when_a_copy_leaves() -> None:
+    stage = told(stage_with(0, 1, 2))
+    stage.watch.keeping.racks = 1
+    drops(stage, 0)
+    assert stage.laws == [laws.KEPT]
+
+
+def test_a_rack_that_is_lost_loses_nothing() -> None:
+    stage = stage_with(0, 1, 2, racks=2)
+    told(stage)
+    stage.machines[1].tables[RECORDS] = {}
+    for slot in (0, 2):
+        loses(stage, slot)
+    assert losses(stage) == [], "both stood in one rack, so a third one must have had it"
+    stage = told(stage_with(0, 1, racks=2))
+    for slot in (0, 1):
+        loses(stage, slot)
+    assert len(losses(stage)) == 1
+
+
+def test_a_cluster_that_was_small_once_is_not_small_for_ever() -> None:
+    stage = stage_with(1)
+    everybody = stage.watch.keeping.members
+    stage.watch.keeping.registered(frozenset(list(everybody)[:1]))
+    stage.now = 1.0
+    stage.watch.keeping.registered(everybody)
+    told(stage)
+    stage.now = 2 * RECENT_S + 1.0
+    stage.watch.acknowledges(OWNER, PLACE, version(1), HERE)
+    assert stage.laws == [laws.COPIED]
+
+
+def test_who_lies_about_its_copy_is_counted_on_and_may_have_lost_it() -> None:
+    stage = stage_with(1)
+    stage.watch.lied_about_copy(2, PLACE)
+    assert losses(stage) == []
+    told(stage)
+    loses(stage, OWNER)
+    assert [loss.newest for loss in losses(stage)] == [version(1)]
+    assert stage.watch.recorder.lies.reported.total() == 1
+
+
+def test_what_a_third_one_has_no_liar_can_lose() -> None:
+    stage = told(stage_with(0, 1))
+    stage.watch.lied_about_copy(2, PLACE)
+    loses(stage, OWNER)
+    assert losses(stage) == []

@@ -13,7 +13,7 @@ from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Holding, handover_id
 from scenefold.simulation import laws
 from scenefold.simulation.history import Listing, Loss, Outcome, Read, Write
-from scenefold.simulation.liar import SCOPES, scopes_of
+from scenefold.simulation.liar import SINGLE_SCOPES, Scope, scopes_of
 from scenefold.simulation.lies import Manner, Way, whole
 from scenefold.simulation.recording import Recorder
 from scenefold.wire import DAMAGED_RECORD, GetMany, RecordBytes, RecordKey, ReturnRange
@@ -174,8 +174,8 @@ def test_another_handover_or_another_version_is_a_violation(lie: tuple[bytes, in
 
 
 def test_every_scope_is_drawn_alone_and_with_all_others() -> None:
-    assert [scopes_of(amount) for amount in range(1, 7)] == [(scope,) for scope in SCOPES]
-    assert all(scopes_of(amount) == SCOPES for amount in range(7, 13))
+    assert [scopes_of(amount) for amount in range(1, 7)] == [(scope,) for scope in SINGLE_SCOPES]
+    assert all(scopes_of(amount) == tuple(Scope) for amount in range(7, 13))
 
 
 def test_a_lie_excuses_one_answer() -> None:

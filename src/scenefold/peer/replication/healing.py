@@ -174,8 +174,9 @@ class Healing:
             parts.store.noticed.gone([spot])
             return _Verdict.OVER
         else:
-            # Nothing older than the newest that is named takes its place.
-            offers, have_all_answered = (await self._heard(spot, sources))[:1], True
+            # Nothing older than the newest that is named takes its place; who names it may have lost its bytes.
+            heard, have_all_answered = await self._heard(spot, sources), True
+            offers = [offer for offer in heard if offer.rank == heard[0].rank]
         for offer in offers:
             if await self._take(spot, offer, sources):
                 parts.events["healed"] += 1
@@ -205,13 +206,14 @@ class Healing:
 
     async def _heard(self, spot: Spot, sources: Sources) -> list[_Offer]:
         """Of those by whom it is known what lay there, the newest first. Refused if that is nobody."""
+        heard: list[_Offer | None] = []
         for member in sources.sure:
             with suppress(Refused, Unreachable, PeerFault):
-                offer = await self._ask(spot, member, must_know=not sources.is_own)
-                return [] if offer is None else [offer]
-        if not sources.all_of:
+                # Of a sure one that has nothing it has rotted as well.
+                heard.append(await self._ask(spot, member, must_know=not sources.is_own))
+        if not heard and not sources.all_of:
             raise Refused(RejectReason.NOT_READY, "nobody answers who is sure to have what lay there")
-        heard = [await self._ask(spot, member) for member in sources.all_of]
+        heard = heard or [await self._ask(spot, member) for member in sources.all_of]
         return sorted((offer for offer in heard if offer is not None), key=lambda offer: offer.rank, reverse=True)
 
     async def _layout(self, spot: Spot) -> Layout | None:

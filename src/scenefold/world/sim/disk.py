@@ -160,6 +160,16 @@ class SimDisk:
         found = [folder.tables[table].values for folder in self._folders.values() if table in folder.tables]
         return found[0] if len(found) == 1 else ChainMap(*found)
 
+    @contextmanager
+    def looked_at(self, tables: Sequence[str]) -> Iterator[ReadTransaction]:
+        """What lies in all tables now, for who checks a store as a whole; whoever has it open goes on."""
+        (folder,) = self._folders.values() or (Folder(),)
+        view = ReadView({name: folder.tables.get(name, Table()) for name in tables})
+        try:
+            yield view
+        finally:
+            view.end()
+
     def written(self, table: str) -> Mapping[bytes, bytes]:
         """Likewise as it was written, whatever has rotted since."""
         sound = self.rotten(table)

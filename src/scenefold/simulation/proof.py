@@ -1,0 +1,106 @@
+"""In the end all copies of all records are read, as `scenectl cluster health --prove` reads them (specs/17-simulation.md, Laws).
+
+What has rotted is met by that, and must be healed wherever the disks of members have it sound. Read once more, nothing may be wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import trio
+
+from scenefold.base.ids import SpaceId, node_id_of
+from scenefold.client.calls import Calls
+from scenefold.client.proof import Finding, Proof
+from scenefold.client.proving import Proving
+from scenefold.client.proving_reads import NodeReads
+from scenefold.client.proving_scenes import ShownScene
+from scenefold.client.reencryption import Pace
+from scenefold.client.scene import Scene
+from scenefold.simulation import laws
+from scenefold.simulation.cluster import Cluster
+from scenefold.simulation.copies_calm import line_of, wanted_slots
+from scenefold.simulation.copying import KEPT, KEPT_OBJECTS
+from scenefold.simulation.disks import found_at, version_in
+from scenefold.simulation.history import Place, Version
+from scenefold.simulation.rot import RottenCopy
+from scenefold.store.layout import RECORDS
+from scenefold.world import open_links
+
+HEALED_S_MAX = 90.0
+"""What is asked of others is asked again after pauses of some seconds."""
+LOOK_S = 1.0
+TOLD_MAX = 3
+
+
+async def prove_copies(cluster: Cluster, scene: Scene) -> None:
+    """Twice, with time to heal between; what is wrong then is violated."""
+    if not cluster.watch.keeping.rules:
+        return
+    async with open_links(cluster.net.world("user:prover")) as links:
+        owners = [node.address for node in cluster.founding], [node.node_id for node in cluster.founding]
+        calls = Calls(cluster.net.world("user:prover"), links, *owners)
+        await _proof(calls, scene)
+        with trio.move_on_after(HEALED_S_MAX):
+            while any(_healable(cluster)):  # noqa: ASYNC110 - disks tell nobody
+                await trio.sleep(LOOK_S)
+        for copy in list(_healable(cluster))[:TOLD_MAX]:
+            words = f"{_name(copy.place)} has rotted on n{copy.slot} and is not healed, though others have it"
+            cluster.watch.violated(laws.HEALED, words, location=copy.place.location, slots=(copy.slot,))
+        _judge(cluster, scene, await _proof(calls, scene))
+
+
+async def _proof(calls: Calls, scene: Scene) -> Proof:
+    identity = scene.access.identity
+    kept = {space: offsets for space, offsets in identity.layouts.offsets.items() if space in (KEPT, KEPT_OBJECTS)}
+    layouts = replace(identity.layouts, offsets=kept)
+    shown = ShownScene("simulated", identity.scene, identity.genesis, identity.position, identity.writers, layouts, identity.keys)
+    return await Proving(calls, [shown], NodeReads(calls, Pace(None))).run()
+
+
+def _judge(cluster: Cluster, scene: Scene, proof: Proof) -> None:
+    rotten = {copy.place for copy in cluster.watch.rot.copies()}
+    wrong = [f"n{cluster.slot_of(node_id_of(part.address))} does not list what it has: {part.why}" for part in proof.unlisted]
+    for finding in proof.named:
+        name, space = finding.key[2] if len(finding.key) == 3 else finding.key[1], SpaceId(finding.key[0])
+        place = Place(scene.id, space, bytes(name))
+        is_all = set(finding.placed) <= set(finding.valid) and len(finding.placed) < finding.wanted
+        if place in rotten or cluster.watch.keeping.is_lied_about(place) or (is_all and not finding.is_corrupt):
+            continue
+        wrong.append(f"of {_name(place)} these are proved: {_words(cluster, finding)}")
+    for words in wrong[:TOLD_MAX]:
+        cluster.watch.violated(laws.COPIED_AGAIN, words)
+
+
+def _healable(cluster: Cluster) -> Iterator[RottenCopy]:
+    """What lies rotten where it must be, of which another that must have it has that version or a newer one, and is sound."""
+    watch, line = cluster.watch, line_of(cluster.running.values())
+    for copy in watch.rot.copies():
+        if not watch.keeping.has(copy.place):
+            continue
+        wanted = wanted_slots(cluster, line, copy.place)
+        before = _version_before(cluster, copy)
+        if copy.slot not in wanted or before is None:
+            continue
+        for other in wanted:
+            found = None if watch.rot.is_at(other, copy.place) else found_at(cluster.nodes[other].disk, copy.place)
+            if found is not None and found.order >= before.order:
+                yield copy
+                break
+
+
+def _version_before(cluster: Cluster, copy: RottenCopy) -> Version | None:
+    """What lay there; None if that is not known."""
+    value = cluster.nodes[copy.slot].disk.rotten(RECORDS).get(copy.key)
+    return None if value is None else version_in(value)
+
+
+def _words(cluster: Cluster, finding: Finding) -> str:
+    said = ", ".join(f"n{cluster.slot_of(node)} {verdict}" for node, verdict in sorted(finding.verdicts.items()))
+    placed = ", ".join(f"n{cluster.slot_of(node)}" for node in finding.placed)
+    return f"{len(finding.valid)} of {finding.wanted} copies ({said}; on {placed})"
+
+
+def _name(place: Place) -> str:
+    return f"{place.location.hex()[:8]}… in space {place.space}"
