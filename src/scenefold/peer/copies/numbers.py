@@ -6,8 +6,6 @@ Who recovers a gap begins above all that anybody can have said before, at a numb
 from __future__ import annotations
 
 _SHIFT = 32
-_AHEAD_MAX = 1 << 16
-"""Positions of the log that this node may not know yet."""
 
 
 def first_number(position: int) -> int:
@@ -16,8 +14,8 @@ def first_number(position: int) -> int:
 
 
 def is_possible(number: int, position: int) -> bool:
-    """Whether an honest owner can have come so far. `position`: how far this node knows the log.
+    """Whether an honest owner can have come so far. `position`: how far this node knows the log, which has to ask the owner for it first.
 
-    Numbers end, so who said the last one would leave none to any owner after it.
+    Who adopts after it begins at its own position: under a higher number than that nobody would tell it what is held there.
     """
-    return number >> _SHIFT <= position + _AHEAD_MAX
+    return number >> _SHIFT <= position

@@ -166,6 +166,8 @@ class Receiving:
         handover = self._of(packet.handover, peer)
         self._parts.require_lease()
         if not is_possible(packet.number, self._parts.cluster_log.registry.position):
+            await self._parts.cluster_log.pull_from(handover.peer.node)
+        if not is_possible(packet.number, self._parts.cluster_log.registry.position):
             raise Refused(RejectReason.ILL_FORMED, "no owner can have come to such a number of configurations")
         piece = Arc(packet.first, packet.last)
         if handover.step is Step.NOTED:
