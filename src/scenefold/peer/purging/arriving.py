@@ -94,5 +94,6 @@ class Arriving:
                 return
             except Refused as problem:
                 # The disk is full, or this life is ending.
-                _log.warning("this node takes and shows nothing until it is ready: %s", problem)
+                level = logging.DEBUG if pauses.count else logging.WARNING
+                _log.log(level, "this node takes and shows nothing until it is ready: %s", problem)
             await pauses.wait()
