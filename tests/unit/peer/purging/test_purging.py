@@ -21,7 +21,7 @@ from unit.peer.replication.holders import arc_of
 from unit.peer.replication.terrace import HEADER, OBJECTS, THRICE, object_record, record_at
 from unit.peer.replication.terrace import item_of as handed
 from unit.peer.replication.writers import names, offered, until
-from unit.peer.scenes_made import STRANGER, WRITER, later_header, sealed
+from unit.peer.scenes_made import SPACE, STRANGER, WRITER, later_header, sealed
 
 LATER = RejectReason.NOT_READY
 
@@ -153,6 +153,22 @@ def test_objects_go_too() -> None:
         yard.begin_purge()
         assert await yard.purge(record) == (0,)
         assert all(home.spots(OBJECTS) == set() for home in yard.homes)
+
+    in_a_yard(story)
+
+
+def test_where_a_space_has_one_copy_all_are_asked_as_well() -> None:
+    async def story(yard: Yard) -> None:
+        place = yard.places(1)[0]
+        for seq in (1, 2):
+            await yard.put(record_at(place, seq, SPACE))
+        record = record_at(place, 2, SPACE)
+        yard.begin_purge()
+        yard.cut_off(1)
+        assert await yard.purge(record) == (LATER,)
+        yard.mend(1)
+        assert await yard.purge(record) == (0,)
+        assert yard.everywhere(place) == [[]] * 4
 
     in_a_yard(story)
 
