@@ -9,6 +9,7 @@ from scenectl.output import size_text, table
 
 if TYPE_CHECKING:
     from scenefold.client import ClusterHealth, NodeState, Proof
+    from scenefold.client.reports import KeptApart
 
 UNKNOWN = "?"
 
@@ -21,10 +22,21 @@ def health_text(found: ClusterHealth) -> str:
         for node in found.status.nodes
         if node.report is not None and node.report.copies is not None and node.report.copies.healed
     ]
+    for node in found.status.nodes:
+        if node.report is not None and node.report.kept_apart.records:
+            notes += [
+                _apart(node.address, node.report.kept_apart),
+                "  -> `scenectl scene strays NAME` shows them to the members of their scenes",
+            ]
     for ailment in found.ailments:
         notes += [ailment.text, f"  -> {ailment.to_do}"] if ailment.to_do else [ailment.text]
     parts = [_summary(found), "", table(titles, map(_row, found.status.nodes))]
     return "\n".join([*parts, *(["", *notes] if notes else [])])
+
+
+def _apart(address: str, apart: KeptApart) -> str:
+    scenes = ", ".join(f"{scene} ({count:,})" for scene, count in apart.scenes)
+    return f"{address} keeps {apart.records:,} records apart, since it was away while deletions were purged: of scenes {scenes}"
 
 
 def _summary(found: ClusterHealth) -> str:

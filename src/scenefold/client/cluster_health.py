@@ -88,6 +88,11 @@ class ClusterHealth:
         return sum(copies.unrecovered for copies in self.reports)
 
     @property
+    def kept_apart(self) -> int:
+        """Records that nodes have brought along from before they were away, and that somebody with their scene's key has to look at."""
+        return sum(node.report.kept_apart.records for node in self.status.nodes if node.report is not None)
+
+    @property
     def seconds_to_health(self) -> float | None:
         """0 if nothing is wrong; None if somebody has to do something, or it is not known yet how much there is to be moved, or how fast."""
         if not self.ailments:
@@ -111,6 +116,7 @@ class ClusterHealth:
             "corrupt": self.corrupt,
             "pending": self.pending,
             "unrecovered": self.unrecovered,
+            "kept_apart": self.kept_apart,
             "seconds_to_health": self.seconds_to_health,
             "ailments": [ailment.document() for ailment in self.ailments],
         }
@@ -239,8 +245,9 @@ def _node_document(node: NodeState) -> dict[str, Any]:
     copies = None if report is None or report.copies is None else report.copies.document()
     known = {"address": node.address, "alive": node.alive, "share": node.share, "copies": copies}
     if report is None:
-        return {**known, "damaged": None, "strays": None, "scrub": None}
-    return {**known, "damaged": report.damaged, "strays": report.strays, "scrub": _scrub_document(report.scrub)}
+        return {**known, "damaged": None, "strays": None, "kept_apart": None, "scrub": None}
+    apart = report.kept_apart.document()
+    return {**known, "damaged": report.damaged, "strays": report.strays, "kept_apart": apart, "scrub": _scrub_document(report.scrub)}
 
 
 def _scrub_document(scrub: ScrubReport | None) -> dict[str, Any] | None:

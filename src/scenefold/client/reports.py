@@ -72,6 +72,21 @@ class ScrubReport:
     paused: bool
 
 
+SCENE_DIGITS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class KeptApart:
+    """What a node has brought along from before it was away, by the ids of scenes, those with the most first (specs/22-purge.md, Who was away)."""
+
+    records: int = 0
+    scenes: tuple[tuple[str, int], ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        return {"records": self.records, "scenes": [{"scene": scene, "records": count} for scene, count in self.scenes]}
+
+
 @dataclass(frozen=True, slots=True)
 class NodeReport:
     """A node at the moment of answering."""
@@ -113,6 +128,7 @@ class NodeReport:
     signs: tuple[SignReport, ...]
     copies: CopiesReport | None
     """None: it says nothing of them."""
+    kept_apart: KeptApart
     scrub: ScrubReport | None
     document: Mapping[str, Any]
     """All that it said."""
@@ -184,6 +200,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             dropped=told_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
             copies=read_copies(found.get("copies")),
+            kept_apart=_kept_apart(found.get("suspects", {})),
             scrub=_scrub(found["scrub"]) if found.get("scrub") else None,
             document=found,
         )
@@ -247,3 +264,10 @@ def _arc(found: Mapping[str, Any] | None) -> Arc | None:
 def _listed(value: object) -> str:
     """What stands on a blacklist: an address or a prefix, for the same reason."""
     return str(address_prefix(str(value)))
+
+
+def _kept_apart(found: Mapping[str, Any]) -> KeptApart:
+    scenes = tuple((bytes.fromhex(str(one["scene"])).hex(), told_count(one["records"])) for one in found.get("scenes", ()))
+    if any(len(scene) != SCENE_DIGITS for scene, _ in scenes):
+        raise ValueError("the id of a scene is expected")
+    return KeptApart(told_count(found.get("records", 0)), scenes)

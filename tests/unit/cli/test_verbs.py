@@ -43,6 +43,8 @@ VERBS = [
     "scene access",
     "scene revoke",
     "scene rotate-key",
+    "scene purge",
+    "scene strays",
     "space create",
     "space list",
     "space copies",

@@ -69,7 +69,8 @@ def test_a_silent_node_degrades_and_nobody_knows_for_how_long() -> None:
     assert kinds(found) == ["missing", "under-copied"]
     assert f"start {ADDRESSES[2]}" in found.ailments[1].to_do
     assert found.document()["nodes"][2] == {
-        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "damaged": None, "strays": None, "scrub": None
+        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "damaged": None, "strays": None, "kept_apart": None,
+        "scrub": None,
     }  # fmt: skip
 
 
