@@ -63,6 +63,7 @@ def store(
     mib: Annotated[int, whole(1, 1 << 20)] = 64,
     small_records: Annotated[int, whole(1, 1 << 24)] = 8192,
     seconds: Annotated[int, whole(1, 3600)] = 120,
+    weather: bool = False,
     ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -84,14 +85,17 @@ def store(
         Number of records of 8 KiB.
     seconds
         Most that each of the four measurements may take; what was done until then counts.
+    weather
+        Measure also how long single reads take while a disk is slow, while a node is dead, and while its copies are made anew.
     ports
         Ports of the nodes, LOW,HIGH; by default 17349,17350.
     """
     from scenectl.bench_store import StoreBench, bench_store, bench_text
     from scenectl.running import run
 
-    check_own_cluster("scenectl bench store", output.profile, {"--nodes": (nodes, ""), "--ports": (ports, "SCENEFOLD_PORTS")})
-    bench = StoreBench(mib=mib, small_records=small_records, copies=copies, min_copies=min_copies, seconds=seconds)
+    own = {"--nodes": (nodes, ""), "--ports": (ports, "SCENEFOLD_PORTS"), "--weather": (weather or None, "")}
+    check_own_cluster("scenectl bench store", output.profile, own)
+    bench = StoreBench(mib=mib, small_records=small_records, copies=copies, min_copies=min_copies, seconds=seconds, weather=weather)
     result = run(bench_store, bench, output.profile, 3 if nodes is None else nodes, cluster_ports(ports))
     emit(output, result, bench_text(result))
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import trio
 
+from scenectl import bench_weather
 from scenectl.output import table
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ class StoreBench:
     min_copies: int | None
     seconds: float
     """Most for each measurement: what was done until then counts."""
+    weather: bool = False
+    """Whether reads are measured in bad weather, too: of a cluster of its own."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +99,15 @@ class StoreWork:
         return await self._turn(call, records, seconds)
 
     async def read(self, records: int, seconds: float) -> Turn:
+        return await self._turn(self.check, records, seconds)
+
+    async def check(self, numbers: Sequence[int]) -> None:
+        """Read these; LocalFault if one is not what was written."""
         from scenefold.base.errors import LocalFault
 
-        async def call(numbers: Sequence[int]) -> None:
-            found = await self._space.get_many([place(number) for number in numbers])
-            if any(one != self.payload(number) for one, number in zip(found, numbers, strict=True)):
-                raise LocalFault("a record that was read is not what was written", remedy="that is a bug: please report it")
-
-        return await self._turn(call, records, seconds)
+        found = await self._space.get_many([place(number) for number in numbers])
+        if any(one != self.payload(number) for one, number in zip(found, numbers, strict=True)):
+            raise LocalFault("a record that was read is not what was written", remedy="that is a bug: please report it")
 
     async def _turn(self, call: Callable[[Sequence[int]], Awaitable[None]], records: int, seconds: float) -> Turn:
         left: Iterator[int] = iter(range(self._first, self._first + records))
@@ -135,7 +139,8 @@ async def bench_store(bench: StoreBench, profile: str | None, nodes: int, ports:
     async with AsyncExitStack() as stack:
         own: LocalCluster | None = None
         if profile is None:
-            own = await stack.enter_async_context(local_cluster(nodes, ports=ports))
+            more: dict[str, Any] = {"module": bench_weather.NODE, "options": bench_weather.OPTIONS} if bench.weather else {}
+            own = await stack.enter_async_context(local_cluster(nodes, ports=ports, **more))
             cluster = await stack.enter_async_context(connect(own.profile))
         else:
             cluster = await stack.enter_async_context(connected(profile))
@@ -146,7 +151,11 @@ async def bench_store(bench: StoreBench, profile: str | None, nodes: int, ports:
         space = await scene.create_space("bench", **options)
         info, count = await space.info(), len(await cluster.nodes())
         report: dict[str, Any] = {"nodes": count, "copies": info.copies, "copies_min": info.copies_min}
-        return report | await _measure(bench, cluster, space, min(bench.copies, count), _clock(own))
+        report |= await _measure(bench, cluster, space, min(bench.copies, count), _clock(own))
+        if own is not None and bench.weather:
+            work = StoreWork(space, SMALL_BYTES, SMALL_BATCH, bench_weather.FIRST, lambda: None)
+            report["weather"] = await bench_weather.weather(own, work)
+        return report
 
 
 async def _measure(bench: StoreBench, cluster: Cluster, space: Space, copies: int, cpu_s: Callable[[], float | None]) -> dict[str, Any]:
@@ -264,4 +273,5 @@ def bench_text(report: dict[str, Any]) -> str:
     wanted = f"{report['copies']} copies wanted, {report['copies_min']} waited for, {report['copies_found']:.2f} found on {report['nodes']} nodes"
     late = "" if report["copied_mib_s"] is None else f"; with all copies there, {report['copied_mib_s']:,.1f} MiB/s"
     waits = f"8 KiB, {report['small_records_per_call']} a call: durable after {report['p50_ms']:,.0f} ms (median), {report['p99_ms']:,.0f} ms (99 %)"
-    return f"{table(('direction', 'record', 'records/s', 'MiB/s', 'processor ms/MiB'), rows)}\n{wanted}{late}\n{waits}"
+    told = f"{table(('direction', 'record', 'records/s', 'MiB/s', 'processor ms/MiB'), rows)}\n{wanted}{late}\n{waits}"
+    return f"{told}\n\n{bench_weather.weather_text(report['weather'])}" if "weather" in report else told

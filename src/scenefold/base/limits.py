@@ -95,6 +95,8 @@ COMPARED_ARCS_MAX = 64
 """Arcs that two nodes compare in one packet: the sixteenths of four arcs."""
 COMPARED_RECORDS_MAX = 256
 """Records of an arc that are listed instead of summed: the lists of a packet make 1.8 MiB, read in a fifth of a second."""
+COPIES_TOLD_MAX = 64
+"""Places of one packet that a reader tells an owner of: arcs of one comparison."""
 HELD_CURSOR_BYTES_MAX = 64
 """Where a list of what a node holds goes on: the key of a record, 42 bytes, with room."""
 CUSTODY_KEPT_MAX = 4_096
@@ -146,6 +148,7 @@ assert RANGE_LOCATIONS_MAX * (22 + 18) < BULK_BYTES_MAX
 assert LOG_RECORD_BYTES_MAX < LOG_BYTES_MAX < LOG_RECORDS_MAX * 66
 assert CONFIGURATIONS_MAX * 1_000 < BULK_BYTES_MAX
 assert COMPARED_ARCS_MAX * COMPARED_RECORDS_MAX * 128 < BULK_BYTES_MAX
+assert COPIES_TOLD_MAX <= COMPARED_ARCS_MAX
 assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 
 # Connections (world/).

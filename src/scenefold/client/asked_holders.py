@@ -37,6 +37,10 @@ class AskedHolders:
         """The version that counts; None as long as none does."""
         return self._words[index].version if index in self._words else None
 
+    def otherwise(self, index: int, version: bytes) -> set[NodeId]:
+        """Who has said of a record that it is not of this version."""
+        return self._words[index].otherwise(version) if index in self._words else set()
+
     async def ask(self, groups: Groups, *, versions_only: bool = False) -> None:
         """Hear all of them, and take what counts. `versions_only`: what lies there is of no interest, but which version."""
         async with trio.open_nursery() as nursery:
@@ -49,8 +53,7 @@ class AskedHolders:
         for index in indices:
             space = self._wanted.keys[index][0]
             least = enough(1 + len(layouts.offsets[space]), layouts.needed[space])
-            owners = frozenset(owner.node_id for owner in calls.table.candidates(self._wanted.homes[index]))
-            self._words[index] = CopyWords(least, owners)
+            self._words[index] = CopyWords(least, frozenset(self._reads.owners(self._wanted.homes[index])))
         ordered = sorted(nodes, key=lambda node: (calls.is_silent(node), calls.tails.is_behind(node)))
         async with trio.open_nursery() as nursery:
 

@@ -29,9 +29,11 @@ from scenefold.base.limits import (
     CLIENT_STATUS_S,
 )
 from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
+from scenefold.client.former_tables import FormerTables
 from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.key_use import KeyUse
 from scenefold.client.patience import Patience
+from scenefold.client.split import turned
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.client.tail import Tails
 from scenefold.client.trying import patiently, pause
@@ -43,7 +45,6 @@ LEARN_NODES_MAX = 3
 
 Answer = TypeVar("Answer", bound=Packet)
 Result = TypeVar("Result")
-T = TypeVar("T")
 
 
 def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreachable:
@@ -74,6 +75,7 @@ class Calls:
         self.world = world
         founders = [Owner(node, address, arc.last, 0, arc.first) for node, address, arc in zip(node_ids, addresses, arcs, strict=True)]
         self.table = RoutingTable([*founders, *(Owner(node, address, None) for node, address in spares)])
+        self.former = FormerTables()
         self._told = [*addresses, *(address for _, address in spares)]
         """What the profile names. Whatever a node says of who is there, these are asked as well."""
         self.key_use = KeyUse()
@@ -87,6 +89,8 @@ class Calls:
         """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
         self.tails = Tails(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
         """How long owners take to answer reads."""
+        self.told_at: dict[NodeId, float] = {}
+        """When owners were last told of a node that has copies which do not count."""
         self.check_own: Callable[[], None] = lambda: None
         """Raises what forbids this client to ask anything, such as that its own key was revoked."""
         self.heard: Callable[[str, int], None] = lambda _address, _position: None
@@ -241,7 +245,11 @@ class Calls:
         ]
         # A node that has just begun knows nobody yet: then what we know is better.
         if any(owner.right_bound is not None for owner in owners):
-            self.table = RoutingTable(owners)
+            self._believe(RoutingTable(owners))
+
+    def _believe(self, table: RoutingTable) -> None:
+        self.former.replaced(self.world.clock.now(), self.table, table)
+        self.table = table
 
     async def patiently(self, call: Callable[[], Awaitable[Result]], *, refresh: bool = True) -> Result:
         """Try a call again while nodes are away or busy, as long as patience lasts, with growing pauses between."""
@@ -261,10 +269,10 @@ class Calls:
         owning = [owner for owner in self.table.owners if owner.right_bound is not None]
         empty = [owner for owner in self.table.owners if owner.right_bound is None]
         chance = self.world.entropy.uniform()
-        turned = [*_turned(owning, chance), *empty]
-        named = [owner.address for owner in sorted(turned, key=lambda owner: owner.node_id != first)]
+        all_of_them = [*turned(owning, chance), *empty]
+        named = [owner.address for owner in sorted(all_of_them, key=lambda owner: owner.node_id != first)]
         left = set(self._told).difference(named)
-        addresses = [*named, *(address for address in _turned(self._told, chance) if address in left)]
+        addresses = [*named, *(address for address in turned(self._told, chance) if address in left)]
         return sorted(addresses, key=lambda address: (first is None or address != self.address_of(first)) and address in self._silent)
 
     def _notice(self, reply: Packet, address: str) -> None:
@@ -279,13 +287,9 @@ class Calls:
             known = self.table.by_id(news.node)
             first = None if known is None or known.first is None or known.first > news.right_bound else known.first
             blacklist = () if known is None else known.blacklist
-            self.table = self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport, first, blacklist))
-
-
-def _turned(items: Sequence[T], chance: float) -> Sequence[T]:
-    """The same, begun anywhere. `chance`: 0 <= x < 1."""
-    start = int(chance * len(items))
-    return [*items[start:], *items[:start]]
+            self._believe(
+                self.table.updated(Owner(news.node, self.address_of(news.node), news.right_bound, news.lamport, first, blacklist))
+            )
 
 
 def _first_of(status: Status) -> Location | None:

@@ -16,11 +16,14 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.client.asked_holders import AskedHolders, Groups
+from scenefold.client.bad_copies import BadCopies
 from scenefold.client.calls import Calls
+from scenefold.client.copy_words import NOTHING
 from scenefold.client.hedging import helped
 from scenefold.client.shares import UsualBytes
 from scenefold.client.verifying import Key
 from scenefold.client.wide_reads import AskOnce, WideRead
+from scenefold.crypto import version_of
 from scenefold.scene.log import Layouts
 from scenefold.wire import RecordBytes
 
@@ -40,6 +43,8 @@ class Wanted(NamedTuple):
     """Told what somebody says that counts; None: nothing is there."""
     is_here: Callable[[int], bool]
     """Whether it is known what lies there, and that is sound."""
+    record: Callable[[int], RecordBytes | None]
+    """What is known to lie there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +57,23 @@ class CopyReads:
     judge: Judge | None = None
     """None: whoever reads looks at all of it himself, whoever it came from."""
     usual: UsualBytes = field(default_factory=partial(UsualBytes, CIPHERTEXT_BYTES_MAX))
+    bad: BadCopies = field(default_factory=BadCopies)
+    """What was met in this call."""
 
     def holders(self, space: SpaceId, home: Location) -> tuple[NodeId, ...]:
-        """Who holds copies of a place, as far as the client knows the line; nobody if the space has no shadows."""
+        """Who holds copies of a place, as far as the client knows the line, or did a moment ago; nobody if the space has no shadows."""
         offsets = self.layouts.offsets.get(space, ())
-        return self.calls.table.holders_of(offsets, home, self.layouts.needed[space]) if offsets else ()
+        if not offsets:
+            return ()
+        needed = self.layouts.needed[space]
+        present = self.calls.table.holders_of(offsets, home, needed)
+        former = self.calls.former.holders(self.calls.world.clock.now(), offsets, home, needed)
+        return tuple(dict.fromkeys([*present, *former])) if former else present
+
+    def owners(self, home: Location) -> set[NodeId]:
+        """Under whose configuration holders may answer for a place."""
+        former = self.calls.former.owners(self.calls.world.clock.now(), home)
+        return {owner.node_id for owner in self.calls.table.candidates(home)} | former
 
     async def beside(self, ask_owner: AskOwner, wanted: Wanted, owner: NodeId, frame: list[int]) -> None:
         """Ask the owner for some of the records, and, if it is slow, the holders; `wanted.take` is told what they say that counts.
@@ -80,12 +97,20 @@ class CopyReads:
         )
         if answered:
             tails.note(owner, len(frame), now() - began)
+            for index in filter(wanted.is_here, frame):
+                record = wanted.record(index)
+                for node in holders.otherwise(index, NOTHING if record is None else version_of(record.header)):
+                    self.bad.met(owner, node, index)
         elif not calls.is_silent(owner):
             tails.was_late(owner)
 
     async def wide(self, ask_once: AskOnce, wanted: Wanted, owner: NodeId, frame: list[int], least: int) -> None:
         """Read them from the owner and all holders at once. Raises what the owner raises if others cannot help either."""
         await WideRead(self, ask_once, wanted, owner, frame, least).run()
+
+    async def tell(self, wanted: Wanted) -> None:
+        """Tell owners what was met at holders that does not count."""
+        await self.bad.tell(self.calls, self.scene, wanted.keys)
 
     async def instead(self, wanted: Wanted, frame: list[int]) -> None:
         """Ask the holders alone: the owner has said that it has lost these."""

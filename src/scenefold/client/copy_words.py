@@ -54,6 +54,10 @@ class CopyWords:
             self._records[word] = copy.record
         self._said.setdefault((configuration, word), set()).add(node)
 
+    def otherwise(self, version: bytes) -> set[NodeId]:
+        """Who has said something else than that."""
+        return {node for (_, word), nodes in self._said.items() if word != version for node in nodes}
+
     @property
     def version(self) -> bytes | None:
         """The version that counts; None as long as none does."""

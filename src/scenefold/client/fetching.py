@@ -45,7 +45,7 @@ class _Fetch:
         self._copies = copies
         self._found: list[RecordBytes | object | None] = [_MISSING] * len(keys)
         self._homes = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
-        self._wanted = Wanted(keys, self._homes, position, self._take, self._is_here)
+        self._wanted = Wanted(keys, self._homes, position, self._take, self._is_here, self._record)
         self._search = Search(calls, self._homes)
         self._crowded: set[NodeId] = set()
         """Owners that have far more of it than others."""
@@ -56,6 +56,7 @@ class _Fetch:
         if copies is not None and DAMAGED_RECORD in self._found:
             await copies.instead(wanted, [index for index, record in enumerate(self._found) if record == DAMAGED_RECORD])
         if copies is not None and self._keys:
+            await copies.tell(wanted)
             copies.usual.saw(wanted.keys[0][0], [len(record.ciphertext) for record in self._found if isinstance(record, RecordBytes)])
         return self._found  # type: ignore[return-value]
 
@@ -114,6 +115,10 @@ class _Fetch:
 
     def _is_here(self, index: int) -> bool:
         return self._found[index] not in (_MISSING, DAMAGED_RECORD)
+
+    def _record(self, index: int) -> RecordBytes | None:
+        found = self._found[index]
+        return found if isinstance(found, RecordBytes) else None
 
     def _take(self, index: int, record: RecordBytes | None) -> None:
         if not self._is_here(index):

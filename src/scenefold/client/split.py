@@ -1,10 +1,13 @@
-"""Many records cut into frames that are not too large. Pure functions."""
+"""Many records cut into frames that are not too large, and lists that are begun anywhere. Pure functions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeVar
 
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS
+
+T = TypeVar("T")
 
 
 def frames(
@@ -24,3 +27,9 @@ def frames(
         total += sizes[index]
     if frame:
         yield frame
+
+
+def turned(items: Sequence[T], chance: float) -> Sequence[T]:
+    """The same, begun anywhere. `chance`: 0 <= x < 1."""
+    start = int(chance * len(items))
+    return [*items[start:], *items[:start]]

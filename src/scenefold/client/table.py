@@ -69,6 +69,17 @@ class RoutingTable:
         """
         return self._cover.at(location) or (self.owners[0],)
 
+    def claimants(self, location: Location) -> tuple[Owner, ...]:
+        """The nodes that claim a location; nobody in a gap."""
+        return () if self._cover.is_gap(location) else self._cover.at(location)
+
+    def is_alike(self, other: RoutingTable) -> bool:
+        """Whether both say the same of who owns what."""
+        return self._cover is other._cover or self._claims() == other._claims()
+
+    def _claims(self) -> list[tuple[NodeId, Arc | None]]:
+        return [(owner.node_id, owner.claim) for owner in self.owners]
+
     def owner_of(self, location: Location) -> Owner:
         """The first of the candidates."""
         return self.candidates(location)[0]

@@ -50,8 +50,8 @@ class WideRead:
         self._shares = Shares({index: (owner, *holders.get(index, ())) for index in frame}, least, CLIENT_GET_KEYS)
         self._versions: dict[int, bytes] = {}
         self._knows_versions = False
-        self._unsure: dict[int, tuple[NodeId, RecordBytes]] = {}
-        """What a holder gave before it was known which version counts."""
+        self._unsure: dict[int, tuple[NodeId, RecordBytes | None]] = {}
+        """What a holder gave, None for nothing, before it was known which version counts."""
         self._problem: Unreachable | Refused | PeerFault | None = None
         self._working = 0
         self._change = trio.Event()
@@ -162,24 +162,26 @@ class WideRead:
         left = part
         while left:
             reply = await ask_copies(self._reads, self._wanted, node, left, digests_only=False, any_copy=True)
-            told = [(index, copy.record) for index, copy in zip(left, reply.copies, strict=False) if copy.record is not None]
-            forged = await self._reads.forged(self._wanted, told)
-            for index, record in told:
+            answered = [(index, copy) for index, copy in zip(left, reply.copies, strict=False) if word_of(copy) is not None]
+            forged = await self._reads.forged(self._wanted, [(index, copy.record) for index, copy in answered if copy.record is not None])
+            for index, copy in answered:
                 if index not in forged:
-                    self._judge(index, node, record)
+                    self._judge(index, node, copy.record)
             left = left[len(reply.copies) :]
 
-    def _judge(self, index: int, node: NodeId, record: RecordBytes) -> None:
-        """A holder has given this: it is here if that is the version that counts."""
+    def _judge(self, index: int, node: NodeId, record: RecordBytes | None) -> None:
+        """A holder has given this, or nothing: it is here if that is the version that counts."""
         version = self._versions.get(index)
         if version is None and not self._knows_versions:
             self._unsure[index] = node, record
             return
         self._unsure.pop(index, None)
-        if version is not None and version_of(record.header) == version:
+        if version is not None and record is not None and version_of(record.header) == version:
             self._come(index, record)
         else:
             self._shares.ended(node, [index])
+        if version is not None and version != (NOTHING if record is None else version_of(record.header)):
+            self._reads.bad.met(self._owner, node, index)
 
     def _come(self, index: int, record: RecordBytes | None) -> None:
         self._wanted.take(index, record)

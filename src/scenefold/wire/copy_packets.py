@@ -1,4 +1,4 @@
-"""Packets 44, 87, 90, 91, 96 and 97: copies are stored, read, and compared (specs/20-copies.md, Writes, Reads, Repair)."""
+"""Packets 44, 87, 90, 91, 96, 97, 114 and 115: copies are stored, read, and compared (specs/20-copies.md, Writes, Reads, Repair)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from scenefold.base.limits import (
     BULK_ITEMS_MAX,
     COMPARED_ARCS_MAX,
     COMPARED_RECORDS_MAX,
+    COPIES_TOLD_MAX,
     CUSTODY_ENTRIES_MAX,
     HANDOVER_BATCH_RECORDS_MAX,
 )
@@ -23,9 +24,11 @@ from scenefold.wire.common import (
     REASON_OR_0,
     SCENE,
     SPACE,
+    U32,
     U64,
     Carrier,
     Location,
+    NodeId,
     Packet,
     SceneId,
     SpaceId,
@@ -156,6 +159,24 @@ class CopiesStored(Packet):
 
 
 @dataclass(frozen=True, slots=True)
+class LookAtCopies(Packet):
+    """A reader to an owner: what this node has of these, as one that holds their copies, is not what counts."""
+
+    TYPE: ClassVar[int] = 114
+    scene: SceneId
+    holder: NodeId
+    keys: tuple[RecordKey, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CopiesLookedAt(Packet):
+    """So many of them are going to be compared."""
+
+    TYPE: ClassVar[int] = 115
+    taken: int
+
+
+@dataclass(frozen=True, slots=True)
 class Listed:
     """A list of an arc is complete."""
 
@@ -226,4 +247,6 @@ ROWS = (
     ),
     row(StoreCopies, Carrier.TCP_LOW, ("owner", MEMBER), ("items", HAND_ITEMS)),
     row(CopiesStored, Carrier.TCP_LOW, ("reasons", Many(REASON_OR_0, HANDOVER_BATCH_RECORDS_MAX)), ("text", MESSAGE)),
+    row(LookAtCopies, Carrier.TCP_LOW, ("scene", SCENE), ("holder", U32), ("keys", Many(RECORD_KEY, COPIES_TOLD_MAX))),
+    row(CopiesLookedAt, Carrier.TCP_LOW, ("taken", Uint(16, most=COPIES_TOLD_MAX))),
 )

@@ -83,4 +83,4 @@ STRUCTS = (
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 114))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 116))

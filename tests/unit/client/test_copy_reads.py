@@ -13,11 +13,26 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.client.former_tables import FORMER_S
 from scenefold.client.scene import Scene
-from scenefold.client.table import Owner
+from scenefold.client.table import Owner, RoutingTable
 from scenefold.crypto import version_of
 from scenefold.scene.log import Layouts
-from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, GetMany, Member, Packet, RecordBytes, SpaceEntry
+from scenefold.wire import (
+    Configuration,
+    CopiesFound,
+    CopiesLookedAt,
+    Copy,
+    CopyState,
+    Fault,
+    GetCopies,
+    GetMany,
+    LookAtCopies,
+    Member,
+    Packet,
+    RecordBytes,
+    SpaceEntry,
+)
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
 
@@ -34,6 +49,11 @@ class HoldingNodes(FakeNodes):
     claimed: dict[str, Configuration] = field(default_factory=dict)
     """What a node says instead of the configuration that there is."""
 
+    before: RoutingTable | None = None
+    """By which line custody was given, if that is another one by now."""
+    not_ready: set[str] = field(default_factory=set)
+    """They own what they cannot speak for yet."""
+
     def keep(self) -> None:
         for address in self.addresses:
             self.kept[address] = {
@@ -41,12 +61,16 @@ class HoldingNodes(FakeNodes):
             }
 
     def _answer(self, address: str, packet: Packet) -> Packet:
+        if isinstance(packet, LookAtCopies):
+            return CopiesLookedAt(len(packet.keys))
+        if isinstance(packet, GetMany) and address in self.not_ready:
+            return Fault(RejectReason.NOT_READY, "the place is changing hands")
         if not isinstance(packet, GetCopies):
             return super()._answer(address, packet)
         holders: list[Configuration] = []
         copies: list[Copy] = []
         for key in packet.keys[: self.reply_records_max]:
-            owner = self.table.owner_of(key.location)
+            owner = (self.before or self.table).owner_of(key.location)
             if owner.address == address and packet.digests_only and not packet.any_copy and address not in self.without_lease:
                 holders.append(Configuration(0, (Member(owner.node_id, bytes(16)),), 1))
                 item = self._found(key)
@@ -141,6 +165,54 @@ async def test_holders_that_differ_leave_it_to_the_owner(autojump_clock: MockClo
     assert patience.cancelled_caught, "one holder has it, the other something older: nobody knows"
     nodes.hung.clear()
     assert await scene.space(FILES).get(place) == b"newer"
+
+
+async def test_who_has_something_older_its_owner_is_told_of(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner, behind = nodes.addresses[1], nodes.addresses[2]
+    (place, *_) = owned_by(nodes, owner)
+    await scene.space(FILES).put(place, b"newer")
+    older = nodes.kept[behind]
+    nodes.keep()
+    nodes.kept[behind] = older
+    nodes.slow[owner] = 2 * CLIENT_HEDGE_S
+    assert await scene.space(FILES).get(place) == b"newer"
+    told = [(address, packet) for address, packet in nodes.asked if isinstance(packet, LookAtCopies)]
+    assert [(address, address_of(packet.holder), [key.location for key in packet.keys]) for address, packet in told] == [
+        (owner, behind, [place])
+    ]
+    assert await scene.space(FILES).get(place) == b"newer"
+    assert len([packet for _, packet in nodes.asked if isinstance(packet, LookAtCopies)]) == 2
+    await scene.space(FILES).get_many([place, PLACES[0]])
+    nodes.slow.clear()
+    nodes.asked.clear()
+    await scene.space(FILES).get(place)
+    assert not asked(nodes, LookAtCopies), "nobody else was asked"
+
+
+@pytest.mark.parametrize("is_adopted", [False, True])
+async def test_what_a_removed_node_owned_its_holders_say_until_another_can(is_adopted: bool, autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    first, removed, last = nodes.table.owners
+    calls = scene.space(FILES)._access.calls
+    await calls.refresh()
+    nodes.before = nodes.table
+    if not is_adopted:
+        nodes.claims[last.address] = nodes.table.arcs()[2][1]
+    nodes.table = RoutingTable([replace(first, lamport=5), replace(last, lamport=5)])
+    nodes.away.add(removed.address)
+    nodes.not_ready.add(last.address)
+    await calls.refresh()
+    places = [place for place in PLACES if nodes.before.owner_of(place) is removed]
+    assert all(bool(calls.table.claimants(place)) == is_adopted for place in places[1:])
+    began = trio.current_time()
+    assert await scene.space(FILES).get_many(places) == [payload for place, payload in ITEMS if place in places]
+    assert trio.current_time() - began < CLIENT_HEDGE_S
+    await trio.sleep(FORMER_S + 1)
+    with pytest.raises((Refused, Unreachable)):
+        await scene.space(FILES).get_many(places)
 
 
 async def test_one_that_names_a_configuration_of_its_own_is_not_believed(autojump_clock: MockClock) -> None:

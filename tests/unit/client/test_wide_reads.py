@@ -13,7 +13,7 @@ from scenefold.base.ids import address_of
 from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_PART_RECORDS, CLIENT_STATUS_S
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.client.scene import Scene
-from scenefold.wire import GetCopies, GetMany, Packet, RecordBytes
+from scenefold.wire import GetCopies, GetMany, LookAtCopies, Packet, RecordBytes
 from unit.client.test_copy_reads import LAYOUTS, HoldingNodes, asked
 from unit.client.test_records import FILES, _scene
 
@@ -100,6 +100,12 @@ async def test_what_is_older_or_missing_or_forged_at_a_holder_is_asked_of_the_ne
     for place in PLACES[::5]:
         nodes.kept[HOLDERS[1]].pop(place)
     assert await scene.space(FILES).get_many(PLACES) == [payload for _, payload in newer]
+    told = [(address, packet) for address, packet in nodes.asked if isinstance(packet, LookAtCopies)]
+    assert {address for address, _ in told} == {OWNER}
+    assert {address_of(packet.holder) for _, packet in told} == set(HOLDERS)
+    lacking = {place for place in PLACES if place not in nodes.kept[HOLDERS[1]]}
+    of_second = [key.location for _, packet in told if address_of(packet.holder) == HOLDERS[1] for key in packet.keys]
+    assert of_second and set(of_second) <= lacking, "what is forged a comparison would not find"
 
 
 async def test_what_has_rotted_at_its_owner_comes_from_holders(autojump_clock: MockClock) -> None:

@@ -16,6 +16,7 @@ from scenefold.peer.replication.health import Health
 from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
+from scenefold.peer.replication.looking import Looking
 from scenefold.peer.replication.owner_versions import OwnerVersions
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.recovering import Recovering
@@ -42,7 +43,8 @@ class Replication:
         self.recovering = Recovering(parts)
         self.recovering.doubt = self.spreading.doubt
         reads = HoldingReads(parts, OwnerVersions(parts, self.spreading, self.recovering))
-        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), reads)
+        self._looking = Looking(parts, roster, partial(self.spreading.merge, wait=False))
+        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), reads, self._looking)
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
@@ -60,3 +62,4 @@ class Replication:
             await nursery.start(self.spreading.run)
             nursery.start_soon(self.recovering.run)
             task_status.started()
+            nursery.start_soon(self._looking.run)
