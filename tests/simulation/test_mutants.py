@@ -46,6 +46,10 @@ LIES = (Kind.LIAR, Kind.REPLAY)
 LYING_MOVES = (Kind.LIAR, Kind.JOIN, Kind.DRAIN, Kind.RESET)
 """Bounds move while a node lies about what lies between them."""
 BACKUPS = (Kind.RESTORED_BACKUP, Kind.RESET)
+AWAY = (Kind.PAUSE, Kind.PARTITION, Kind.RESET)
+"""Who holds copies is away while others are written over, and is compared when it is back."""
+HEIRS = (Kind.PAUSE, Kind.PARTITION, Kind.LOST_NODES)
+"""Arcs are adopted of which nobody alone knows what was acknowledged."""
 
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
@@ -62,6 +66,8 @@ PROVOKED = {
     "reader's memory": Provocation(laws.SOUND, LIES),
     "reader's signature check": Provocation(laws.SOUND, LIES),
     "record of this place": Provocation(laws.SOUND, LIES),
+    "recovery hears one node": Provocation(laws.LINEARIZABLE, HEIRS, 45.0, copies=True),
+    "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
     "settling time": Provocation(laws.SETTLED, MOVES),

@@ -12,11 +12,12 @@ from functools import partial
 
 import trio
 
+from scenefold.base.location import Arc
 from scenefold.crypto import SigningKey
 from scenefold.peer import NodeContext
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
-from scenefold.simulation.cluster import Cluster
+from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.liar import Liar, MadeUp, Scope, flipped, scopes_of
 from scenefold.simulation.lying_answers import LyingAnswers
@@ -113,7 +114,7 @@ class HostileFaults:
             liar = Liar(node, lies, self._made_up, self._keys, self._owner, seed)
             judge = LyingJudge(liar, watch.recorder)
             handovers = LyingHandovers(liar, watch, partial(self._lies_in, Scope.HANDOVERS))
-            copies = LyingCopies(liar, watch, partial(self._lies_in, Scope.COPIES))
+            copies = LyingCopies(liar, watch, partial(self._lies_in, Scope.COPIES), partial(self._has_word_of, node))
             bounds, lives = LyingBounds(liar, self._cluster), LyingLives(liar, self._cluster)
             self._liars[slot] = _Possession(liar, judge, LyingAnswers(liar, judge), handovers, bounds, lives, LyingWords(liar), copies)
         return self._liars[slot]
@@ -121,6 +122,12 @@ class HostileFaults:
     def _lies_in(self, scope: Scope, node_id: int) -> bool:
         liars = (possession.liar for possession in self._liars.values())
         return any(liar.node.node_id == node_id and liar.lies_in(scope) for liar in liars)
+
+    def _has_word_of(self, owner: Node, node_id: int, arc: Arc) -> bool:
+        """Whether a node believes of another, by that one's own word, that it owns an arc."""
+        context = self._cluster.nodes[self._cluster.slot_of(node_id)].context
+        claimed = None if context is None else context.roster.arcs().get(owner.node_id)
+        return claimed is not None and claimed.first <= arc.first and arc.last <= claimed.last
 
     def _keys(self) -> Mapping[int, bytes]:
         scene = next((client.scene for client in self._clients if client.scene is not None), None)

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
-from scenefold.base.location import Arc, Location
+from scenefold.base.location import Arc
 from scenefold.crypto import RecordHeader
 from scenefold.peer import NodeContext
 from scenefold.peer.copies.numbers import first_number
@@ -61,11 +61,13 @@ REFUSED = 16
 
 
 class LyingCopies:
-    """Of one liar. `lie`: whether a node lies about copies itself, so that its word for what it keeps is worth nothing."""
+    """Of one liar. `lie`: whether a node lies about copies itself, so that its word for what it keeps is worth nothing; `believe`: whether a
+    node has the liar's own word that it owns an arc, which may be an old one."""
 
-    def __init__(self, liar: Liar, watch: Watch, lie: Callable[[int], bool]) -> None:
+    def __init__(self, liar: Liar, watch: Watch, lie: Callable[[int], bool], believe: Callable[[int, Arc], bool]) -> None:
         self._liar = liar
         self._lie = lie
+        self._believe = believe
         self._watch = watch
         self._slot = liar.node.slot
         self._context: NodeContext | None = None
@@ -277,7 +279,7 @@ class LyingCopies:
         layouts = [rule.layout for rule in self._watch.keeping.rules.values() if rule.layout]
         if current is None or not layouts:
             return
-        member, was_own = type(me)(holder, current.incarnation), self._liar.node.owns(_middle(arc))
+        member, was_own = type(me)(holder, current.incarnation), self._believe(holder, arc)
         entry = CustodyEntry(layouts[0], arc.first, arc.last, number, (me, member), 1, whole=True)
         packet = SetCustody(me, member, number, arc.first, arc.last, (entry,))
         self._liar.lies.told["wrong custody"] += 1
@@ -288,13 +290,9 @@ class LyingCopies:
                 # The last: its life has ended in the midst of it, and with it what it asks by.
                 return
             is_ahead = was_own and number >= first_number(context.cluster_log.registry.position + 1)
-            is_wrong = is_ahead or not (was_own or self._liar.node.owns(_middle(arc)))
+            is_wrong = is_ahead or not (was_own or self._believe(holder, arc))
             if answer.reason == 0 and is_wrong and not self._lie(holder):
                 self._watch.violated(laws.VERIFIED, f"a node holds {words}", slots=(self._slot,))
 
     def _saw(self, item: HandItem) -> None:
         self._liar.saw(named(item)[0], RecordBytes(item.signature, item.header, item.ciphertext))
-
-
-def _middle(arc: Arc) -> Location:
-    return Location.from_number((arc.first.number + arc.last.number) // 2)

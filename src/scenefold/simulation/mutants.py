@@ -148,7 +148,7 @@ def _wanting_all(_original: Any) -> Any:
 def _overwriting(original: Any) -> Any:
     """What a holder has given takes the place of what lay there, whichever is newer."""
 
-    async def take(self: Any, puts: Any) -> None:
+    async def take(self: Any, puts: Any, *rest: Any) -> None:
         from scenefold.crypto import RecordHeader, RecordPlace
         from scenefold.store import Spot
 
@@ -157,7 +157,7 @@ def _overwriting(original: Any) -> Any:
         present = await store.record_headers(spots)
         gone = [(spot, RecordHeader.decode(bytes(header)).digest) for spot, header in zip(spots, present, strict=True) if header]
         await store.remove(gone)
-        await original(self, puts)
+        await original(self, puts, *rest)
 
     return take
 
