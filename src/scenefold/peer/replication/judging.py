@@ -37,13 +37,18 @@ class Judging:
 
     async def run(self) -> None:
         """Send, pay, and judge again whatever changes, until cancelled."""
-        async with trio.open_nursery() as self._nursery:
-            for lane in self._lanes.values():
-                self._start(lane)
-            while True:
-                seen = self._parts.keeper.copies
-                self._judge_all()
-                await self._parts.keeper.copies_changed_after(seen)
+        async with trio.open_nursery() as nursery:
+            self._nursery = nursery
+            try:
+                for lane in self._lanes.values():
+                    self._start(lane)
+                while True:
+                    seen = self._parts.keeper.copies
+                    self._judge_all()
+                    await self._parts.keeper.copies_changed_after(seen)
+            finally:
+                # Whoever still answers while this life ends sends nothing any more.
+                self._nursery = None
 
     # -------------------------------------------------------------------------------------------------- questions
 
