@@ -89,8 +89,7 @@ async def weather(nodes: LocalCluster, work: StoreWork) -> dict[str, Any]:
     await work.write(RECORDS, READ_S_MAX)
     # Who asks how it stands is another client, or the one that reads would learn from it.
     async with connect(nodes.profile) as watcher, trio.open_nursery() as reads:
-        storm = _Storm(work, reads)
-        victim = nodes.addresses[-1]
+        storm, victim, records = _Storm(work, reads), nodes.addresses[-1], await _owned(watcher)
         await storm.phase("", partial(trio.sleep, WARM_S))
         await storm.phase(CALM, partial(trio.sleep, CALM_S))
         with slow_disk(nodes, victim):
@@ -99,10 +98,10 @@ async def weather(nodes: LocalCluster, work: StoreWork) -> dict[str, Any]:
         await storm.phase(CALM, partial(trio.sleep, CALM_S))
         await nodes.kill(victim)
         await storm.phase("dead node", partial(_until, partial(_is_removed, watcher, victim), REMOVED_S_MAX))
-        await storm.phase("repair", partial(_until, partial(_is_whole, watcher), MENDED_S_MAX))
+        await storm.phase("repair", partial(_until, partial(_is_whole, watcher, records), MENDED_S_MAX))
         shutil.rmtree(nodes.folder / "data" / victim)
         nodes.start(victim)
-        await storm.phase("newcomer", partial(_until, partial(_has_come, watcher, victim), MENDED_S_MAX))
+        await storm.phase("newcomer", partial(_until, partial(_has_come, watcher, victim, records), MENDED_S_MAX))
     return storm.report()
 
 
@@ -157,24 +156,32 @@ async def _is_removed(watcher: Cluster, address: str) -> bool:
     return all(node.address != address for node in await watcher.nodes())
 
 
-async def _has_come(watcher: Cluster, address: str) -> bool:
+async def _has_come(watcher: Cluster, address: str, records: int) -> bool:
     """Whether a node owns something, and nothing is on its way any more."""
     owning = {node.address for node in await watcher.nodes() if node.right_bound is not None}
-    return address in owning and await _is_whole(watcher)
+    return address in owning and await _is_whole(watcher, records)
 
 
-async def _is_whole(watcher: Cluster) -> bool:
-    """Whether all copies are where they should be, by what the nodes say that are left."""
+async def _is_whole(watcher: Cluster, records: int) -> bool:
+    """Whether so many records are owned, and all copies where they should be, by what the nodes say that are left."""
     from scenefold.client.reports import NodeReport
 
+    owned = 0
     for report in (await watcher.reports()).values():
         if not isinstance(report, NodeReport) or report.copies is None:
             return False
         copies = report.copies
+        owned += copies.owned
         amiss = (copies.under_copied, copies.mis_placed, copies.forbidden, copies.comparing)
         if any(part.records or part.segments for part in amiss) or copies.owed or copies.unsettled or copies.unrecovered:
             return False
-    return True
+    # Of what nobody owns yet nobody says that it is amiss.
+    return owned >= records
+
+
+async def _owned(watcher: Cluster) -> int:
+    """Records of all nodes."""
+    return (await watcher.health()).records
 
 
 def _row(name: str, parts: Sequence[tuple[Reader, float]]) -> dict[str, Any]:
