@@ -1,7 +1,7 @@
 """Copies of records that have rotted on disks: which of them are still there (specs/17-simulation.md, Custody).
 
 A copy is known by its bytes, not by where it lies: a node may slide it, and a backup may bring it back. Once it was replaced or
-deleted it excuses nothing any more.
+deleted it excuses nothing any more. What is left of it may go to other disks (20-copies.md, What nobody has sound).
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.crypto import RecordPlace
+from scenefold.crypto import RecordPlace, is_husk
 from scenefold.simulation.disks import Disk, place_of
 from scenefold.simulation.history import Place
-from scenefold.store.layout import RECORDS, location_of, record_key
+from scenefold.store.layout import RECORDS, location_of, pack_record, record_key, remains_of
 
 
 class RottenCopy(NamedTuple):
@@ -39,8 +39,8 @@ class Rot:
 
     def has(self, slot: int, key: bytes) -> bool:
         """Whether what lies there now is rotten."""
-        values = self._values.get(place_of(key))
-        return values is not None and self._disks[slot].peek(RECORDS).get(key) in values
+        value = self._disks[slot].peek(RECORDS).get(key)
+        return place_of(key) in self._values and value is not None and self._is_rotten(place_of(key), value)
 
     def is_at(self, slot: int, place: Place) -> bool:
         """Whether a disk's copy of a record is rotten now."""
@@ -57,7 +57,12 @@ class Rot:
             return []
         table = self._disks[slot].peek(RECORDS)
         keys = [key for place in sorted(self._values) for key in self._keys(place, table)]
-        return [RottenCopy(slot, place_of(key), location_of(key), key) for key in keys if table[key] in self._values[place_of(key)]]
+        return [RottenCopy(slot, place_of(key), location_of(key), key) for key in keys if self._is_rotten(place_of(key), table[key])]
+
+    def _is_rotten(self, place: Place, value: bytes) -> bool:
+        """Whether it is what rotted there, or what is left of it, on whatever disk: its header alone."""
+        remains = remains_of(memoryview(value))
+        return value in self._values[place] or (remains is not None and is_husk(remains) and value == pack_record(remains))
 
     def _keys(self, place: Place, table: Mapping[bytes, bytes]) -> list[bytes]:
         """Where a record lies in a table: once at most if it has a place of its own."""

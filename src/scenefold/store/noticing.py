@@ -29,6 +29,7 @@ class Noticed:
         self._clock = clock
         self._quiet = QuietLog(logging.getLogger("scenefold.store"), logging.ERROR)
         self._rotten: set[_Name] = set()
+        self._given_up: set[_Name] = set()
         self.count = 0
         """Records that reads and writes met, and that had changed on the disk: each once, until it is written anew and rots again."""
         self.hear: Callable[[Spot], None] = _nobody_hears
@@ -37,6 +38,14 @@ class Noticed:
     def is_rotten(self, spot: Spot) -> bool:
         """Whether a rotten record was met there, and nothing has been written over it since."""
         return _name(spot) in self._rotten
+
+    def give_up(self, spot: Spot) -> None:
+        """Nobody has what lay there: all who might have said so."""
+        if self.is_rotten(spot):
+            self._given_up.add(_name(spot))
+
+    def is_given_up(self, spot: Spot) -> bool:
+        return _name(spot) in self._given_up
 
     def read(self, spot: Spot, problem: str) -> None:
         self._met(spot, "read", problem)
@@ -55,7 +64,9 @@ class Noticed:
 
     def gone(self, spots: Iterable[Spot]) -> None:
         """Nothing rotten lies there any more."""
-        self._rotten.difference_update(map(_name, spots))
+        names = set(map(_name, spots))
+        self._rotten -= names
+        self._given_up -= names
 
     def _met(self, spot: Spot, kind: str, text: str) -> None:
         (scene, space, _), _ = spot

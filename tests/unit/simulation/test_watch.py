@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -261,6 +262,16 @@ def test_what_rotted_need_not_be_carried_and_is_no_excuse_elsewhere() -> None:
     stage.give(1, 2, copied=False)
     assert stage.laws == []
     assert stage.watch.recorder.damaged == set(), "who owns the place now has nothing rotten there"
+
+
+def test_what_is_left_of_it_may_be_carried() -> None:
+    stage = Stage()
+    stage.machines[1].store(record(1))
+    rots(stage, 1)
+    stage.machines[2].store(replace(record(1), ciphertext=b""))
+    stage.give(1, 2, copied=False)
+    assert stage.laws == []
+    assert stage.watch.recorder.damaged == {PLACE}
 
 
 def test_a_copy_that_rots_with_the_receiver_is_not_the_givers_fault() -> None:

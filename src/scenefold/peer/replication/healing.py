@@ -131,6 +131,8 @@ class Healing:
         self._tries[spot] += 1
         tries_max = DENIED_TRIES_MAX if verdict is _Verdict.DENIED else TRIES_MAX
         if verdict is _Verdict.OVER or self._tries[spot] >= tries_max:
+            if verdict is _Verdict.DENIED:
+                self._parts.store.noticed.give_up(spot)
             if verdict is not _Verdict.OVER:
                 self._parts.events["not healed"] += 1
                 self._give_up(spot)

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Protocol
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
@@ -114,12 +115,11 @@ class Paying:
             return len(debts)
         records = await self._parts.store.read([debt.spot for debt in debts])
         found: list[tuple[Debt, HandItem]] = []
-        left = size = 0
+        rotten = [debt for debt, record in zip(debts, records, strict=True) if isinstance(record, DamagedData)]
+        left = await self._tell_of(member, rotten) if rotten else 0
+        size = 0
         for debt, record in zip(debts, records, strict=True):
-            if not isinstance(record, Record):
-                # It has rotted: whoever has it whole may heal it.
-                left += record is not None
-            elif version_of(record.header_bytes) == debt.version:
+            if isinstance(record, Record) and version_of(record.header_bytes) == debt.version:
                 item = item_of(debt.spot, record)
                 if found and size + len(item.ciphertext) + RECORD_BYTES > BATCH_BYTES_MAX:
                     left += await self._send(member, found, size)
@@ -128,17 +128,41 @@ class Paying:
                 size += len(item.ciphertext) + RECORD_BYTES
         return left + (await self._send(member, found, size) if found else 0)
 
+    async def _tell_of(self, member: Member, rotten: Sequence[Debt]) -> int:
+        """What cannot be read here cannot be paid. Whoever lacks it gets what is left, and hears of it if somebody heals it here.
+
+        Who keeps something older is owed the record until nobody is left who might have it. Neither counts as having it.
+        """
+        store = self._parts.store
+        husks = await store.remains([debt.spot for debt in rotten])
+        left = [(debt, husk) for debt, husk in zip(rotten, husks, strict=True) if husk is not None]
+        told = [(debt, item_of(debt.spot, husk)) for debt, husk in left if version_of(husk.header_bytes) == debt.version]
+        if not told:
+            return len(rotten)
+        reasons = await self._ask(member, [item for _, item in told])
+        over = [
+            debt
+            for (debt, _), reason in zip(told, reasons, strict=True)
+            if reason == 0 or (reason == RejectReason.DAMAGED and store.noticed.is_given_up(debt.spot))
+        ]
+        await store.paid([(debt.spot, debt.version, self._node) for debt in over])
+        return len(rotten) - len(over)
+
     async def _send(self, member: Member, found: Sequence[tuple[Debt, HandItem]], size: int) -> int:
         await self._parts.budget.take(size)
-        packet = StoreCopies(self._parts.own.member, tuple(item for _, item in found))
-        reply = await self._parts.peers.ask(self._node, Priority.LOW, packet, CopiesStored, ASK_S_MAX)
-        if len(reply.reasons) != len(found):
-            raise PeerFault("a holder answered for another number of records", where=address_of(self._node))
-        if self._ledger.member_at(self._node) != member:
-            raise Unreachable("the holder has another incarnation now", where=address_of(self._node))
-        taken = [debt for (debt, _), reason in zip(found, reply.reasons, strict=True) if reason == 0]
+        reasons = await self._ask(member, [item for _, item in found])
+        taken = [debt for (debt, _), reason in zip(found, reasons, strict=True) if reason == 0]
         for debt in taken:
             self._ledger.has_got(member, debt)
         self._parts.events["debts paid"] += len(taken)
         await self._parts.store.paid([(debt.spot, debt.version, self._node) for debt in taken])
         return len(found) - len(taken)
+
+    async def _ask(self, member: Member, items: Sequence[HandItem]) -> Sequence[int]:
+        packet = StoreCopies(self._parts.own.member, tuple(items))
+        reply = await self._parts.peers.ask(self._node, Priority.LOW, packet, CopiesStored, ASK_S_MAX)
+        if len(reply.reasons) != len(items):
+            raise PeerFault("a holder answered for another number of records", where=address_of(self._node))
+        if self._ledger.member_at(self._node) != member:
+            raise Unreachable("the holder has another incarnation now", where=address_of(self._node))
+        return reply.reasons

@@ -16,7 +16,6 @@ from scenefold.peer.line.ends import Side
 from scenefold.store import Put
 from scenefold.wire import FetchHeld, HandRecords, RecordEntry, StoreCopies
 from unit.peer.line.street import places, rot
-from unit.peer.line.test_crashes import only_errors
 from unit.peer.replication.heirs import Estate, inherit, spread
 from unit.peer.replication.heirs import until as until_heard
 from unit.peer.replication.holders import entrust
@@ -25,9 +24,7 @@ from unit.peer.replication.test_comparing import arc_of, holders_of, is_settled,
 from unit.peer.replication.test_healing import LAST_BYTE, filled, until_sound
 from unit.peer.replication.test_placing import until
 
-__all__ = ["only_errors"]
-
-SAID = pytest.mark.expect_log("damaged|rotten|changed|lost|does not deliver")
+SAID = pytest.mark.expect_log("damaged|rotten|changed|lost|does not deliver|connection was cut|had no owner any more|was reset")
 
 
 async def seq_at(home: Home, place: Location) -> int | DamagedData | None:
@@ -88,6 +85,33 @@ def test_something_older_that_is_sound_stays_and_holds_up_nobody_either() -> Non
         assert isinstance(await seq_at(first, spots[1]), DamagedData)
 
     played(main, seed=22)
+
+
+@SAID
+def test_what_is_owed_and_nobody_has_is_owed_no_longer() -> None:
+    """One holder has something older where it is owed, and nothing where it is owed something else."""
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        spots = await filled(terrace, 6)
+        late, other = holders_of(terrace, first, spots[0])
+        older, nothing = [place for place in spots if holders_of(terrace, first, place) == [late, other]][:2]
+        (record,) = await late.store.get_many([late.spot(nothing).place])
+        assert record is not None
+        await late.store.remove([(late.spot(nothing), record.header.digest)])
+        await first.store.put([Put(record_at(place, seq=2)) for place in (older, nothing)], [[late.node]] * 2)
+        for place in (older, nothing):
+            await lost(first, [], place)
+        first.replication.spreading._judging.owes(late.node)
+        await until(lambda: not any(first.store.owed.values()), 120.0)
+        assert await seq_at(late, older) == 1
+        assert isinstance(await seq_at(late, nothing), DamagedData)
+        await first.replication.spreading.put([Put(record_at(place, seq=2)) for place in (older, nothing)], first.scenes)
+        for home in (first, late, other):
+            await until_sound(home, older, seq=2)
+            await until_sound(home, nothing, seq=2)
+
+    played(main, seed=26)
 
 
 @SAID
