@@ -148,16 +148,18 @@ class _Work:
 
     async def _list(self, address: str, kept: dict[Key, list[Keeper]]) -> None:
         after: bytes | None = b""
+        seen: set[HeldRecord] = set()
         try:
             while after is not None:
                 packet = ListSuspects(self._access.identity.scene, after, HANDOVER_BATCH_RECORDS_MAX)
                 page = await self._access.calls.ask(address, packet, SuspectsListed)
+                if page.next is not None and seen.issuperset(page.records):
+                    raise PeerFault("a node lists what it keeps apart without an end", where=address)
+                seen.update(page.records)
                 for held in page.records:
                     # An object is one record, wherever a node has put it.
                     home = (held.space, wanted_place(held.object), held.object) if held.object else (held.space, held.location)
                     kept.setdefault(home, []).append(Keeper(address, page.holder, held))
-                if page.next is not None and (not page.records or page.next <= after):
-                    raise PeerFault("a node lists what it keeps apart without an end", where=address)
                 after = page.next
         except (Unreachable, PeerFault, Refused) as problem:
             if isinstance(problem, Refused) and problem.reason is RejectReason.NOT_AUTHORISED:
@@ -166,7 +168,8 @@ class _Work:
 
     async def _look(self, found: Sequence[tuple[Key, Sequence[Keeper]]]) -> None:
         keys = [key for key, _ in found]
-        opened = [await self._opened(key, keepers[0]) for key, keepers in found]
+        records = await self._fetched([(key, keepers[0]) for key, keepers in found])
+        opened = [await self._opened(key, records.get(key)) for key in keys]
         present = await self._access.fetch(keys)
         replaced = [_is_newer(record, keepers[0].held.version) for record, (_, keepers) in zip(present, found, strict=True)]
         for (key, keepers), one, is_replaced in zip(found, opened, replaced, strict=True):
@@ -190,17 +193,34 @@ class _Work:
         is_deletion = opened is not None and opened.deleted
         self.report.listed.append(Suspect(key[0], key[1], held.object, addresses, held.version.epoch, size, is_deletion, is_replaced))
 
-    async def _opened(self, key: Key, keeper: Keeper) -> Opened | None:
-        """The record, if its node has it, and a writer of the scene has put it there once."""
-        held = keeper.held
+    async def _fetched(self, wanted: Sequence[tuple[Key, Keeper]]) -> dict[Key, RecordBytes]:
+        """What their keepers show of them."""
+        records: dict[Key, RecordBytes] = {}
+        for address in sorted({keeper.address for _, keeper in wanted}):
+            here = [(key, keeper.held) for key, keeper in wanted if keeper.address == address]
+            keys = {(held.space, held.location, held.object): key for key, held in here}
+            entries = [RecordEntry(held.scene, held.space, held.location, held.object, held.version.digest) for _, held in here]
+            try:
+                while entries:
+                    reply = await self._access.calls.ask(address, FetchSuspects(tuple(entries)), SuspectsFetched)
+                    answered = len(reply.items) + len(reply.missing)
+                    if not 1 <= answered <= len(entries):
+                        raise PeerFault(f"{answered} answers for {len(entries)} records", where=address)
+                    for item in reply.items:
+                        key = keys.get((item.space, item.location, item.object))
+                        if key is not None:
+                            records[key] = RecordBytes(item.signature, item.header, item.ciphertext)
+                    entries = entries[answered:]
+            except (Unreachable, PeerFault):
+                # What it does not show cannot be read, and is told so.
+                continue
+        return records
+
+    async def _opened(self, key: Key, record: RecordBytes | None) -> Opened | None:
+        """The record, if a writer of the scene has put it there once."""
         try:
-            packet = FetchSuspects((RecordEntry(held.scene, held.space, held.location, held.object, held.version.digest),))
-            reply = await self._access.calls.ask(keeper.address, packet, SuspectsFetched)
-            if not reply.items:
-                return None
-            record = RecordBytes(reply.items[0].signature, reply.items[0].header, reply.items[0].ciphertext)
             (opened,) = await self._access.understood(open_all, [key], [record])
-        except (Unreachable, PeerFault, DamagedData):
+        except DamagedData:
             return None
         return opened
 

@@ -44,6 +44,8 @@ class ReturnedNodes(FakeNodes):
     """Some of them keep records apart."""
 
     apart: dict[str, dict[Location, PutItem]] = field(default_factory=dict)
+    endless: str = ""
+    """It lists the same over and over."""
 
     def keep(self, address: str, location: Location) -> None:
         """What lies at a place is kept apart by a node, as it is now."""
@@ -53,11 +55,12 @@ class ReturnedNodes(FakeNodes):
         kept = self.apart.get(address, {})
         match packet:
             case ListSuspects():
-                places = [place for place in sorted(kept) if place > packet.after][:PAGE]
+                after = b"" if address == self.endless else packet.after
+                places = [place for place in sorted(kept) if place > after][:PAGE]
                 more = places[-1] if len(places) == PAGE else None
                 return SuspectsListed(_member(address), tuple(_held(kept[place]) for place in places), more)
             case FetchSuspects():
-                items = [kept[entry.location] for entry in packet.entries]
+                items = [kept[entry.location] for entry in packet.entries[:PAGE]]
                 return SuspectsFetched(tuple(map(_handed, items)), ())
             case DiscardSuspects():
                 check_order(packet.order, KnownScene.of(self.headers[packet.order.scene]))
@@ -165,6 +168,13 @@ async def test_what_no_writer_has_written_is_not_restored(autojump_clock: MockCl
     assert (report.unreadable, report.restored, report.left) == (1, 1, 1)
     assert list(nodes.apart[HERE]) == [PLACES[1]], "somebody may still make something of it"
     assert (await scene.strays(discard=True)).left == 0
+
+
+async def test_who_lists_without_an_end_is_heard_no_further(autojump_clock: MockClock, studio: Studio, nodes: ReturnedNodes) -> None:
+    scene = await returned(studio, nodes)
+    nodes.endless = HERE
+    report = await scene.strays()
+    assert (report.silent, report.records) == ([HERE], PAGE)
 
 
 async def test_a_silent_node_is_told_and_a_reader_changes_nothing(autojump_clock: MockClock, studio: Studio, nodes: ReturnedNodes) -> None:
