@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ssl
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.crypto import client_context, server_context
+from scenefold.crypto.tls_reading import LUMP_BYTES_MAX
 from unit.crypto.test_tls import AUTHORITY, NODE, USER
 
 RECORD_BYTES = 16 * 1024
@@ -63,6 +65,28 @@ def test_several_records_are_one_reading() -> None:
     pair.near.write(bytes(4 * RECORD_BYTES))
     pair.to_far.write(pair.near_out.read())
     assert len(pair.far.read(1 << 20)) == 4 * RECORD_BYTES
+
+
+def test_what_is_more_than_a_lump_comes_in_lumps() -> None:
+    pair = Pair()
+    sent = bytes(range(256)) * (LUMP_BYTES_MAX // 256 + 40)
+    pair.near.write(sent)
+    pair.to_far.write(pair.near_out.read())
+    first, rest = pair.far.read(1 << 20), pair.far.read(1 << 20)
+    assert (len(first), first + rest) == (LUMP_BYTES_MAX, sent)
+
+
+def test_threads_read_apart() -> None:
+    pairs = [Pair() for _ in range(4)]
+
+    def read(number: int) -> None:
+        for _ in range(50):
+            pairs[number].near.write(bytes([number]) * RECORD_BYTES * 2)
+            pairs[number].to_far.write(pairs[number].near_out.read())
+            assert pairs[number].far.read(1 << 20) == bytes([number]) * RECORD_BYTES * 2
+
+    with ThreadPoolExecutor(len(pairs)) as threads:
+        assert list(threads.map(read, range(len(pairs)))) == [None] * len(pairs)
 
 
 def test_what_came_before_a_forged_record_is_given_and_then_the_error_for_ever() -> None:

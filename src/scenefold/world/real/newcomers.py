@@ -15,7 +15,7 @@ from scenefold.world.real.broadcasts import open_broadcasts
 from scenefold.world.real.datagrams import RealDatagrams
 from scenefold.world.real.dialling import dial
 from scenefold.world.real.offline import NoNetwork
-from scenefold.world.real.tls import TlsConnection, TlsStream, why_broken
+from scenefold.world.real.tls import Lumps, TlsConnection, TlsStream, why_broken
 from scenefold.world.versions import NEWCOMER, TAKEN
 
 
@@ -51,7 +51,7 @@ async def _shaken(address: str, port: int, where: str) -> tuple[TlsConnection, b
     stream = await dial(address, port)
     context = newcomer_context()
     context.set_alpn_protocols([NEWCOMER])
-    secure: TlsStream = trio.SSLStream(stream, context, server_hostname=address)
+    secure: TlsStream = trio.SSLStream(Lumps(stream), context, server_hostname=address)
     try:
         await secure.do_handshake()
         if secure.selected_alpn_protocol() != NEWCOMER:

@@ -1,7 +1,7 @@
 """TLS connections over TCP (port `Connection`).
 
 Trio encrypts on its own thread. So that a frame of 8 MiB never holds it for long, data goes in pieces, with a
-chance for other tasks between any two.
+chance for other tasks between any two; but in no smaller ones, since each costs a step of a task, and calls of the system.
 """
 
 from __future__ import annotations
@@ -18,14 +18,36 @@ from scenefold.crypto import peer_key, peer_name
 from scenefold.world.ports import ConnectionLost, HandshakeRefused
 from scenefold.world.versions import NEWCOMER, RANGE_BYTES, NoCommonVersion, Versions
 
-SEND_PIECE_BYTES = 256 * 1024
+SEND_PIECE_BYTES = RECEIVE_BYTES = 256 * 1024
 CLOSE_S_MAX = 1.0
 
 _OF_DATES = (9, 10)
 """OpenSSL's numbers for a certificate that is not valid yet, or no longer."""
 _CUT = (ssl.SSLEOFError, ssl.SSLZeroReturnError, ssl.SSLSyscallError)
 
-TlsStream = trio.SSLStream[trio.SocketStream]
+
+class Lumps(trio.abc.Stream):
+    """A TCP connection that takes and gives as much at once as it is handed, or has here."""
+
+    def __init__(self, stream: trio.SocketStream) -> None:
+        self._stream = stream
+        # Trio would have the kernel take 16 KiB at a time.
+        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, SEND_PIECE_BYTES)
+
+    async def receive_some(self, count_max: int | None = None) -> bytes:
+        return await self._stream.receive_some(count_max or RECEIVE_BYTES)
+
+    async def send_all(self, data: bytes | bytearray | memoryview) -> None:
+        await self._stream.send_all(data)
+
+    async def wait_send_all_might_not_block(self) -> None:
+        await self._stream.wait_send_all_might_not_block()
+
+    async def aclose(self) -> None:
+        await self._stream.aclose()
+
+
+TlsStream = trio.SSLStream[Lumps]
 
 
 class TlsConnection:
@@ -75,7 +97,7 @@ async def shake_hands(
     """
     stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     stream.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    secure: TlsStream = trio.SSLStream(stream, context, server_hostname=dialled, server_side=dialled is None)
+    secure: TlsStream = trio.SSLStream(Lumps(stream), context, server_hostname=dialled, server_side=dialled is None)
     try:
         await secure.do_handshake()
     except trio.BrokenResourceError as error:
