@@ -1,5 +1,8 @@
 """What one holder is still to get of what was written lately: sent in batches, a few at a time, the first written first.
 
+A packet costs its two nodes as much as a dozen small records in it, and a commit. So what comes while one is on its way goes together in
+the next: who writes little waits for nobody, and the more is written, the more is in a packet. Only what fills one goes at once.
+
 A holder that is slow or away holds up nobody. What is settled without it waits here only as long as there is room, and the holder is
 there; beyond that it is a debt on the disk, and paid from there (paying.py). What is not settled waits here however long that takes,
 but its bytes need not: they are read again when they are sent.
@@ -8,6 +11,7 @@ but its bytes need not: they are read again when they are sent.
 from __future__ import annotations
 
 import logging
+import math
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -33,6 +37,10 @@ RECORD_BYTES = 256
 """About what a record costs beside its ciphertext."""
 FLIGHTS = 3
 """Batches on their way to one holder: while one is written there, the next is verified, and one is sent."""
+FULL_BYTES = 1024 * 1024
+"""What waits does not wait for those on their way if it is so much."""
+GATHER_S_MAX = 0.2
+"""Nor for longer than that: what is on its way may wait for something else."""
 BACKLOG_BYTES_MAX = 16 * 1024 * 1024
 """Of what is settled and waits for one holder."""
 ASK_S_MAX = 10.0
@@ -83,6 +91,10 @@ class Lane:
         self._refused: set[Pending] = set()
         """Of these, who wait until they are sent again."""
         self._is_down = False
+        self._flying = 0
+        """Batches on their way."""
+        self._left_at = -math.inf
+        """When the last of them left."""
         self._idle = trio.lowlevel.ParkingLot()
         self._fell_behind = trio.Event()
 
@@ -150,10 +162,23 @@ class Lane:
                 _log.debug("%s does not take copies: %s", address_of(self.node), problem)
                 self._return(batch)
                 await self._rest()
+            finally:
+                self._flying -= 1
+
+    @property
+    def _may_fly(self) -> bool:
+        """Whether the next batch goes now."""
+        if self._is_down or not self._queue:
+            return False
+        if not self._flying or self._queued_bytes + len(self._queue) * RECORD_BYTES >= FULL_BYTES:
+            return True
+        return trio.current_time() >= self._left_at + GATHER_S_MAX
 
     async def _next(self) -> list[Pending]:
-        while self._is_down or not self._queue:
-            await self._idle.park()
+        while not self._may_fly:
+            is_gathering = self._queue and not self._is_down
+            with trio.CancelScope(deadline=self._left_at + GATHER_S_MAX if is_gathering else math.inf):
+                await self._idle.park()
         batch: list[Pending] = []
         size = 0
         while self._queue and len(batch) < BATCH_RECORDS_MAX:
@@ -163,6 +188,8 @@ class Lane:
                 break
             self._dequeue(pending)
             batch.append(pending)
+        self._flying += 1
+        self._left_at = trio.current_time()
         if self._queue:
             self._idle.unpark()
         return batch
@@ -254,7 +281,9 @@ class Lane:
         if first:
             self._queue.move_to_end(pending, last=False)
         self._queued_bytes += pending.size
-        self._idle.unpark()
+        if len(self._queue) == 1 or self._may_fly:
+            # One that waits looks when it may go.
+            self._idle.unpark()
 
     def _dequeue(self, pending: Pending) -> None:
         del self._queue[pending]
