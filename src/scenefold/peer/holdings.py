@@ -61,6 +61,11 @@ class Owners(Protocol):
 class Known(Protocol):
     """What of this node's arc it knows all that was acknowledged there (peer/replication). Else it may have owned the place for a moment only."""
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether all of the arc is known, so that nothing need be asked of single places."""
+        ...
+
     def is_known(self, location: Location) -> bool:
         """Look before the store is read: what is known in the end may not have been when it was."""
         ...
@@ -76,6 +81,8 @@ class Known(Protocol):
 
 class AllKnown:
     """For a node that has no place but by being given it."""
+
+    is_quiet = True
 
     def is_known(self, _location: Location) -> bool:
         return True

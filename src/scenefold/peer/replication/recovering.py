@@ -39,6 +39,11 @@ class Recovering:
 
     # ------------------------------------------------------------------------------------------------- questions
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nothing is to be recovered."""
+        return not self._parts.keeper.copies.unrecovered
+
     def is_known(self, location: Location) -> bool:
         """Whether all that was acknowledged at a place of the arc is here, as far as registered nodes have it."""
         return location in self._looked_up or self._parts.keeper.copies.is_recovered(Arc(location, location))
