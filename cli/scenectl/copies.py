@@ -30,9 +30,10 @@ def copies(
     scene: SceneOption,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
-    """Say how many nodes shall hold each record of a space with one copy, from now on; an owner's to do.
+    """Say how many nodes shall hold each record of a space from now on; an owner's to do.
 
-    The shadows that this takes are made. A space that has several copies keeps their number; how many must hold a record can be changed.
+    What is there already is copied, or copies of it go, in the background; it can be read and written meanwhile. `cluster health` tells how
+    far that is.
 
     Example: scenectl space copies particles 3 --scene kitchen --profile studio
 

@@ -38,7 +38,7 @@ class Copies(NamedTuple):
 def new_copies(space: SpaceId, copies: object, least: object) -> Callable[[SceneLog], Batch | SetCopies]:
     """The entry by which a space has so many copies, with the shadows that this takes, once it is known what the log says.
 
-    UsageFault for numbers that cannot be; LocalFault for a shadow, which has no copies of its own, and for another number where there are several.
+    UsageFault for numbers that cannot be; LocalFault for a shadow, which has no copies of its own.
     """
     where = f"space {space}"
     Copies.checked(where, copies, 1 if least is None else least)
@@ -50,13 +50,6 @@ def new_copies(space: SpaceId, copies: object, least: object) -> Callable[[Scene
             what = f"the space {was.name!r} holds the copies of the space {parent.name!r}, and has none of its own"
             raise LocalFault(what, where=where, remedy=f"say how many space {parent.id} shall have")
         wanted = Copies.checked(where, copies, least, was)
-        held = len(Layouts.of(log.public_spaces()).offsets[space])
-        if held and wanted.copies != 1 + held:
-            # Readers and holders that know an older header would go by who held copies before.
-            what = f"the space {was.name!r} has {1 + held} copies, and that number stays"
-            raise LocalFault(
-                what, where=where, remedy="make another space, and put the records there; how many must be there can be changed"
-            )
         shadows = missing_shadows(was, wanted.copies, log)
         change = SetCopies(space, *wanted)
         return Batch((change, *shadows)) if shadows else change

@@ -36,7 +36,7 @@ class ShownScene:
     @classmethod
     def of(cls, header: SceneLogPublic) -> ShownScene:
         """By the header alone."""
-        layouts = Layouts.of(header.spaces)
+        layouts = Layouts.of(header.spaces, header.scene)
         return cls(f"{header.scene:08x}", header.scene, header.genesis, header.position, writers_of(header), layouts)
 
     @property
@@ -46,7 +46,7 @@ class ShownScene:
 
     def by(self, header: SceneLogPublic) -> ShownScene:
         """As a newer header tells of it."""
-        return replace(self, position=header.position, writers=writers_of(header), layouts=Layouts.of(header.spaces))
+        return replace(self, position=header.position, writers=writers_of(header), layouts=Layouts.of(header.spaces, header.scene))
 
 
 class Checked(NamedTuple):

@@ -67,7 +67,7 @@ class SceneIdentity:
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
-            layouts=Layouts.of(header.spaces),
+            layouts=Layouts.of(header.spaces, header.scene),
         )
 
     def may_write(self, key: KeyId) -> bool:

@@ -150,8 +150,9 @@ class Space:
     async def set_copies(self, copies: int, copies_min: int | None = None) -> LoggedSpace:
         """Say how many nodes shall hold each record from now on, 1 to 8, and how many must before a write counts as done. An owner's to do.
 
-        A space that has several keeps their number; only `copies_min` can be changed. The shadows that this takes are made. `copies_min`
-        None: as it was, or 2 where there was one copy. Gives the space as it is then. LocalFault for a shadow, and for numbers that cannot be.
+        What is there already is copied, or copies of it go, in the background, and can be read and written meanwhile. The shadows that this
+        takes are made. `copies_min` None: as it was, or 2 where there was one copy, or `copies` if that is less. Gives the space as it is
+        then. LocalFault for a shadow, and for numbers that cannot be.
         """
         change = new_copies(self.id, copies, copies_min)
         log = await self._access.read_log()

@@ -38,6 +38,7 @@ from scenefold.simulation.rotating import KeyChanges
 from scenefold.simulation.speed import quick_headers, quick_packets, remembered_signatures
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
+from scenefold.simulation.turning import CopiesChanges
 from scenefold.simulation.weather import spares_of
 from scenefold.simulation.whole import judge_store, judge_stores
 from scenefold.simulation.workload import CLIENTS, SINGLE, WITH_COPIES, Tally, Worker, client_name, draw_places
@@ -138,6 +139,10 @@ class _Drama:
                 seed, nonsense = self._order.seed, _nonsense_heard(cluster, clients[-1])
                 guest = secrets_of(key_of(seed, "the guest"))
                 work.start_soon(KeyChanges(clients[-1].scene, seed, guest, self._tally, nonsense).run, stop)
+            if self._order.workload == "turns" and clients[-1].scene is not None and self._order.copying is not None:
+                scene, nonsense = clients[-1].scene, _nonsense_heard(cluster, clients[-1])
+                changes = CopiesChanges(scene, self._order.seed, self._order.copying, cluster.watch, self._tally, nonsense)
+                work.start_soon(changes.run, stop)
             async with trio.open_nursery() as faults:
                 if clients[0].scene is not None:
                     faults.start_soon(self._ask, cluster, clients[0].scene)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
 
-from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX, HELD_CURSOR_BYTES_MAX
+from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX, HELD_CURSOR_BYTES_MAX, SCENES_LISTED_MAX
 from scenefold.wire.common import (
     DIGEST,
     LOCATION,
@@ -61,7 +61,16 @@ class HeldRecord:
     version: RecordVersion
 
 
+@dataclass(frozen=True, slots=True)
+class SceneTurn:
+    """The position at which copies of any space of a scene changed last."""
+
+    scene: SceneId
+    position: int
+
+
 RECORD_VERSION = Struct(RecordVersion, ("epoch", U64), ("seq", U64), ("writer", U32), ("session", U64), ("digest", DIGEST))
+SCENE_TURN = Struct(SceneTurn, ("scene", SCENE), ("position", Uint(64, least=1)))
 HELD_RECORD = Struct(
     HeldRecord, ("scene", SCENE), ("space", SPACE), ("location", LOCATION), ("object", OBJECT), ("version", RECORD_VERSION)
 )
@@ -113,13 +122,17 @@ class ListHeld(Packet):
 
 @dataclass(frozen=True, slots=True)
 class HeldListed(Packet):
-    """Records, and custody entries, which may come on several pages. `next`: the cursor to go on behind; None: that was all."""
+    """Records, and custody entries, which may come on several pages. `next`: the cursor to go on behind; None: that was all.
+
+    `turns`: by which headers the entries are to be read, at least (specs/23-turns.md).
+    """
 
     TYPE: ClassVar[int] = 93
     reason: int
     records: tuple[HeldRecord, ...]
     entries: tuple[CustodyEntry, ...]
     next: bytes | None
+    turns: tuple[SceneTurn, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +219,7 @@ ROWS = (
         ("records", Many(HELD_RECORD, HANDOVER_BATCH_RECORDS_MAX)),
         ("entries", CUSTODY_ENTRIES),
         ("next", Maybe(_CURSOR)),
+        ("turns", Many(SCENE_TURN, SCENES_LISTED_MAX)),
     ),
     row(FetchHeld, Carrier.TCP_LOW, ("entries", Many(RECORD_ENTRY, HANDOVER_BATCH_RECORDS_MAX))),
     row(
@@ -218,4 +232,4 @@ ROWS = (
     row(OfferStrays, Carrier.TCP_LOW, ("records", Many(HELD_RECORD, HANDOVER_BATCH_RECORDS_MAX))),
     row(StraysJudged, Carrier.TCP_LOW, ("reasons", Many(REASON_OR_0, HANDOVER_BATCH_RECORDS_MAX))),
 )
-STRUCTS = (RECORD_VERSION, HELD_RECORD)
+STRUCTS = (RECORD_VERSION, HELD_RECORD, SCENE_TURN)

@@ -50,7 +50,8 @@ class SceneMode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SpaceEntry:
-    """What nodes without the key must know of a space. `parent` 0: no shadow."""
+    """What nodes without the key must know of a space. `parent` 0: no shadow; then `offset` is the position at which other copies of it came to
+    count, as a number, and 0 if that never happened (specs/23-turns.md)."""
 
     space: SpaceId
     parent: SpaceId

@@ -9,7 +9,7 @@ import msgpack
 import pytest
 
 from scenefold.base.errors import LocalFault
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import (
     BLACKLIST_MAX,
     CONFIGURATIONS_MAX,
@@ -50,6 +50,7 @@ from scenefold.wire import (
     RecordBytes,
     RecordKey,
     RecordVersion,
+    SceneTurn,
     SetCustody,
     Span,
     Status,
@@ -90,6 +91,7 @@ GOOD: list[Packet] = [
     RangeCompared((ArcSum(1, bytes(32), (ListedRecord(LOW, b"", VERSION),), True),)),
     CopiesStored((0, 22, 10), "why"),
     HeldListed(0, (), (ENTRY,), None),
+    HeldListed(0, (), (ENTRY,), None, (SceneTurn(SceneId(1), 1), SceneTurn(SceneId(7), 1 << 40))),
     HeldFetched((), (3, 1)),
     ChangeBlacklist(),
     ChangeBlacklist((AddressPrefix(0, 0),), (AddressPrefix(0, 1), AddressPrefix(7, 32)), 0),

@@ -9,7 +9,7 @@ A floor that is too high costs an owner one more round trip; so when there are t
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -63,6 +63,11 @@ class Custody:
         """The entry to answer a read with, if the copy is complete."""
         entry = self.at(layout, location)
         return entry if entry is not None and entry.whole else None
+
+    @property
+    def layouts(self) -> Collection[Layout]:
+        """Those of the entries."""
+        return self._by_layout.keys()
 
     def arcs(self, layout: Layout) -> list[Arc]:
         """Where records of spaces of this layout lie by right, for whomever: in order, joined."""

@@ -148,6 +148,7 @@ class Giving:
         await self._slide(side, handover)
         totals = await parts.store.arc_totals(handover.piece)
         await self._ask_to_note(handover, totals)
+        await parts.knowing.ensure(handover.peer)
         await self._copy(side, handover)
 
     async def _ask_to_note(self, handover: Handover, totals: Counts) -> None:
@@ -218,7 +219,13 @@ class Giving:
 
     async def _release(self, handover: Handover) -> None:
         self._parts.require_lease()
-        await self._parts.keeper.change(lambda holding: holding.release(handover.id))
+
+        def released(holding: Holding) -> Holding:
+            # Whoever owns it next goes by no older header than this node did.
+            self._parts.knowing.require(handover.peer)
+            return holding.release(handover.id)
+
+        await self._parts.keeper.change(released)
         self._parts.events["released"] += 1
 
     async def _withdraw(self, handover: Handover, problem: ScenefoldError) -> None:

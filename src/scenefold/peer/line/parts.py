@@ -21,6 +21,7 @@ from scenefold.peer.line.carrying import Carrying
 from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
+from scenefold.peer.line.knowing import Knowing
 from scenefold.peer.line.settling import Settling
 from scenefold.peer.line.unsettled import Unsettled
 from scenefold.peer.membership.status import OwnStatus
@@ -29,13 +30,20 @@ from scenefold.peer.records.copying import NotKept
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.store import Put, PutResult, Store
-from scenefold.wire import HandoverReply
+from scenefold.wire import HandoverReply, SceneLogPublic
 from scenefold.world import World, first_of
 
 
 class KnownScenes(Protocol):
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene: ...
     def everyone(self) -> Sequence[KnownScene]: ...
+    def here(self, scene: SceneId) -> KnownScene | None:
+        """What this node itself has of a scene, at this moment."""
+        ...
+
+    async def adopt(self, public: SceneLogPublic, /) -> KnownScene:
+        """Keep a header durably; Refused if it must not be, or is no news."""
+        ...
 
 
 class Merge(Protocol):
@@ -68,6 +76,7 @@ class Parts:
     budget: Budget
     keeping: Keeping
     unsettled: Unsettled = field(default_factory=Unsettled)
+    knowing: Knowing = field(default_factory=Knowing)
     carrying: Carrying = field(default_factory=Carrying)
     arrival: Arrival = field(default_factory=Arrival)
     events: Counter[str] = field(default_factory=Counter)

@@ -36,7 +36,7 @@ from scenefold.crypto import (
     signed_place,
     wanted_place,
 )
-from scenefold.scene.log import Layouts
+from scenefold.scene.log import Layouts, Turn
 from scenefold.store import Put
 from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
 
@@ -59,6 +59,8 @@ class KnownScene:
     """Of the same: how many nodes must hold a record before a write counts as done, the owner among them; no more than the layout makes."""
     shadows: Mapping[SpaceId, SpaceId]
     """Of each shadow: the space whose records it holds. Nobody writes to it, reads or lists it."""
+    turns: Mapping[SpaceId, Turn]
+    """Of each space that has had other copies before (specs/23-turns.md)."""
 
     @classmethod
     def of(cls, public: SceneLogPublic) -> KnownScene:
@@ -72,8 +74,13 @@ class KnownScene:
             writers.setdefault(entry.key, []).append(entry)
         managed = frozenset(entry.space for entry in public.spaces if entry.node_managed)
         spaces = frozenset(entry.space for entry in public.spaces)
-        copies = Layouts.of(public.spaces)
-        return cls(public, keys, writers, spaces, managed, copies.offsets, copies.needed, copies.parents)
+        copies = Layouts.of(public.spaces, public.scene)
+        return cls(public, keys, writers, spaces, managed, copies.offsets, copies.needed, copies.parents, copies.turns)
+
+    @property
+    def turned(self) -> int:
+        """The position of the last turn of any of its spaces; 0 if none did."""
+        return max((turn.position for turn in self.turns.values()), default=0)
 
     def check_no_shadow(self, space: SpaceId, to_do: str) -> None:
         """Refused (19) for a shadow, in which there is nothing `to_do`: its records are those of its parent, under the parent's keys."""

@@ -149,7 +149,7 @@ class Writes:
                 await stack.enter_async_context(self._line.writing(places, anywhere=len(places) < len(puts)))
             if patience.cancelled_caught:
                 return [RejectReason.BUSY] * len(puts)
-            if any(any(known.layouts.values()) for known in scenes.values()):
+            if any(known.turns or any(known.layouts.values()) for known in self._newest(scenes)):
                 return list(await self._copying.put(puts, scenes))
             return list(await self._store.put(puts))
 
@@ -180,6 +180,10 @@ class Writes:
             except Refused as refusal:
                 reasons[scene] = refusal.reason
         return scenes, reasons, has_waited
+
+    def _newest(self, scenes: Mapping[SceneId, KnownScene]) -> list[KnownScene]:
+        """As they are by now: since they were looked up, a space may have come to have copies."""
+        return [self._scenes.here(scene) or known for scene, known in scenes.items()]
 
     async def _here(self, scene: SceneId) -> KnownScene | None:
         """What this node itself has of the scene; this waits for nobody."""

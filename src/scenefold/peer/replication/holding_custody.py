@@ -22,7 +22,7 @@ from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.holding_rules import require_meant, require_none_own, require_owner, require_sender
 from scenefold.store import Held
-from scenefold.wire import CustodySet, HeldListed, HeldRecord, ListHeld, Packet, SetCustody
+from scenefold.wire import CustodySet, HeldListed, HeldRecord, ListHeld, Packet, SceneTurn, SetCustody
 
 _TEXT_MAX = 256
 
@@ -106,11 +106,12 @@ class HoldingCustody:
         # With every page: what is said of the later ones is a promise as well, also if this node was started anew in between.
         custody = (await parts.keeper.change_copies(promised)).custody
         entries = () if packet.after else custody.within(arc)
+        turns = () if packet.after else tuple(SceneTurn(*turn) for turn in sorted(parts.knowing.view().items()))
         if len(entries) > CUSTODY_ENTRIES_MAX:
             raise Refused(RejectReason.LIMIT_EXCEEDED, "copies of too many pieces are held there", remedy="ask for a part of it")
         # Only now: what is stored here from now on is taken under numbers above the promise.
         page = await parts.store.held(arc, packet.after, packet.limit)
-        return HeldListed(0, tuple(map(_told, page.records)), tuple(map(told_entry, entries)), page.cursor)
+        return HeldListed(0, tuple(map(_told, page.records)), tuple(map(told_entry, entries)), page.cursor, turns)
 
 
 def _told(held: Held) -> HeldRecord:

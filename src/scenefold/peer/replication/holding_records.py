@@ -121,9 +121,15 @@ class HoldingRecords:
     def _refused(self, owner: Member, item: HandItem, layout: Layout | None) -> Refused | None:
         if layout is None:
             return Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "the space is unknown to the holder")
-        if not self._parts.keeper.copies.custody.takes_from(owner, layout, home_of(item)):
-            return Refused(RejectReason.NOT_MY_LOCATION, "this node does not hold the place for that owner")
-        return None
+        custody, home = self._parts.keeper.copies.custody, home_of(item)
+        if custody.takes_from(owner, layout, home):
+            return None
+        known = self._parts.scenes.here(item.scene)
+        turn = None if known is None else known.turns.get(item.space)
+        # The owner may not know yet that the space has other copies now.
+        if turn is not None and any(custody.takes_from(owner, former, home) for former in custody.layouts if turn.may_have_had(former)):
+            return None
+        return Refused(RejectReason.NOT_MY_LOCATION, "this node does not hold the place for that owner")
 
     # ----------------------------------------------------------------------------------------------- CompareRange
 

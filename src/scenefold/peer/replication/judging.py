@@ -5,7 +5,7 @@ What is known about copies is one value, and each of them is judged by anew: who
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import trio
 
@@ -19,6 +19,7 @@ from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.lane import Lane
 from scenefold.peer.replication.paying import Due, Paying
 from scenefold.peer.replication.settling_rule import Rule, Rules
+from scenefold.peer.replication.turning import Turning
 from scenefold.store import Spot
 from scenefold.store.debts import Debt
 from scenefold.wire import Member
@@ -34,6 +35,8 @@ class Judging:
         self._lanes: dict[NodeId, Lane] = {}
         self._nursery: trio.Nursery | None = None
         self._rules = Rules(parts.keeper.copies)
+        self._doubted: set[Layout] = set()
+        self.turning = Turning(parts)
 
     async def run(self) -> None:
         """Send, pay, and judge again whatever changes, until cancelled."""
@@ -43,9 +46,9 @@ class Judging:
                 for lane in self._lanes.values():
                     self._start(lane)
                 while True:
-                    seen = self._parts.keeper.copies
+                    copies, news = self._parts.keeper.copies, self._parts.knowing.news
                     self._judge_all()
-                    await self._parts.keeper.copies_changed_after(seen)
+                    await self.turning.changed_after(copies, news)
             finally:
                 # Whoever still answers while this life ends sends nothing any more.
                 self._nursery = None
@@ -83,8 +86,13 @@ class Judging:
         return rule.is_settled(present, self.needed(wanted))
 
     def is_settled(self, pending: Pending, rule: Rule) -> bool:
-        needed = self.needed(pending.needed)
-        return rule.is_settled(_have(pending, rule), needed if pending.is_write or not rule.is_placed else min(needed, len(rule.placed)))
+        needed, have = self.needed(pending.needed), _have(pending, rule)
+        asked = needed if pending.is_write or not rule.is_placed else min(needed, len(rule.placed))
+        return rule.is_settled(have, asked) and self._is_free(pending, have)
+
+    def _is_free(self, pending: Pending, have: Collection[Member]) -> bool:
+        place, home = pending.spot.place, pending.home
+        return self.turning.is_free(place.scene, place.space, Arc(home, home), have)
 
     def counts(self, pending: Pending) -> bool:
         """Whether what is settled may be acknowledged, too."""
@@ -99,8 +107,12 @@ class Judging:
         """Of what is stored: to all who are not known to have it, unless that is under way. It may be settled as it is."""
         assert pending.is_stored
         rule = self.rule_at(pending.layout, pending.spot)
-        if rule is None or rule is pending.judged:
-            # By the same rule it was sent to all, and is judged with each answer.
+        if rule is None:
+            return
+        if rule is pending.judged:
+            # By the same rule it was sent to all, and is judged with each answer; but what bound it may have gone.
+            if self.is_settled(pending, rule):
+                self._settle(pending)
             return
         pending.judged = rule
         have = _have(pending, rule)
@@ -119,8 +131,22 @@ class Judging:
 
     def doubt(self, arc: Arc) -> None:
         """All that has copies there is unsettled, until each place satisfies both rules by who is sound."""
-        for layout in sorted({layout for known in self._parts.scenes.everyone() for layout in known.layouts.values() if layout}):
+        self._doubted = self._layouts()
+        for layout in sorted(self._doubted):
             self._unsettled.doubt(Doubt(layout, arc, rules=2))
+
+    def doubt_turned(self) -> None:
+        """What was doubted before a space came to a layout is doubted by that as well. Called before it is looked what is."""
+        layouts = self._layouts()
+        for layout in sorted(layouts - self._doubted):
+            for doubt in self._unsettled.doubts:
+                self._unsettled.doubt(Doubt(layout, doubt.arc, rules=2))
+        self._doubted = layouts
+
+    def _layouts(self) -> set[Layout]:
+        """All that there are; () if there is a space that has one copy since it turned."""
+        scenes = self._parts.scenes.everyone()
+        return {layout for known in scenes for space, layout in known.layouts.items() if layout or space in known.turns}
 
     def doubt_unsafe(self) -> None:
         """Likewise, after a start, where rule 2 may not hold for what is there."""
@@ -128,6 +154,10 @@ class Judging:
             rule = self.rule_of(segment)
             if not rule.is_safe({rule.me, *rule.sound}):
                 self._unsettled.doubt(Doubt(segment.layout, segment.arc, rules=1))
+        # What is owed to those who held it before may have been forgotten.
+        for layout, arc in self.turning.bound():
+            self._unsettled.doubt(Doubt(layout, arc, rules=1))
+        self._doubted = self._layouts()
 
     def _judge_all(self) -> None:
         layouts = {known.public.scene: known.layouts for known in self._parts.scenes.everyone()} if len(self._unsettled) else {}
@@ -138,15 +168,21 @@ class Judging:
             if layout:
                 pending.layout = layout
                 self.send(pending)
-            else:
+            elif self._is_free(pending, pending.have):
                 self._settle(pending)
         if self._unsettled.doubts:
+            self.doubt_turned()
             for segment in self._parts.keeper.copies.configurations.segments:
                 self._judge_doubts(segment)
+            for doubt in self._unsettled.doubts:
+                if not doubt.layout and not self.turning.is_bound(doubt.layout, doubt.arc):
+                    self._unsettled.clear(doubt.layout, doubt.arc, doubt.rules)
 
     def _judge_doubts(self, segment: Segment) -> None:
         rule = self.rule_of(segment)
         have = {rule.me, *rule.sound}
+        if self.turning.is_bound(segment.layout, segment.arc):
+            return
         if rule.is_safe(have):
             self._unsettled.clear(segment.layout, segment.arc, rules=1)
         asked = [found.needed for found in (segment.change, segment.active(rule.me)) if found is not None]

@@ -114,6 +114,8 @@ class Hearing:
         self.is_silent = page.reason != 0
         if page.reason:
             raise Refused(RejectReason(page.reason), f"{self._name} does not say what it has of {self._where}")
+        # Of the layouts that it holds copies by, this node would not know whose they are.
+        await self._parts.knowing.learn(self._teller, page.turns)
         return page
 
     async def _lacking(self, named: Sequence[HeldRecord]) -> list[HeldRecord]:

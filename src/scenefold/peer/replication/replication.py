@@ -21,6 +21,7 @@ from scenefold.peer.replication.owner_versions import OwnerVersions
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.recovering import Recovering
 from scenefold.peer.replication.spreading import Spreading
+from scenefold.peer.replication.teaching import Teaching
 from scenefold.peer.replication.telling import Telling
 from scenefold.peer.routing import Routing
 
@@ -33,6 +34,7 @@ class Replication:
         self._parts = parts
         self._roster = roster
         self._routing = routing
+        self._teaching = Teaching(parts, roster)
         self.placing = Placing(parts, roster)
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
@@ -54,6 +56,7 @@ class Replication:
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Everything that goes on by itself, until cancelled."""
         async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._teaching.run)
             nursery.start_soon(self.placing.run)
             nursery.start_soon(self.telling.run)
             nursery.start_soon(self.comparing.run)

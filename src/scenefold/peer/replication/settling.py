@@ -74,10 +74,11 @@ class Settled:
     async def _undoubted(self, places: Sequence[Place], until: float) -> bool:
         if not self._unsettled.doubts:
             return True
+        self._judging.doubt_turned()
         doubted = [(self._judging.layout_of(scene, space), arc) for scene, space, arc in places]
 
         def is_over() -> bool:
-            return not any(layout and self._unsettled.is_doubted(layout, arc) for layout, arc in doubted)
+            return not any(layout is not None and self._unsettled.is_doubted(layout, arc) for layout, arc in doubted)
 
         with trio.CancelScope(deadline=until):
             await self._unsettled.until(is_over)

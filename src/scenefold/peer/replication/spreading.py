@@ -110,7 +110,9 @@ class Spreading:
         self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], *, is_new: bool, wait: bool
     ) -> list[PutResult | NotKept]:
         until = trio.current_time() + ANSWER_S_MAX
-        refused = await self._place(puts, scenes, is_new=is_new)
+        refused = await self._place(puts, scenes, until, is_new=is_new)
+        # A space may have turned since they were verified; what is given to the store by an old header would be in no comparison.
+        scenes = {scene: self._parts.scenes.here(scene) or known for scene, known in scenes.items()}
         keep = self._parts.store.put if is_new else self._parts.store.merge
         outcomes: dict[int, PutResult | NotKept] = {}
         kept: list[tuple[int, Put, Pending | None]] = []
@@ -145,8 +147,10 @@ class Spreading:
 
     # ------------------------------------------------------------------------------------------ before it is stored
 
-    async def _place(self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], *, is_new: bool) -> dict[_Space, NotKept]:
-        """Have holders for all places; in which spaces none can count, and why."""
+    async def _place(
+        self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], until: float, *, is_new: bool
+    ) -> dict[_Space, NotKept]:
+        """Have holders for all places, and nobody who is counted no more; in which spaces none can count, and why."""
         refused: dict[_Space, NotKept] = {}
         unplaced: dict[_Space, Layout] = {}
         spaces: set[_Space] = set()
@@ -161,6 +165,9 @@ class Spreading:
                 # What is being recovered gets none before it is, however long that takes.
                 if (rule is None or not rule.is_placed) and self._parts.keeper.copies.is_recovered(Arc(spot.home, spot.home)):
                     unplaced[space] = layout
+            elif header.space in scenes[header.scene].turns:
+                with trio.CancelScope(deadline=until):
+                    await self._judging.turning.freed(*space, Arc(_spot(put).home, _spot(put).home))
         for space in sorted(spaces):
             try:
                 if is_new:
@@ -178,7 +185,9 @@ class Spreading:
         header = record.header
         layout = known.layouts.get(header.space, ())
         if not layout:
-            return None
+            home = _spot(put).home
+            is_bound = header.space in known.turns and self._judging.turning.binding(header.scene, header.space, Arc(home, home))
+            return NotKept(RejectReason.NOT_READY, self._parts.own.me) if is_bound else None
         if (header.scene, header.space) in refused:
             return refused[header.scene, header.space]
         spot = _spot(put)

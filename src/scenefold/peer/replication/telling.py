@@ -81,6 +81,8 @@ class Telling:
     async def _say(self, word: Word) -> None:
         """Refused if it does not take it now."""
         parts, holder, scope = self._parts, word.holder, word.scope
+        # What is whole is whole of what has these layouts now. Whoever answers by it must not believe that others have them.
+        await parts.knowing.ensure(holder)
         entries = tuple(map(told_entry, word.entries))
         request = SetCustody(parts.own.member, holder, word.number, scope.first, scope.last, entries)
         reply = await parts.peers.ask(holder.node, Priority.LOW, request, CustodySet, ASK_S_MAX)

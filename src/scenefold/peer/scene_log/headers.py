@@ -40,6 +40,8 @@ def checked_proposal(public: SceneLogPublic, known: KnownScene | None) -> KnownS
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
     if public.purged > public.write_floor:
         raise Refused(RejectReason.ILL_FORMED, "what was signed before the purge began could still be written")
+    if any(not entry.parent and entry.offset.number > public.position for entry in public.spaces):
+        raise Refused(RejectReason.ILL_FORMED, "copies changed at a position that the log has not come to")
     expected = _check_alone(public) if known is None else _check_follows(public, known)
     try:
         scene = KnownScene.of(public)

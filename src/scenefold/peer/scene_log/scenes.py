@@ -162,6 +162,10 @@ class Scenes:
     def everyone(self) -> Sequence[KnownScene]:
         return list(self._known.values())
 
+    def here(self, scene: SceneId) -> KnownScene | None:
+        """What this node itself has of it, at this moment."""
+        return self._known.get(scene)
+
     def decided_by(self, node: NodeId) -> list[SceneId]:
         """The scenes whose log that node decides and keeps, by id."""
         return sorted(scene for scene, known in self._known.items() if known.public.origin == node)

@@ -16,6 +16,7 @@ from scenefold.scene.log.new_shadows import free_offset, missing_shadows, with_s
 from scenefold.scene.log.shadows import Layouts, free_offsets
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
 from scenefold.scene.log.succession import header_key_now, proven_header_key, succeeded
+from scenefold.scene.log.turns import Turn
 
 __all__ = [
     "FOR_EVER",
@@ -34,6 +35,7 @@ __all__ = [
     "SceneKeys",
     "SceneLog",
     "SpaceFault",
+    "Turn",
     "Undecided",
     "check_decided",
     "check_granter",

@@ -23,6 +23,7 @@ from scenefold.scene.log.grants import Grants
 from scenefold.scene.log.resolution import lost_by
 from scenefold.scene.log.shadows import check_added
 from scenefold.scene.log.space import LoggedSpace, Step
+from scenefold.scene.log.turning import may_turn, turned
 from scenefold.wire import (
     NO_RECORD,
     AddObserver,
@@ -97,7 +98,8 @@ class SceneLog:
             raise _ill_formed(f"this request is in the log already, at position {requests[record.request_id]}")
         log = self._entered(record.entry, record.position)
         log.grants.check_whole(record.position)
-        return replace(log, position=record.position, head=record.hash())
+        spaces = turned(self.spaces, log.spaces, record.position) if may_turn(record.entry) else log.spaces
+        return replace(log, position=record.position, head=record.hash(), spaces=spaces)
 
     def next_record(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> LogRecord:
         """The record that would bring `entry` into this log."""
@@ -154,15 +156,18 @@ class SceneLog:
             case SetMode():
                 return replace(self, mode=entry.mode, write_floor=position)
             case BeginPurge():
-                if self.mode is not SceneMode.EDIT:
-                    raise _ill_formed("nothing is purged while the scene is rendered")
-                return replace(self, purged=position, write_floor=position)
+                return self._purging(position)
             case Grant() | Revoke() | KeyEpoch():
                 return self._regranted(entry, position)
             case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
                 return self._joined_or_left(entry)
             case _:
                 raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
+
+    def _purging(self, position: int) -> SceneLog:
+        if self.mode is not SceneMode.EDIT:
+            raise _ill_formed("nothing is purged while the scene is rendered")
+        return replace(self, purged=position, write_floor=position)
 
     def _regranted(self, entry: Grant | Revoke | KeyEpoch, position: int) -> SceneLog:
         match entry:

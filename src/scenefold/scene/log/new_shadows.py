@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 
-from scenefold.base.ids import SPACE_ID_MAX, SpaceId
+from scenefold.base.ids import SpaceId
 from scenefold.base.limits import SPACE_NAME_BYTES_MAX
-from scenefold.base.location import FIRST, LINE_LENGTH, Location
+from scenefold.base.location import FIRST, Location
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.shadows import free_offsets, sound_shadows
 from scenefold.scene.log.space import LoggedSpace
 from scenefold.wire import CreateSpace, CurveKind
-
-_OWN_BYTES = 12
-"""Of a log's head: what is added to offsets is much less than the distance between any two of them."""
 
 
 def with_shadows(created: CreateSpace, log: SceneLog) -> tuple[CreateSpace, ...]:
@@ -26,15 +23,9 @@ def with_shadows(created: CreateSpace, log: SceneLog) -> tuple[CreateSpace, ...]
 
 
 def missing_shadows(space: LoggedSpace, copies: int, log: SceneLog) -> list[CreateSpace]:
-    """What a space of this log lacks for so many copies; those of its shadows that could count are used again.
-
-    It may have records, which nobody else holds yet. Whoever holds copies of spaces of the same layout would say that there are none: so
-    no other space of any scene has these offsets, which follow from the log so far.
-    """
+    """What a space of this log lacks for so many copies; those of its shadows that could count are used again."""
     sound = [shadow.offset for shadow in sound_shadows(log.public_spaces()).get(space.id, ())]
-    wanted = free_offsets(sound, max(0, copies - 1 - len(sound)))
-    own = int.from_bytes(log.head[:_OWN_BYTES], "big") * (SPACE_ID_MAX + 1) + space.id
-    offsets = [Location.from_number((offset.number + own) % LINE_LENGTH) for offset in wanted]
+    offsets = free_offsets(sound, max(0, copies - 1 - len(sound)))
     return shadows_of(_entry_of(space), offsets, log.free_ids(), {other.name for other in log.spaces.values()})
 
 

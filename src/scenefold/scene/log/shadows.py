@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SpaceId
+from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.limits import COPIES_MAX
 from scenefold.base.location import FIRST, LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.scene.log.turns import Turn, shift_of, shifted
 from scenefold.wire import SpaceEntry
+
+NO_SCENE = SceneId(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +26,7 @@ class Layouts:
     """What a header says of the copies of a scene's spaces."""
 
     offsets: Mapping[SpaceId, tuple[Location, ...]]
-    """Of each space that is no shadow: how far from a record its copies belong, in the order of the shadows' numbers. All that it says counts."""
+    """Of each space that is no shadow: how far from a record its copies belong, in the order of the shadows' numbers."""
     needed: Mapping[SpaceId, int]
     """Of the same: how many must hold a record before a write counts as done; never more than there can be."""
     wanted: Mapping[SpaceId, int]
@@ -32,22 +35,36 @@ class Layouts:
     """Of each shadow: the space whose records it holds."""
     shadows: Mapping[SpaceId, tuple[SpaceId, ...]]
     """Of each space that is no shadow: the shadows that `offsets` are those of."""
+    turns: Mapping[SpaceId, Turn]
+    """Of each that has had other copies before: since when it has these."""
 
     @classmethod
-    def of(cls, spaces: Iterable[SpaceEntry]) -> Layouts:
-        """By the entries of a header. Of two with one number, which no log can give, the first counts."""
+    def of(cls, spaces: Iterable[SpaceEntry], scene: SceneId = NO_SCENE) -> Layouts:
+        """By the entries of a header. Of two with one number, which no log can give, the first counts.
+
+        `scene`: whose they are, without which the offsets of spaces that turned are not quite those by which nodes go.
+        """
         entries: dict[SpaceId, SpaceEntry] = {}
         for entry in spaces:
             entries.setdefault(entry.space, entry)
         parents = [entry for entry in entries.values() if not entry.parent]
         sound = sound_shadows(entries.values())
         used = {entry.space: sound.get(entry.space, ())[: max(1, min(entry.copies, COPIES_MAX)) - 1] for entry in parents}
+        shifts = {entry.space: shift_of(scene, entry.space, entry.offset.number) for entry in parents}
+        offsets = {space: shifted((shadow.offset for shadow in shadows), shifts[space]) for space, shadows in used.items()}
         return cls(
-            offsets={space: tuple(shadow.offset for shadow in shadows) for space, shadows in used.items()},
-            needed={entry.space: max(1, min(entry.copies_min, 1 + len(used[entry.space]))) for entry in parents},
+            offsets=offsets,
+            needed={entry.space: max(1, min(entry.copies_min, 1 + len(offsets[entry.space]))) for entry in parents},
             wanted={entry.space: max(1, min(entry.copies, COPIES_MAX)) for entry in parents},
             parents={entry.space: entry.parent for entry in entries.values() if entry.parent},
             shadows={space: tuple(shadow.space for shadow in shadows) for space, shadows in used.items()},
+            turns={
+                entry.space: Turn(
+                    scene, entry.space, entry.offset.number, frozenset(shadow.offset.number for shadow in sound.get(entry.space, ()))
+                )
+                for entry in parents
+                if entry.offset != FIRST
+            },
         )
 
     def lacking(self) -> dict[SpaceId, int]:

@@ -77,6 +77,8 @@ class LoggedSpace:
     render_output: bool = False
     created: int = 1
     """The log position of its creation."""
+    turned: int = 0
+    """That of the last change of how many copies it has; 0: as it was created (specs/23-turns.md)."""
     steps: Row[Step] = field(default=(), repr=False)
 
     # ------------------------------------------------------------------------------------------------ transforms
@@ -218,7 +220,8 @@ class LoggedSpace:
 
     def public(self) -> SpaceEntry:
         """What the public header says of it."""
-        return SpaceEntry(self.id, self.parent, self.offset, self.copies, self.copies_min, self.render_output, self.node_managed)
+        offset = self.offset if self.parent else Location.from_number(self.turned)
+        return SpaceEntry(self.id, self.parent, offset, self.copies, self.copies_min, self.render_output, self.node_managed)
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
@@ -233,6 +236,7 @@ class LoggedSpace:
             "copy_offset": self.offset.hex(),
             "copies": self.copies,
             "copies_min": self.copies_min,
+            "copies_since": self.turned or self.created,
             "render_output": self.render_output,
             "created": self.created,
             "world_low": list(low),

@@ -41,8 +41,8 @@ ADOPTED_S = 60.0
 
 class Heir(Home):
     def others(self, world: World, line: Line) -> list[Any]:
-        _, data = super().others(world, line)
-        return [SimpleNamespace(register=self.replication.register, run=self.replication.recovering.run), data]
+        _, *others = super().others(world, line)
+        return [SimpleNamespace(register=self.replication.register, run=self.replication.recovering.run), *others]
 
     @property
     def gaps(self) -> tuple[Arc, ...]:

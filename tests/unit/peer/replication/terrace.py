@@ -11,6 +11,7 @@ leases are those of the street.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -23,6 +24,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PLACED_BY_NODE, Record, RecordPlace, object_of, signed_place, wanted_place
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.copies_note import decode_copies
+from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Line
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
@@ -31,12 +33,13 @@ from scenefold.peer.records.data import DataService
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.replication import Replication
 from scenefold.peer.routing import Routing
+from scenefold.peer.scene_log.proposals import answer_of
 from scenefold.scene.log import free_offsets
 from scenefold.store import Spot
 from scenefold.store.holding import COPIES_KEY
 from scenefold.store.layout import HOLDING, RECORDS, spot_of
-from scenefold.wire import HandItem, Member, MiniStatus, Packet, SceneLogPublic, SpaceEntry
-from scenefold.world import Links, World
+from scenefold.wire import HandItem, Member, MiniStatus, Packet, RequestSceneLog, RespondSceneLog, SceneLogPublic, SpaceEntry
+from scenefold.world import Connection, Links, Priority, World, serve_connection
 from unit.peer.line.street import House, Street
 from unit.peer.scenes_made import SPACE, first_header, sealed
 
@@ -109,15 +112,56 @@ class Scenes:
     def everyone(self) -> Sequence[KnownScene]:
         return list(self._house.scenes.values())
 
+    def here(self, scene: SceneId) -> KnownScene | None:
+        return self._house.scenes.get(scene)
+
+    async def adopt(self, public: SceneLogPublic) -> KnownScene:
+        known = self.here(public.scene)
+        if self._house.is_deaf:
+            raise Refused(RejectReason.STORAGE_FULL, "this house hears of nothing")
+        if known is not None and known.public.position >= public.position:
+            raise Refused(RejectReason.POSITION_BEHIND, "something newer is known")
+        self._house.scenes[public.scene] = KnownScene.of(public)
+        return self._house.scenes[public.scene]
+
+
+class Headers:
+    """What a house shows of scenes, and hears of them: packets 5 and 6, over the port for them."""
+
+    def __init__(self, house: Home, world: World, scenes: Scenes) -> None:
+        self._house, self._world, self._scenes = house, world, scenes
+
+    def register(self, handlers: Handlers) -> None:
+        handlers.add(RequestSceneLog, self._on_request)
+        handlers.add(RespondSceneLog, self._on_push)
+        self._handlers = handlers
+
+    async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        async def serve(connection: Connection) -> None:
+            await serve_connection(connection, self._handlers.handle)
+
+        await self._world.network.listen(self._house.address, Priority.HIGH, serve, task_status=task_status)
+
+    async def _on_request(self, packet: RequestSceneLog, _peer: str) -> Packet:
+        known = self._scenes.here(packet.scene)
+        return RespondSceneLog(answer=None if known is None else answer_of(known.public, packet.nonce, None))
+
+    async def _on_push(self, packet: RespondSceneLog, _peer: str) -> None:
+        if packet.answer is not None:
+            with suppress(Refused):
+                await self._scenes.adopt(packet.answer.public)
+
 
 class Home(House):
-    """A house that also holds copies. `scenes`: those that it knows."""
+    """A house that also holds copies. `scenes`: those that it knows, also in its next lives."""
 
     street: Terrace
 
     def __init__(self, street: Terrace, number: int) -> None:
         super().__init__(street, number)
         self.scenes = {HEADER.scene: SCENE}
+        self.is_deaf = False
+        """Whether it hears of no new header."""
         self.roster: Roster = cast(Any, None)
         self.routing: Routing = cast(Any, None)
         self.peers: Peers = cast(Any, None)
@@ -150,11 +194,12 @@ class Home(House):
             copying,
             self.replication.recovering,
         )
+        headers = Headers(self, world, cast(Any, parts.scenes))
         if not self.street.is_quiet:
-            return [self.replication, self.data]
+            return [self.replication, self.data, headers]
         # Nobody would hold anything, so nothing would ever settle.
         parts.keeping.merge = parts.store.merge
-        return [SimpleNamespace(register=self.replication.register), self.data]
+        return [SimpleNamespace(register=self.replication.register), self.data, headers]
 
     def hear(self, mini: MiniStatus) -> None:
         self.roster.hear_mini(mini, self._world.clock.now())
@@ -223,7 +268,7 @@ class Terrace(Street):
     def has_strays(self, house: Home) -> bool:
         holding, custody = house.durable(), house.durable_copies().custody
         found = [spot_of(key) for key in self.net.machine(house.address).disk.peek(RECORDS)]
-        layouts = SCENE.layouts
+        layouts = house.scenes[HEADER.scene].layouts
         return not all(holding.owns(spot.home) or custody.at(layouts[spot.place.space], spot.home) for spot in found)
 
     async def _talk(self) -> None:

@@ -44,8 +44,8 @@ from unit.peer.replication.terrace import HEADER, SCENE, THIRDS, THRICE, Home, T
 
 class Writer(Home):
     def others(self, world: World, line: Line) -> list[Any]:
-        _, data = super().others(world, line)
-        return [SimpleNamespace(register=self.replication.register, run=self.replication.spreading.run), data]
+        _, *others = super().others(world, line)
+        return [SimpleNamespace(register=self.replication.register, run=self.replication.spreading.run), *others]
 
     def has(self, record: Record) -> bool:
         """Whether this very record, or a newer one, lies on its disk now."""

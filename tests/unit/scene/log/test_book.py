@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
-from scenefold.base.ids import SPACE_ID_MAX, NodeId, SpaceId
+from scenefold.base.ids import SPACE_ID_MAX, NodeId, SceneId, SpaceId
 from scenefold.base.limits import COPIES_MAX
 from scenefold.base.location import FIRST, LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
@@ -28,6 +28,7 @@ from scenefold.scene.log import (
     sign_record,
     with_shadows,
 )
+from scenefold.scene.log.turns import shift_of, shifted
 from scenefold.wire import (
     AddObserver,
     AddParticipant,
@@ -180,15 +181,22 @@ def test_copies_are_set_and_the_layout_follows() -> None:
     def layout(log: SceneLog) -> tuple[Location, ...]:
         return Layouts.of(log.public_spaces()).offsets[HALL]
 
-    log = with_entries(space(), Batch((SHADOW, LATER, SetCopies(HALL, 3, 2))))
+    def since(log: SceneLog) -> int:
+        return shift_of(SceneId(0), HALL, log.position)
+
+    log = with_entries(Batch((space(copies=3), SHADOW, LATER)))
     assert layout(log) == (at(9), at(5))
+    log = with_entries(space(), Batch((SHADOW, LATER, SetCopies(HALL, 3, 2))))
+    assert layout(log) == shifted((at(9), at(5)), since(log))
     assert (log.space(HALL).copies, log.space(HALL).copies_min) == (3, 2)
     fewer = log.apply(log.next_record(SetCopies(HALL, 2, 1), b"r" * 16, ORIGIN))
-    assert layout(fewer) == (at(9),)
+    assert layout(fewer) == shifted((at(9),), since(fewer))
     assert len(fewer.spaces) == len(log.spaces), "shadows stay, and count again when there shall be more"
     more = fewer.apply(fewer.next_record(SetCopies(HALL, 3, 3), b"s" * 16, ORIGIN))
-    assert layout(more) == (at(9), at(5))
+    assert layout(more) == shifted((at(9), at(5)), since(more))
     assert more.write_floor == 0, "what was signed before is written still"
+    least = more.apply(more.next_record(SetCopies(HALL, 3, 1), b"t" * 16, ORIGIN))
+    assert layout(least) == layout(more), "who holds copies is the same"
 
 
 @given(st.lists(st.integers(1, COPIES_MAX), min_size=1, max_size=5), st.integers(1, COPIES_MAX))
