@@ -5,6 +5,7 @@ Both change custody durably before they are answered. So nothing that this node 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from scenefold.base.errors import Refused
@@ -13,6 +14,7 @@ from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.custody import Behind
+from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.numbers import first_number, is_possible
 from scenefold.peer.copies.telling import entry_of, told_entry
 from scenefold.peer.copies.versions import told_version
@@ -22,9 +24,13 @@ from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.holding_rules import require_meant, require_none_own, require_owner, require_sender
 from scenefold.store import Held
+from scenefold.store.held import HeldPage
 from scenefold.wire import CustodySet, HeldListed, HeldRecord, ListHeld, Packet, SceneTurn, SetCustody
 
 _TEXT_MAX = 256
+_ENTRIES = bytes(6)
+"""A cursor among entries begins so: behind no record, and before all, since these begin with a scene and a space."""
+_INDEX_BYTES = 4
 
 
 class HoldingCustody:
@@ -105,13 +111,29 @@ class HoldingCustody:
 
         # With every page: what is said of the later ones is a promise as well, also if this node was started anew in between.
         custody = (await parts.keeper.change_copies(promised)).custody
-        entries = () if packet.after else custody.within(arc)
+        entries, after = _entries_behind(packet.after, custody.within(arc))
         turns = () if packet.after else tuple(SceneTurn(*turn) for turn in sorted(parts.knowing.view().items()))
-        if len(entries) > CUSTODY_ENTRIES_MAX:
-            raise Refused(RejectReason.LIMIT_EXCEEDED, "copies of too many pieces are held there", remedy="ask for a part of it")
         # Only now: what is stored here from now on is taken under numbers above the promise.
-        page = await parts.store.held(arc, packet.after, packet.limit)
+        page = HeldPage([], after) if after is not None else await parts.store.held(arc, _records_behind(packet.after), packet.limit)
         return HeldListed(0, tuple(map(_told, page.records)), tuple(map(told_entry, entries)), page.cursor, turns)
+
+
+def _entries_behind(after: bytes, entries: Sequence[Entry]) -> tuple[Sequence[Entry], bytes | None]:
+    """Those of one page, and the cursor of the next page of entries. They stay as they are: whoever might change them waits for the asker."""
+    if after and not _is_of_entries(after):
+        return (), None
+    first = int.from_bytes(after[len(_ENTRIES) :], "big")
+    last = first + CUSTODY_ENTRIES_MAX
+    return entries[first:last], _ENTRIES + last.to_bytes(_INDEX_BYTES, "big") if last < len(entries) else None
+
+
+def _records_behind(after: bytes) -> bytes:
+    """Records come with the last of the entries."""
+    return b"" if _is_of_entries(after) else after
+
+
+def _is_of_entries(after: bytes) -> bool:
+    return after.startswith(_ENTRIES) and len(after) == len(_ENTRIES) + _INDEX_BYTES
 
 
 def _told(held: Held) -> HeldRecord:

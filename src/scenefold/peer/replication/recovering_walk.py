@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import address_of
-from scenefold.base.limits import CUSTODY_ENTRIES_MAX
+from scenefold.base.limits import CUSTODY_KEPT_MAX
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import RecordPlace, wanted_place
 from scenefold.peer.copies.entries import Entry, clipped
@@ -20,8 +20,8 @@ from scenefold.peer.copies.telling import entry_of
 from scenefold.store import Spot
 from scenefold.wire import HeldListed, HeldRecord, Member
 
-ENTRIES_MAX = CUSTODY_ENTRIES_MAX
-"""Custody entries of one node in one gap. Its owner's arc fell into a few pieces of each layout; with many thousands of made-up ones no gap
+ENTRIES_MAX = 2 * CUSTODY_KEPT_MAX
+"""Custody entries of one node in one gap. It keeps half as many, and each promise may cut some in two; with endless made-up ones no gap
 could be recovered any more."""
 NONSENSE_MAX = 8
 """Answers that cannot be, before a node is heard no further: one may come of a restart in the middle."""

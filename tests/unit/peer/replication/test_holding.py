@@ -13,12 +13,14 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import wanted_place
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.custody import Custody
+from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.numbers import first_number
+from scenefold.peer.replication.recovering_walk import Walk
 from scenefold.store import Put
 from scenefold.wire import StoreCopies
 from unit.peer.line.street import rot
 from unit.peer.replication.holders import arc_of, entrust, entry, listing, pages, play, send, some_places, tell, word
-from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, Terrace, item_of, object_record, record_at
+from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, Terrace, item_of, object_record, record_at
 from unit.peer.scenes_made import STRANGER, sealed
 
 NOT_MINE, BEHIND, ILL, NOT_READY, WRONG, BUSY = (
@@ -209,5 +211,31 @@ def test_a_record_whose_header_has_rotted_is_in_no_list_and_hides_no_other() -> 
         rot(holder, [spots[1]], 10)
         found = await pages(owner, holder, arc_of(owner), limit=1)
         assert [held.location for page in found for held in page.records] == [spots[0], *spots[2:]]
+
+    play(story)
+
+
+def test_a_gap_with_more_entries_than_a_page_holds_is_told_page_by_page() -> None:
+    """An arc of two dead owners may have fallen into more pieces than one of them can name."""
+
+    async def story(terrace: Terrace) -> None:
+        owner, holder, *_ = terrace.homes
+        first = arc_of(owner).first.number
+        members = (owner.member, holder.member)
+        pieces = [Arc(Location.from_number(first + 2 * index), Location.from_number(first + 2 * index)) for index in range(2_500)]
+        custody = Custody(tuple(Entry(THIRDS, piece, 5, members, 1, whole=True) for piece in pieces))
+        await holder.living.parts.keeper.change_copies(lambda copies, _: replace(copies, custody=custody))
+        await holder.store.merge([Put(record_at(pieces[0].first)), Put(record_at(pieces[-1].first))])
+        found = await pages(owner, holder, arc_of(owner), limit=1)
+        assert [len(page.entries) for page in found] == [1_024, 1_024, 452, 0, 0]
+        assert [entry.first for page in found for entry in page.entries] == [piece.first for piece in pieces]
+        assert [held.location for page in found for held in page.records] == [pieces[0].first, pieces[-1].first]
+        cursors = [page.next for page in found[:-1]]
+        assert cursors == sorted(cursors, key=lambda cursor: cursor or b"")
+        walk = Walk(holder.member, arc_of(owner), first_number(9))
+        for page in found:
+            walk.check(page)
+            walk.move_on(page)
+        assert (walk.is_over, len(walk.entries)) == (True, 2_500)
 
     play(story)
