@@ -32,6 +32,7 @@ from scenefold.store.layout import (
     OBJECTS,
     RECORDS,
     STATISTICS,
+    SUSPECTS,
     TABLES,
     pack_record,
     record_key,
@@ -247,6 +248,17 @@ async def test_a_key_that_names_no_place_is_deleted() -> None:
     assert told(looked(disk)) == [(RECORDS, MEND)]
     assert mended(disk)[1].is_sound
     assert record_key(place(3)) in raw(disk, RECORDS)
+
+
+async def test_what_is_kept_apart_and_has_rotted_is_deleted() -> None:
+    disk = await filled()
+    key, value = next(iter(raw(disk, RECORDS).items()))
+    rotten = value[:-1] + bytes([value[-1] ^ 1])
+    for name, kept in ((key, value), (key[:-1] + bytes([key[-1] ^ 1]), rotten), (b"nowhere", value)):
+        changed(disk, SUSPECTS, name, kept)
+    assert told(looked(disk)) == [(SUSPECTS, "mend")]
+    done, after = mended(disk)
+    assert (done, after.is_sound, raw(disk, SUSPECTS)) == (2, True, {key: value})
 
 
 async def test_of_two_records_of_one_object_the_newer_counts() -> None:

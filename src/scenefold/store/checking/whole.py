@@ -10,9 +10,10 @@ from scenefold.store.checking.derived import check_objects, check_statistics
 from scenefold.store.checking.findings import Finding, Findings, Helps
 from scenefold.store.checking.records import Judge, Tell, check_records, nobody_can_tell
 from scenefold.store.checking.singles import check_identity, check_values, sound_holding
+from scenefold.store.checking.suspects import check_suspects
 from scenefold.store.checking.tables import EVERY_KEY, Sound
 from scenefold.store.checking.trees import check_trees
-from scenefold.store.layout import DEBTS, DIGESTS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, SpaceAddress
+from scenefold.store.layout import DEBTS, DIGESTS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, SUSPECTS, SpaceAddress
 from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, read_counts
 from scenefold.world.ports import ReadTransaction
@@ -43,6 +44,7 @@ def check_store(raw: ReadTransaction, judge: Judge = nobody_can_tell, *, spare: 
     look(IDENTITY, lambda: check_values(raw, spare))
     look(IDENTITY, lambda: check_identity(raw, is_empty=_is_empty(raw)))
     look(HOLDING, lambda: _holding(raw))
+    look(SUSPECTS, lambda: check_suspects(raw))
     counted: dict[SpaceAddress, Counts] | None = None
     with as_far_as_it_goes(RECORDS, found):
         counted = check_records(raw, judge, found, tell, _expected(raw))
@@ -76,7 +78,7 @@ def _holding(raw: ReadTransaction) -> Iterator[Finding]:
 
 
 def _is_empty(raw: ReadTransaction) -> bool:
-    return all(next(raw.keys(table, *EVERY_KEY), None) is None for table in (RECORDS, HOLDING, NOTES))
+    return all(next(raw.keys(table, *EVERY_KEY), None) is None for table in (RECORDS, HOLDING, NOTES, SUSPECTS))
 
 
 def _expected(raw: ReadTransaction) -> int | None:
