@@ -250,6 +250,10 @@ CLIENT_FRAMES_IN_FLIGHT = 8
 """Bulk requests of one client at a time: 16 MiB on the way."""
 CLIENT_FRAMES_PER_NODE = 2
 """Of these to one node: one on the way while the other is worked on."""
+CLIENT_SMALL_RECORDS = 4
+"""A question for so few records, 250 KiB at most, waits for no large ones of the same client."""
+CLIENT_SMALL_PER_NODE = 8
+"""Of these at a time."""
 CLIENT_FRAME_BYTES = 2 * 1024 * 1024
 """Records of one bulk write: the round trip is small beside it, and others still get their turn on the line."""
 CLIENT_FRAME_RECORDS = 1_024

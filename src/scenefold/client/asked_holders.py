@@ -81,7 +81,7 @@ class AskedHolders:
         left = list(indices)
         while left:
             try:
-                async with self._reads.calls.turn(self._reads.calls.address_of(node)):
+                async with self._reads.calls.turn(self._reads.calls.address_of(node), 1 if digests_only else len(left)):
                     reply = await ask_copies(self._reads, self._wanted, node, left, digests_only=digests_only)
             except (Unreachable, Refused, PeerFault):
                 return

@@ -7,8 +7,8 @@ bounded; then the last error is the caller's, in words.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Container, Sequence
-from contextlib import AbstractContextManager, asynccontextmanager, nullcontext, suppress
+from collections.abc import Awaitable, Callable, Container, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from typing import TypeVar
 
@@ -18,8 +18,6 @@ from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachabl
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import (
     CLIENT_ASKED_MAX,
-    CLIENT_FRAMES_IN_FLIGHT,
-    CLIENT_FRAMES_PER_NODE,
     CLIENT_HEDGE_S,
     CLIENT_HEDGE_S_MIN,
     CLIENT_NEXT_S,
@@ -33,6 +31,7 @@ from scenefold.client.former_tables import FormerTables
 from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.key_use import KeyUse
 from scenefold.client.patience import Patience
+from scenefold.client.slots import Slots
 from scenefold.client.split import turned
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.client.tail import Tails
@@ -83,8 +82,8 @@ class Calls:
         self._learning = trio.Lock()
         self._has_asked = False
         self._links = links
-        self._slots = trio.CapacityLimiter(CLIENT_FRAMES_IN_FLIGHT)
-        self._node_slots: dict[str, trio.CapacityLimiter] = {}
+        self.turn = Slots().turn
+        """Around a request that moves records."""
         self._silent: dict[str, None] = {}
         """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
         self.tails = Tails(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
@@ -138,13 +137,6 @@ class Calls:
         if not isinstance(reply, answer):
             raise PeerFault(f"{type(reply).__name__} is no answer to {type(packet).__name__}", where=address)
         return reply
-
-    @asynccontextmanager
-    async def turn(self, address: str) -> AsyncIterator[None]:
-        """Around a large request: they are bounded in number, all together and for each node."""
-        node_slots = self._node_slots.setdefault(address, trio.CapacityLimiter(CLIENT_FRAMES_PER_NODE))
-        async with node_slots, self._slots:
-            yield
 
     async def ask_any(
         self,

@@ -80,7 +80,7 @@ class _Fetch:
 
     async def _ask_owner(self, node: NodeId, frame: list[int]) -> None:
         while frame:
-            async with self._calls.turn(self._calls.address_of(node)):
+            async with self._calls.turn(self._calls.address_of(node), len(frame)):
                 frame = frame[await self._ask_once(node, frame) :]
 
     async def _ask_once(self, node: NodeId, frame: list[int]) -> int:
