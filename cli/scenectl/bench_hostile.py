@@ -104,7 +104,7 @@ async def bench_hostile(bench: HostileBench) -> dict[str, Any]:
     async with AsyncExitStack() as stack:
         nodes = await stack.enter_async_context(local_cluster(bench.nodes, spares=1, ports=bench.ports, options=OPTIONS, module=NODE))
         cluster = await stack.enter_async_context(connect(nodes.profile))
-        scene = await cluster.scenes.create("bench-hostile")
+        scene = await cluster.scenes.create("bench-hostile", copies=1)
         honest = Honest(scene.space(SpaceId(SPACE)), honest_places())
         alone = await honest.rate(bench.seconds)
         rows = [await _measure(bench, nodes, cluster, scene, honest, name) for name in attacks]

@@ -172,6 +172,8 @@ async def _measure_cluster(file: Path, count: int, bench: RenderBench) -> dict[s
         phases.seconds["start"] = round(time.monotonic() - begun, 3)
         cpu["start"] = used = _cpu_seconds(embedded)
         with phases.time("import"):
+            # It ends with its cluster, and copies would only be moved from one process to the other.
+            await cluster.scenes.create("bench", copies=1)
             scene, _ = await cluster.scenes.import_prepared("bench", prepared, no_progress)
         cpu["import"], used = _since(used, embedded)
         with phases.time("warm_up"):

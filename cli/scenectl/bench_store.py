@@ -144,7 +144,8 @@ async def bench_store(bench: StoreBench, profile: str | None, nodes: int, ports:
             cluster = await stack.enter_async_context(connect(own.profile))
         else:
             cluster = await stack.enter_async_context(connected(profile))
-        scene = await cluster.scenes.create(f"bench-{os.urandom(4).hex()}")
+        # Its own spaces stay empty: nodes shall place holders for what is measured alone.
+        scene = await cluster.scenes.create(f"bench-{os.urandom(4).hex()}", copies=1)
         options: SpaceOptions = {"copies": bench.copies}
         if bench.min_copies is not None:
             options["copies_min"] = bench.min_copies

@@ -45,6 +45,10 @@ def _summary(found: ClusterHealth) -> str:
     counted = f"{records:,} records, {copied:,} of them in spaces with copies"
     if not found.ailments:
         return f"{found.status.name}: healthy: {counted}, all where they belong, as the nodes say"
+    short, degrading = found.shortage, {ailment.kind for ailment in found.ailments if ailment.degrades}
+    if short is not None and degrading == {"too few nodes"}:
+        few = f"{short.told.possible} of {short.told.copies} copies"
+        return f"{found.status.name}: degraded, {few}: {counted}; nothing else is wrong"
     seconds = found.seconds_to_health
     is_waiting = seconds is None and all(ailment.mends_itself for ailment in found.ailments)
     return f"{found.status.name}: {found.condition}: {counted}; {'it mends itself' if is_waiting else _time_text(seconds)}"

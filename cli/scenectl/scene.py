@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import App
 
-from scenectl.copies import lacking_text
+from scenectl.copies import CopiesOption, MinCopiesOption, lacking_text
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
 from scenectl.purging import purge, strays
@@ -22,7 +22,14 @@ for verb in (grant, access, revoke, rotate_key, purge, strays):
 
 
 @app.command
-def create(name: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def create(
+    name: SceneName,
+    /,
+    *,
+    copies: CopiesOption | None = None,
+    min_copies: MinCopiesOption | None = None,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
     """Make an empty scene; its keys go into the profile's keyring before any node hears of it.
 
     Example: scenectl scene create kitchen --profile studio
@@ -31,12 +38,16 @@ def create(name: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> No
     ----------
     name
         Name of the scene in this profile: letters, digits, '-', '_' and '.'.
+    copies
+        How many nodes shall hold each record of the spaces that it begins with, 1 to 8; by default 3.
+    min_copies
+        How many must hold a record before it counts as stored; by default 2, or as many as there are copies.
     """
     from scenectl.running import connected, run
 
     async def make() -> dict[str, Any]:
         async with connected(output.profile) as cluster:
-            scene = await cluster.scenes.create(name)
+            scene = await cluster.scenes.create(name, copies=copies, copies_min=min_copies)
             return {"name": name, "scene": f"{scene.id:08x}", "genesis": scene.genesis.hex()}
 
     document = run(make)

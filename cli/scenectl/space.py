@@ -64,7 +64,7 @@ def create(
     offset
         How far along the line from a record the shadow's copy belongs, in hexadecimal: 80 is half of the line; by default where there is most room.
     copies
-        How many nodes shall hold each record, 1 to 8; by default 1.
+        How many nodes shall hold each record, 1 to 8; by default 3.
     min_copies
         How many must hold a record before it counts as stored; by default 2, or as many as there are copies.
     render_output

@@ -97,6 +97,9 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
             scene = await cluster.scenes.open(job.scene_name)
         else:
             with phases.time("import"):
+                if job.profile is None:
+                    # It ends with this cluster, whose nodes have one disk: copies of it would save nobody from anything.
+                    await cluster.scenes.create(job.scene_name, copies=1)
                 scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
         from scenefold.render.client import render_still

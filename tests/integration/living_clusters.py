@@ -126,5 +126,6 @@ async def living_cluster(
     ports = free_ports(addresses(count + spares))
     running = local_cluster(count, folder, spares=spares, ports=ports, options=options, module=module)
     async with running as nodes, connect(nodes.profile) as cluster:
-        scene = await cluster.scenes.create("kept")
+        # What moves with bounds is counted here; copies have tests of their own.
+        scene = await cluster.scenes.create("kept", copies=1)
         yield Living(nodes, cluster, Kept(scene.space(SPACE)))

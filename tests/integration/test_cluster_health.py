@@ -6,9 +6,10 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import pytest
 import trio
 
-from integration.living_clusters import Kept, Living, living_cluster
+from integration.living_clusters import LOOK_S, SPACE, Kept, Living, living_cluster
 from integration.scenectl_process import Done, scenectl
 from scenefold.client import ClusterHealth, Condition
 
@@ -30,7 +31,7 @@ async def until(living: Living, wanted: Callable[[ClusterHealth], bool]) -> Clus
             found = await living.cluster.health()
             if wanted(found):
                 return found
-            await trio.sleep(0.5)
+            await trio.sleep(LOOK_S)
     raise AssertionError(f"not so: {None if found is None else found.document()}")
 
 
@@ -61,3 +62,32 @@ async def test_copies_are_proved_and_missed_as_soon_as_a_node_is_gone(tmp_path: 
         assert (proof["records"], proof["lost"], proof["corrupt"]) == (RECORDS - owned, 0, 0)
         assert {(one["wanted"], one["valid"]) for one in proof["copies"]} <= {(3, 3), (3, 2)} and proof["short"] > 0
         assert all(finding["nodes"][gone] == "silent" for finding in proof["named"])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_and_go(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 1, spares=2) as living:
+        scene = await living.cluster.scenes.create("own")
+        kept = Kept(scene.space(SPACE))
+        await kept.put_evenly(RECORDS, 2_000)
+        alone = await verb(living)
+        assert (alone.code, [ailment["kind"] for ailment in alone.json["ailments"]]) == (5, ["too few nodes"])
+        assert "only 1 of 3 copies" in alone.json["ailments"][0]["text"] and "add 2 nodes" in alone.json["ailments"][0]["to_do"]
+        status = await trio.to_thread.run_sync(partial(scenectl, "cluster", "status", profile=living.nodes.profile))
+        assert status.code == 0 and "only 1 of 3 copies" in status.out.decode(), status.out
+        async with trio.open_nursery() as writing:
+            writing.start_soon(kept.go_on_writing)
+            for spare in living.nodes.spares:
+                living.nodes.start(spare)
+            await until(living, lambda health: health.shortage is None and len(health.status.nodes) == 3)
+            writing.cancel_scope.cancel()
+        assert kept.lost_answers == 0, "nobody who joins holds up those who write"
+        whole = await until(living, lambda health: health.condition is Condition.HEALTHY)
+        assert sum(copies.copied for copies in whole.reports) >= len(kept.records)
+        for left_over, spare in zip((2, 1), living.nodes.spares, strict=True):
+            await living.cluster.drain(spare)
+            await living.at_rest(left_over)
+        await kept.check()
+        left = await living.cluster.health()
+        assert left.shortage is not None and left.shortage.told.possible == 1

@@ -67,7 +67,7 @@ def test_all_nodes_take_records_of_a_new_space_at_once(profile: str) -> None:
     number = made(profile, "wide", "--dimensions", "4")
     put(profile, number, "1", "5", "9", "d")
     listed = space(profile, "list").json
-    assert [entry["name"] for entry in listed["spaces"]][-1] == "wide"
+    assert [entry["name"] for entry in listed["spaces"] if not entry["parent"]][-1] == "wide"
     assert listed["spaces"][-1]["created"] <= listed["position"]
     text = scenectl("space", "list", "--scene", "kitchen", profile=profile).out.decode()
     assert "geometry" in text and "wide" in text
@@ -151,8 +151,8 @@ def test_records_are_named_by_the_space_that_holds_them(profile: str) -> None:
 
 
 def test_copies_are_said_and_listed(profile: str) -> None:
-    parent = made(profile, "safe", "--box", "0,0:4,4", "--curve", "z-order", "--copies", "3")
-    assert made(profile, "vault") == parent + 3, "its shadows have the numbers between"
+    parent = made(profile, "safe", "--box", "0,0:4,4", "--curve", "z-order")
+    assert made(profile, "vault", "--copies", "1") == parent + 3, "its shadows have the numbers between"
     assert space(profile, "translate", "safe", "--by", "1,2").code == 0
     spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
     safe = spaces["safe"]
@@ -179,7 +179,8 @@ def test_copies_are_said_and_listed(profile: str) -> None:
     assert text == "Space vault shall have 4 copies, at least 2 before a record counts as stored.\n"
     spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
     assert spaces["vault"]["shadows"] == [parent + 4, parent + 5, parent + 6]
-    assert space(profile, "copies", "geometry", "2").json["copies_min"] == 2
+    assert spaces["geometry"]["copies"] == 3, "by default, also in the spaces that every scene has"
+    assert space(profile, "copies", "geometry", "3", "--min-copies", "1").json["copies_min"] == 1
     info = scenectl("scene", "info", "kitchen", "--json", profile=profile).json
     assert info["spaces_lacking_shadows"] == []
 
@@ -205,5 +206,5 @@ def test_copies_that_cannot_be(profile: str, hall: str) -> None:
 
 @pytest.fixture(scope="module")
 def hall(profile: str) -> str:
-    made(profile, "hall")
+    made(profile, "hall", "--copies", "1")
     return "hall"

@@ -72,7 +72,7 @@ async def _play(look: Callable[[Rest], Awaitable[None]], seed: int) -> None:
                 await trio.sleep(0.5)
         opening = open_client("c", net.world("user:c"), cluster.facts, MemoryKeyring(), key_of(seed, "the writer"), cluster.watch.recorder)
         async with opening as client:
-            client.scene = await client.scenes.open_or_create("quiet")
+            client.scene = await client.scenes.open_or_create("quiet", copies=1)
             arcs = [arc for slot in range(FOUNDERS) if (arc := arc_of(cluster.nodes[slot].disk)) is not None]
             places = tuple(
                 Location.from_number(arc.first.number + arc.length * (2 * number + 1) // (2 * RECORDS_EACH + 1))

@@ -174,7 +174,7 @@ async def _play(story: Story, crash: Crash | None, founders: int, seed: int) -> 
         async with opening as client:
             stage = Stage(cluster, client, nursery, crash)
             await stage.until(stage.is_quiet, 30.0)
-            client.scene = await client.scenes.open_or_create("steps")
+            client.scene = await client.scenes.open_or_create("steps", copies=1)
             arc = stage.owns(1)
             assert arc is not None
             places = [Location.from_number(arc.first.number + arc.length * index // RECORDS) for index in range(RECORDS)]

@@ -113,7 +113,7 @@ class Play:
                 clients[name] = await stack.enter_async_context(opening)
             self.stage = Stage(cluster, clients["owner"], nursery, None)
             await self.stage.until(self.stage.is_quiet, 30.0)
-            scene = await clients["owner"].scenes.create("kitchen")
+            scene = await clients["owner"].scenes.create("kitchen", copies=1)
             for name, role in (("ada", Role.WRITER), ("ben", Role.READER)):
                 await scene.grant(card_of(f"user:{name}", key_of(self.seed, name)), role)
             places = [Location.from_number((1 << 160) * (2 * index + 1) // (2 * RECORDS)) for index in range(RECORDS)]

@@ -79,8 +79,8 @@ BLACKLIST_MAX = 32
 SHADOWS_MAX = 7
 """Shadows of one space, so that it has eight copies at most."""
 COPIES_MAX = 1 + SHADOWS_MAX
-COPIES_DEFAULT = 1
-"""Copies of a new space, those of a new scene among them."""
+COPIES_DEFAULT = 3
+"""Copies of a new space, those of a new scene among them: two disks may be lost, and one of them while the other is being replaced."""
 COPIES_MIN_DEFAULT = 2
 """How many of the copies must be there before a write counts as done; all, if a space has fewer."""
 CUSTODY_ENTRIES_MAX = 1_024

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import KeyId, SceneId
-from scenefold.base.limits import COPIES_DEFAULT
+from scenefold.base.limits import COPIES_MAX
+from scenefold.client.copies import BY_DEFAULT, Copies
 from scenefold.crypto import (
     HEADER_DOMAIN,
     MemberSecrets,
@@ -45,8 +46,6 @@ FIRST_POSITION = 1
 FIRST_EPOCH = 0
 _FIRST_NONCE = b"scenefold/first-nonce"
 _SEED_BYTES = 32
-_COPIES_ONCE = 1
-"""Of the first spaces, by the first versions of this program."""
 
 
 def grant_of(name: str, role: Role, signing: PublicKey, sealing: SealingPublicKey) -> Grant:
@@ -59,13 +58,18 @@ def maker_of(member: str, secrets: MemberSecrets) -> Grant:
     return grant_of(member, Role.OWNER, secrets.signing.public, secrets.sealing.public)
 
 
-def born(name: str, maker: Grant, author: SigningKey, origin: Decider, token: Callable[[int], bytes]) -> KeptScene:
-    """A new scene: what its maker keeps of it. `author`: the maker's signing key; `token` draws random bytes (world.entropy.token)."""
+def born(
+    name: str, maker: Grant, author: SigningKey, origin: Decider, token: Callable[[int], bytes], copies: Copies = BY_DEFAULT
+) -> KeptScene:
+    """A new scene: what its maker keeps of it. `author`: the maker's signing key; `token` draws random bytes (world.entropy.token).
+
+    `copies`: of its first spaces.
+    """
     header_key = SigningKey.from_seed(token(_SEED_BYTES))
-    genesis = _first_header(header_key.public, maker, origin).genesis
+    genesis = _first_header(header_key.public, maker, origin, copies).genesis
     epochs = EpochKeys.only(new_symmetric_key(token), FIRST_EPOCH)
     keys = SceneKeys(name, genesis, epochs, header_key.public, Role.OWNER, header_key.seed)
-    owner = first_log(genesis, origin.node, maker).grants.named(maker.name)
+    owner = first_log(genesis, origin.node, maker, *copies).grants.named(maker.name)
     return KeptScene(name, genesis, header_key.key_id, FIRST_EPOCH, lockbox_for(owner, keys, FIRST_EPOCH, maker.name, author, token))
 
 
@@ -83,7 +87,7 @@ def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider
     """The signed first header of a scene, as it is proposed; None if these are not the maker and origin that it was born with."""
     if keys.header_seed is None:
         return None
-    copies = _born_with(keys, maker, origin)
+    copies = born_with(keys, maker, origin)
     if copies is None:
         return None
     header = _first_header(keys.header_key, maker, origin, copies)
@@ -94,8 +98,8 @@ def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider
 def first_records(keys: SceneKeys, maker: Grant, origin: Decider) -> tuple[SignedRecord, ...]:
     """The scene's log at its first position: the spaces that every scene has, and its maker."""
     assert keys.header_seed is not None
-    copies = _born_with(keys, maker, origin) or COPIES_DEFAULT
-    return (sign_record(first_record(keys.genesis, origin.node, maker, copies), SigningKey.from_seed(keys.header_seed)),)
+    copies = born_with(keys, maker, origin) or BY_DEFAULT
+    return (sign_record(first_record(keys.genesis, origin.node, maker, *copies), SigningKey.from_seed(keys.header_seed)),)
 
 
 def first_private(keys: SceneKeys, maker: Grant, origin: Decider) -> bytes:
@@ -118,16 +122,17 @@ def verified_header_key(header: SceneLogPublic) -> PublicKey:
     return key
 
 
-def _born_with(keys: SceneKeys, maker: Grant, origin: Decider) -> int | None:
+def born_with(keys: SceneKeys, maker: Grant, origin: Decider) -> Copies | None:
     """How many copies the scene's first spaces have, which its genesis covers; None if these are not the maker and origin that it was born with."""
-    # The creation may be resumed by a later version, with another default.
-    candidates = dict.fromkeys((COPIES_DEFAULT, _COPIES_ONCE))
+    # A keyring does not say it, and the creation may be resumed by a later version, with another default: so what can be is tried.
+    every = (Copies(copies, least) for copies in range(1, COPIES_MAX + 1) for least in range(1, copies + 1))
+    candidates = dict.fromkeys((BY_DEFAULT, *every))
     return next((copies for copies in candidates if _first_header(keys.header_key, maker, origin, copies).genesis == keys.genesis), None)
 
 
-def _first_header(header_key: PublicKey, maker: Grant, origin: Decider, copies: int = COPIES_DEFAULT) -> SceneLogPublic:
+def _first_header(header_key: PublicKey, maker: Grant, origin: Decider, copies: Copies) -> SceneLogPublic:
     # The genesis, which is not known yet, changes nothing about what the first record says.
-    state = first_log(NO_GENESIS, origin.node, maker, copies)
+    state = first_log(NO_GENESIS, origin.node, maker, *copies)
     return SceneLogPublic(
         scene=SceneId(1),
         genesis=NO_GENESIS,

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from scenefold.client.copy_reports import CopiesReport, ShortageReport
-from scenefold.client.health import ClusterStatus, NodeState
+from scenefold.client.copy_reports import CopiesReport
+from scenefold.client.health import ClusterStatus, NodeState, shortages
 from scenefold.client.reports import ScrubReport
+from scenefold.client.shortages import Shortage
 
 
 class Condition(StrEnum):
@@ -51,6 +52,11 @@ class ClusterHealth:
         if any(ailment.degrades for ailment in self.ailments):
             return Condition.DEGRADED
         return Condition.MENDING if self.ailments else Condition.HEALTHY
+
+    @property
+    def shortage(self) -> Shortage | None:
+        """Where most copies fail for want of nodes; None if all could be there."""
+        return max(shortages(self.status.nodes), key=lambda few: few.missing, default=None)
 
     @property
     def reports(self) -> list[CopiesReport]:
@@ -128,9 +134,10 @@ def health_of(status: ClusterStatus) -> ClusterHealth:
     found = [
         Ailment(warning.kind, warning.address, warning.text, _TO_DO.get(warning.kind, ""), mends_itself=warning.kind in _MENDS_ITSELF)
         for warning in status.warnings
-        # How often damage was met is told there, and here what of it is not healed.
-        if warning.degrades and warning.kind != "damaged"
+        # How often damage was met is told there, and here what of it is not healed. What there are too few nodes for degrades here always.
+        if warning.degrades and warning.kind not in ("damaged", _TOO_FEW)
     ]
+    found += [Ailment(_TOO_FEW, few.address, few.text, few.to_do) for few in shortages(status.nodes)]
     for node in status.nodes:
         found += _of_node(node, silent)
     return ClusterHealth(status, tuple(sorted(found, key=lambda ailment: not ailment.degrades)))
@@ -146,6 +153,7 @@ _TO_DO = {
     "handover": "wait; if it lasts, look at both nodes' logs",
 }
 _MENDS_ITSELF = frozenset({"handover"})
+_TOO_FEW = "too few nodes"
 _WAIT = "wait: what is missing is copied"
 
 
@@ -157,9 +165,7 @@ def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
     if copies is None:
         yield Ailment("unknown", address, f"{address} says nothing of copies", "let it run the same version as the others")
         return
-    for shortage in copies.shortages:
-        yield _of_shortage(address, shortage)
-    if copies.under_copied.records:
+    if copies.under_copied.records and (silent or not _is_explained(copies)):
         text = (
             f"{address}: {copies.under_copied.records:,} of {copies.copied:,} records lie on fewer nodes than they should, "
             f"up to {copies.missing_max} {'copy' if copies.missing_max == 1 else 'copies'} fewer"
@@ -222,13 +228,9 @@ def _on_their_way(node: NodeState, copies: CopiesReport) -> Iterable[Ailment]:
         yield mending("strays", f"{strays:,} records that belong elsewhere are being brought home")
 
 
-def _of_shortage(address: str, shortage: ShortageReport) -> Ailment:
-    few = f"of {shortage.copies} copies of what {address} owns only {shortage.possible} can be there"
-    writes = f", and writes, which need {shortage.needed}, are refused" if shortage.forbids_writes else ""
-    if shortage.blacklist_of is None:
-        return Ailment("too few nodes", address, f"{few}: there are no other nodes{writes}", "add nodes")
-    to_do = "add nodes that it allows, or take something off it: scenectl node blacklist rm"
-    return Ailment("too few nodes", address, f"{few}: the blacklist of {shortage.blacklist_of} forbids the others{writes}", to_do)
+def _is_explained(copies: CopiesReport) -> bool:
+    """Whether no record lacks more copies than there are too few nodes for, which is told with what to do."""
+    return copies.missing_max <= max((short.copies - short.possible for short in copies.shortages), default=0)
 
 
 def _is_at_work(copies: CopiesReport) -> bool:

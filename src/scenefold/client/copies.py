@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 from scenefold.base.arguments import as_whole
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import COPIES_MAX, COPIES_MIN_DEFAULT
+from scenefold.base.limits import COPIES_DEFAULT, COPIES_MAX, COPIES_MIN_DEFAULT
 from scenefold.scene.log import Layouts, LoggedSpace, SceneLog, missing_shadows
 from scenefold.wire import Batch, SetCopies
 
@@ -33,6 +33,10 @@ class Copies(NamedTuple):
             what = f"a space has 1 to {COPIES_MAX} copies, and from 1 to all of them must be there, not {needed} of {wanted}"
             raise UsageFault(what, where=where, remedy="choose copies_min no larger than copies")
         return cls(wanted, needed)
+
+
+BY_DEFAULT = Copies(COPIES_DEFAULT, COPIES_MIN_DEFAULT)
+"""Of a new space, those of a new scene among them."""
 
 
 def new_copies(space: SpaceId, copies: object, least: object) -> Callable[[SceneLog], Batch | SetCopies]:

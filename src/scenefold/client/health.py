@@ -16,6 +16,7 @@ from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
 from scenefold.client.own_warnings import Concern, own_warnings
 from scenefold.client.removals import RemovedNode
 from scenefold.client.reports import HandoverReport, NodeReport
+from scenefold.client.shortages import Shortage, shortages_of
 
 NEVER_CAME = bytes(16)
 """The incarnation of a founder that never registered."""
@@ -166,8 +167,14 @@ def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
     for node in nodes:
         if node.report is not None:
             warnings += own_warnings(node.address, node.report, newest)
+    warnings += [Concern("too few nodes", few.text, few.forbids_writes, few.address) for few in shortages(nodes)]
     warnings += _deafness(nodes)
     return ClusterStatus(name, asked, tuple(nodes), tuple(warnings))
+
+
+def shortages(nodes: Iterable[NodeState]) -> list[Shortage]:
+    """Where fewer copies can be than there shall be."""
+    return shortages_of((node.address, node.report.copies) for node in nodes if node.report is not None and node.report.copies is not None)
 
 
 def _trimmed(node: NodeState, nodes: Sequence[NodeState]) -> NodeState:

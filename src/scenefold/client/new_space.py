@@ -10,10 +10,10 @@ from typing import NamedTuple, Self, TypeAlias, TypedDict
 from scenefold.base.arguments import as_floats
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import COPIES_DEFAULT, SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
+from scenefold.base.limits import SPACE_DIMENSIONS_MAX, SPACE_NAME_BYTES_MAX
 from scenefold.base.location import FIRST, LOCATION_BYTES, Location
 from scenefold.base.names import SPACE_NAME_RULE, is_space_name
-from scenefold.client.copies import Copies, whole_option
+from scenefold.client.copies import BY_DEFAULT, Copies, whole_option
 from scenefold.curve import CurveKind
 from scenefold.scene.log import LoggedSpace, SceneLog, free_offset, with_shadows
 from scenefold.scene.log.space import NO_SPACE
@@ -42,7 +42,7 @@ class SpaceOptions(TypedDict, total=False):
     offset: Location
     """Of a shadow: how far from a record its copy belongs, round the end of the line; by default where there is most room."""
     copies: int
-    """How many nodes shall hold each record, the owner among them: 1 to 8, by default 1. The shadows that this takes are made with the space."""
+    """How many nodes shall hold each record, the owner among them: 1 to 8, by default 3. The shadows that this takes are made with the space."""
     copies_min: int
     """How many must hold it before a write counts as done; by default 2, or `copies` if that is less."""
 
@@ -84,7 +84,7 @@ def new_space(
         what = "a shadow is one copy itself, and has none"
         raise UsageFault(what, where=where, remedy="`scenectl space copies` says how many its parent shall have")
     at = None if offset is None else _location(where, offset)
-    wanted = Copies.checked(where, (COPIES_DEFAULT if parent is None else 1) if copies is None else copies, copies_min)
+    wanted = Copies.checked(where, (BY_DEFAULT.copies if parent is None else 1) if copies is None else copies, copies_min)
     shape = _Shape.of(where, box, dimensions, curve, node_managed=bool(node_managed))
 
     def entry(log: SceneLog) -> CreateSpace | Batch:

@@ -12,8 +12,9 @@ from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
 from scenefold.base.ids import SceneId
 from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.client.access import SceneAccess
-from scenefold.client.births import FIRST_POSITION, born, first_header, first_private, kept_keys, maker_of
+from scenefold.client.births import FIRST_POSITION, born, born_with, first_header, first_private, kept_keys, maker_of
 from scenefold.client.calls import Calls
+from scenefold.client.copies import BY_DEFAULT, Copies
 from scenefold.client.gifts import Gift, believed, gifts_in
 from scenefold.client.grants import USER
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
@@ -84,20 +85,28 @@ class Scenes:
         self._maker = maker_of(member, secrets)
         self._card_of = card_of
 
-    async def create(self, name: str) -> Scene:
+    async def create(self, name: str, *, copies: int | None = None, copies_min: int | None = None) -> Scene:
         """Make an empty scene. Its keys are on disk, durably, before any node hears of it.
 
-        If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already.
+        `copies`: how many nodes shall hold each record of the spaces that it begins with, 1 to 8, by default 3; `copies_min`: how many must
+        hold it before a write counts as done, by default 2, or `copies` if that is less.
+
+        If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already, or was to have other copies.
         """
         checked_name(name, "scene")
+        wanted = Copies.checked(f"scene {name}", BY_DEFAULT.copies if copies is None else copies, copies_min)
         kept = await self._kept(name)
         if kept is not None:
             log = await self._log(kept)
             if await log.header() is not None:
                 what, where = f"a scene {name!r} exists already", f"id {kept.scene_id:08x}"
                 raise LocalFault(what, where=where, remedy="choose another name, or open it")
+            before = born_with(log.keys, self._maker, self._origin)
+            if before is not None and before != wanted and (copies, copies_min) != (None, None):
+                what = f"a creation of the scene {name!r} with {before.copies} copies, {before.least} of them needed, was interrupted"
+                raise LocalFault(what, where=f"id {kept.scene_id:08x}", remedy="say so again, or choose another name")
             return await self._announce(kept, log)
-        kept = born(name, self._maker, self._secrets.signing, self._origin, self._calls.world.entropy.token)
+        kept = born(name, self._maker, self._secrets.signing, self._origin, self._calls.world.entropy.token, wanted)
         await self._on_disk(self._keyring.save, kept)
         return await self._announce(kept, await self._log(kept), is_new=True)
 
@@ -117,8 +126,8 @@ class Scenes:
             raise LocalFault("the cluster does not know this scene", where=f"scene {name}", remedy=remedy)
         return self._scene(log, header)
 
-    async def open_or_create(self, name: str) -> Scene:
-        """Open the scene of this name in the profile's keyring, or make it if there is none.
+    async def open_or_create(self, name: str, *, copies: int | None = None, copies_min: int | None = None) -> Scene:
+        """Open the scene of this name in the profile's keyring, or make it, with so many copies (`create`), if there is none.
 
         LocalFault if somebody has granted one of this name that was never opened here: what is to be written into a scene of one's own must
         not land in a scene of whoever was quicker to use its name.
@@ -137,7 +146,7 @@ class Scenes:
             log = await self._log(kept)
             header = await log.header()
             return await self._announce(kept, log) if header is None else self._scene(log, header)
-        return await self.create(name)
+        return await self.create(name, copies=copies, copies_min=copies_min)
 
     async def import_file(self, name: str, path: Path | str, progress: ProgressCallback | bool = False) -> tuple[Scene, ImportReport]:
         """Import a file into the scene of this name, made if there is none once the file is known to be good.

@@ -32,6 +32,7 @@ from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
 from scenefold.peer.enrolment.renewal import Renewal
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Claims, Line
+from scenefold.peer.line.parting import lies_with_all_others
 from scenefold.peer.membership.blacklist import OwnBlacklist
 from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.members import Members
@@ -131,6 +132,7 @@ class PeerServices:
             lambda: scenes.decided_by(me),
             has_lease=lease.holds,
             may_order=may_order,
+            lies_elsewhere=partial(lies_with_all_others, line.parts),
         )
         scrub = Scrub(world.clock, store, Pace(settings.scrub_days, settings.scrub_bytes_per_s))
         self._blacklist = OwnBlacklist(store, own, settings.blacklisted, may_order=may_order)

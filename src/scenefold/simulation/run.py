@@ -122,7 +122,7 @@ class _Drama:
             name = client_name(number)
             opening = open_client(name.partition(":")[2], self._net.world(name), cluster.facts, keyring, writer, cluster.watch.recorder)
             client = await stack.enter_async_context(opening)
-            client.scene = await client.scenes.open_or_create("simulated")
+            client.scene = await client.scenes.open_or_create("simulated", copies=1)
             if not clients and self._order.copying is not None:
                 await keep_copies(client.scene, self._order.copying, cluster.watch)
             clients.append(client)

@@ -174,7 +174,7 @@ class Measurement:
         keyring, writer = MemoryKeyring(), key_of(self._net.seed, "the writer")
         world = self._net.world("user:loader")
         async with open_client("loader", world, cluster.facts, keyring, writer, cluster.watch.recorder) as client:
-            client.scene = await client.scenes.open_or_create("loaded")
+            client.scene = await client.scenes.open_or_create("loaded", copies=1)
             await self._load(client)
         begin = self._net.now
         await self._wait("balance_s", lambda: self._is_even(cluster), BALANCE_S_MAX, FILL_LOOK_S)

@@ -70,6 +70,9 @@ class LmdbEnvironment:
             self._open()
         except lmdb.Error as error:
             raise opening_fault(error, folder) from error
+        except OSError as error:
+            remedy = "see to the disk, and to how many files this process may open"
+            raise LocalFault(f"{DATA_NAME} there cannot be opened: {error}", where=str(folder), remedy=remedy) from error
         self._reach_ahead()
 
     def _open(self) -> None:
@@ -84,13 +87,13 @@ class LmdbEnvironment:
         try:
             check_length(env, self._folder)
             self._tables = {name: env.open_db(name.encode()) for name in self._names}
+            # The machine that made the folder may have had pages of another size.
+            self._page_bytes = int(env.stat()["psize"])
+            self._file = GrowingFile(self._folder / DATA_NAME, self._ahead_bytes_max)
         except BaseException:
             env.close()
             raise
         self._env = env
-        # The machine that made the folder may have had pages of another size.
-        self._page_bytes = int(env.stat()["psize"])
-        self._file = GrowingFile(self._folder / DATA_NAME, self._ahead_bytes_max)
 
     def _reach_ahead(self) -> None:
         try:

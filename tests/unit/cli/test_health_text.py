@@ -9,8 +9,8 @@ from scenectl.health_text import health_text, proof_text
 from scenefold.base.ids import NodeId, SpaceId, node_id_of
 from scenefold.base.location import FIRST, WHOLE_LINE
 from scenefold.client.proof import Finding, Proof, Unlisted, Verdict
-from unit.client.test_cluster_health import FILLING, LACKING, copies, health, nodes
-from unit.client.test_health import ADDRESSES, arc, missing
+from unit.client.test_cluster_health import FEW, FILLING, LACKING, copies, health, nodes
+from unit.client.test_health import ADDRESSES, arc, missing, node
 
 
 def test_a_healthy_cluster_is_said_to_be_and_nothing_else() -> None:
@@ -33,6 +33,14 @@ def test_a_silent_node_has_its_line_and_the_time_is_not_known() -> None:
     assert "degraded" in text.splitlines()[0] and text.splitlines()[0].endswith("how long it takes is not known")
     assert any(line.startswith(ADDRESSES[2]) and "silent" in line for line in text.splitlines())
     assert f"{ADDRESSES[2]} does not answer" in text and "-> start it" in text
+
+
+def test_where_only_nodes_are_missing_the_first_line_says_so() -> None:
+    text = health_text(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))))
+    assert text.splitlines()[0] == "studio: degraded, 1 of 3 copies: 120 records, 100 of them in spaces with copies; nothing else is wrong"
+    assert text.splitlines()[-1].startswith("  -> add 2 nodes")
+    silent = health_text(health(node(ADDRESSES[0], arc(0, 0.5), copies=copies(**FEW)), missing(ADDRESSES[2], arc(0.5, 1))))
+    assert "nothing else" not in silent.splitlines()[0]
 
 
 def finding(*verdicts: Verdict, **changes: Any) -> Finding:

@@ -121,6 +121,43 @@ def test_what_may_lose_something_degrades(change: dict[str, Any], kind: str, wor
     assert word in found.ailments[0].text and found.ailments[0].to_do
 
 
+FEW = {
+    "shortages": [{"copies": 3, "needed": 1, "possible": 1, "blacklist_of": None}],
+    "under_copied": {"segments": 1, "missing_max": 2, "records": 100},
+}
+
+
+def test_a_cluster_of_one_node_hears_once_how_many_nodes_to_add() -> None:
+    alone = node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))
+    found = health(alone)
+    assert (found.condition, kinds(found), found.under_copied) == (Condition.DEGRADED, ["too few nodes"], 100)
+    (ailment,) = found.ailments
+    assert (
+        ailment.text
+        == "only 1 of 3 copies of each record can be there: the cluster has one node, and what lies on its disk is lost with it"
+    )
+    assert ailment.to_do.startswith("add 2 nodes, and the copies are made: scenectl cluster invite")
+    assert (found.shortage is not None and found.shortage.missing, found.seconds_to_health) == (2, None)
+
+
+def test_what_too_few_nodes_do_not_explain_is_told_beside_it() -> None:
+    short = {"shortages": [{"copies": 3, "needed": 2, "possible": 2, "blacklist_of": None}]}
+    pair = [node(ADDRESSES[index], arc(index / 2, (index + 1) / 2), copies=copies(**FEW | short)) for index in range(2)]
+    found = health(*pair)
+    assert kinds(found) == ["too few nodes", "under-copied", "under-copied"], "once for both, and each lacks what two nodes could have"
+    assert "add a node" in found.ailments[0].to_do
+    explained = {**short, "under_copied": {"segments": 1, "missing_max": 1, "records": 100}}
+    assert kinds(health(*(node(one.address, one.arc, copies=copies(**explained)) for one in pair))) == ["too few nodes"]
+
+
+def test_the_status_tells_of_too_few_nodes_and_is_degraded_only_if_writes_are_refused() -> None:
+    found = status_of([node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))])
+    assert [warning.kind for warning in found.warnings] == ["too few nodes"] and not found.degraded
+    refusing = {"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": None}]}
+    assert status_of([node(ADDRESSES[0], arc(0, 1), copies=copies(**refusing))]).degraded
+    assert kinds(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**refusing)))) == ["too few nodes"], "once"
+
+
 def test_what_has_rotted_degrades_until_it_is_healed() -> None:
     found = health(*nodes(copies(rotten={"waiting": 2, "unhealed": 0, "healed": 0}), damaged=9))
     assert (found.condition, found.corrupt, kinds(found)) == (Condition.DEGRADED, 2, ["rotten"])

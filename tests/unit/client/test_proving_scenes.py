@@ -32,10 +32,10 @@ async def proved(nodes: FakeNodes, shown: list[ShownScene]) -> Proof:
 async def test_whoever_sees_the_header_proves_and_whoever_has_the_key_opens_as_well(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
     mine = _scenes(nodes, tmp_path / "mine")
-    scene = await mine.create("kitchen")
+    scene = await mine.create("kitchen", copies=1)
     await scene.space(FILES).put_many(ITEMS)
     stranger = _scenes(nodes, tmp_path / "other", OTHER)
-    await stranger.create("hall")
+    await stranger.create("hall", copies=1)
     by_me = await shown_scenes(nodes.calls(), mine, None)
     by_stranger = await shown_scenes(nodes.calls(), stranger, f"{scene.id:08x}")
     assert {one.name: one.keys is not None for one in by_me} == {"kitchen": True, f"{(await stranger.open('hall')).id:08x}": False}
@@ -50,7 +50,7 @@ async def test_whoever_sees_the_header_proves_and_whoever_has_the_key_opens_as_w
 
 async def test_a_header_that_is_too_old_is_followed(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
-    scene = await _scenes(nodes, tmp_path).create("kitchen")
+    scene = await _scenes(nodes, tmp_path).create("kitchen", copies=1)
     await scene.space(FILES).put_many(ITEMS[:10])
     old = ShownScene.of(nodes.headers[scene.id])
     await scene.rotate_key()
@@ -68,11 +68,11 @@ async def test_a_header_that_is_too_old_is_followed(autojump_clock: MockClock, t
 
 async def test_a_header_of_another_scene_is_not_followed(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
-    scene = await _scenes(nodes, tmp_path).create("kitchen")
+    scene = await _scenes(nodes, tmp_path).create("kitchen", copies=1)
     await scene.space(FILES).put_many(ITEMS)
     old = replace(ShownScene.of(nodes.headers[scene.id]), writers={})
     other = FakeNodes()
-    hall = await _scenes(other, tmp_path / "other", OTHER).create("hall")
+    hall = await _scenes(other, tmp_path / "other", OTHER).create("hall", copies=1)
     header = other.headers[hall.id]
     nodes.headers[scene.id] = replace(header, scene=scene.id, position=9)
     proof = await proved(nodes, [old])

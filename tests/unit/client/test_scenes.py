@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable, UsageFault
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
@@ -48,6 +48,21 @@ async def test_keys_are_on_disk_before_a_node_hears_of_the_scene(autojump_clock:
     with pytest.raises(LocalFault, match="does not know"):
         await _scenes(nodes, tmp_path).open("kitchen")
     assert (await _scenes(nodes, tmp_path).create("kitchen")).genesis == keys.genesis
+
+
+async def test_a_scene_has_the_copies_that_it_was_made_with_also_if_that_was_interrupted(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes(away={"127.0.0.2", "127.0.0.3", "127.0.0.4"})
+    with pytest.raises(Unreachable):
+        await _scenes(nodes, tmp_path).create("kitchen", copies=2, copies_min=1)
+    nodes.away.clear()
+    with pytest.raises(LocalFault, match="with 2 copies, 1 of them needed, was interrupted"):
+        await _scenes(nodes, tmp_path).create("kitchen", copies=2)
+    with pytest.raises(UsageFault, match="1 to 8 copies"):
+        await _scenes(nodes, tmp_path).create("kitchen", copies=9)
+    scene = await _scenes(nodes, tmp_path).open_or_create("kitchen")
+    assert {(space.copies, space.copies_min) for space in await scene.spaces() if not space.parent} == {(2, 1)}
+    plain = await _scenes(nodes, tmp_path).open_or_create("hall", copies=1)
+    assert {(space.copies, space.copies_min, space.parent) for space in await plain.spaces()} == {(1, 1, 0)}
 
 
 async def test_a_name_is_given_once(autojump_clock: MockClock, tmp_path: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import lmdb
 import pytest
 
-from scenefold.store import LmdbDisk
+from scenefold.base.errors import LocalFault
+from scenefold.store import LmdbDisk, lmdb_disk
 from scenefold.store.layout import RECORDS
 from scenefold.store.lmdb_disk import LmdbEnvironment
 from scenefold.world import DiskFailed, DiskFull, WriteTransaction
@@ -50,3 +52,16 @@ def test_without_memory_for_a_larger_map_the_old_one_stays_or_the_disk_has_faile
     with again.read() as transaction:
         assert transaction.get(RECORDS, b"small") == (b"change" if failures == 1 else None)
     again.close()
+
+
+def test_a_file_that_cannot_be_held_open_leaves_nothing_open_and_nothing_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_files(path: Path, ahead_bytes_max: int = 0) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(lmdb_disk, "GrowingFile", no_files)
+        with pytest.raises(LocalFault, match=r"cannot be opened: .*Too many open files"):
+            LmdbDisk().open(tmp_path, [RECORDS])
+    disk = LmdbDisk().open(tmp_path, [RECORDS])
+    disk.update(mark)
+    disk.close()

@@ -70,11 +70,12 @@ async def test_of_puts_that_race_with_a_release_none_lands_behind_it(tmp_path: P
 async def test_a_renewed_node_holds_nothing_and_keeps_its_records(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         await store.put([put(1)])
+        await store.put_holding(WHOLE_LINE, b"note", b"what it holds for whom")
         before = store.identity
         after = await store.renew_identity()
         assert after.incarnation != before.incarnation
         assert (after.node, after.boot) == (before.node, before.boot)
-        assert await store.holding() is None
+        assert await store.holding() is None, "nor any custody: a restored backup answers for nobody"
         assert await outcomes(store, 2) == [Outcome.NOT_OWNED]
         assert await store.get_many([place(1)]) == [record(1)]
     async with open_store(world(), tmp_path, NODE) as store:

@@ -11,7 +11,7 @@ owns. It leaves only when it owns nothing, no handover is open, and no record li
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Protocol
 
 import trio
@@ -42,6 +42,10 @@ _REFUSES = "this node is leaving, and takes nothing"
 _log = logging.getLogger("scenefold.peer.draining")
 
 
+async def _never() -> bool:
+    return False
+
+
 class NodeDrained(Exception):
     """The node has handed everything over and is no member any more. Its life ends here, in order."""
 
@@ -69,8 +73,12 @@ class Draining:
         *,
         has_lease: Callable[[], bool] = lambda: True,
         may_order: Callable[[str], bool] = lambda _user: True,
+        lies_elsewhere: Callable[[], Awaitable[bool]] = _never,
     ) -> None:
-        """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may."""
+        """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
+
+        `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
+        """
         self._world = world
         self._store = store
         self._line = line
@@ -79,6 +87,8 @@ class Draining:
         self._decides = decides
         self._has_lease = has_lease
         self._may_order = may_order
+        self._lies_elsewhere = lies_elsewhere
+        self._is_elsewhere = False
         self._ordered = trio.Event()
         self._leaving = False
         self._request: bytes | None = None
@@ -202,7 +212,7 @@ class Draining:
 
     async def _has_records(self) -> bool:
         manifest = await self._store.strays(Rightful(()), None, 1)
-        return bool(manifest.entries)
+        return bool(manifest.entries) and not self._is_elsewhere
 
     # ------------------------------------------------------------------------------------------------------ doing
 
@@ -221,6 +231,7 @@ class Draining:
             if await self._give_some(self._line.arc):
                 return
         else:
+            self._is_elsewhere = await self._lies_elsewhere()
             obstacles = await self._obstacles()
             self._waits_for = "; ".join(obstacles)
             if not obstacles and await self._leave():

@@ -84,7 +84,7 @@ class Line:
         self._giving = Giving(self._parts)
         self._receiving = Receiving(self._parts)
         self._adoption = Adoption(self._parts)
-        self._strays = Strays(self._parts)
+        self._strays = Strays(self._parts, lambda: bool(self._receiving.refuses))
 
     # ------------------------------------------------------------------------------------------------- questions
 

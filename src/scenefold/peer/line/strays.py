@@ -10,7 +10,7 @@ What cannot be written on a full disk (to delete is to write) is left for a late
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 
@@ -50,8 +50,10 @@ _log = logging.getLogger("scenefold.peer.line")
 class Strays:
     """Used from the Trio thread only. `left`: strays that the last look through the store found and left."""
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: Parts, is_leaving: Callable[[], bool] = lambda: False) -> None:
+        """`is_leaving`: whether this node is to hold nothing any more."""
         self._parts = parts
+        self._is_leaving = is_leaving
         self.left = 0
         self._damaged = 0
         self._waits_s = PAUSE_S_MAX
@@ -141,7 +143,7 @@ class Strays:
     async def _waits(self, entry: Entry) -> bool:
         """Whether it may well be told that this node holds it."""
         left_s = self._left_lately.settles_in_s(Arc(entry.home, entry.home))
-        if not left_s or await layout_of(self._parts, *entry.place[:2]) == NO_COPIES:
+        if not left_s or self._is_leaving() or await layout_of(self._parts, *entry.place[:2]) == NO_COPIES:
             return False
         self._waits_s = min(self._waits_s, left_s)
         return True
@@ -188,7 +190,7 @@ class Strays:
         }
         reply = await self._parts.peers.ask(owner, Priority.LOW, OfferStrays(tuple(told.values())), StraysJudged, ASK_S_MAX)
         reasons = dict(zip(told, reply.reasons, strict=False))
-        if RejectReason.BUSY in reply.reasons:
+        if not {RejectReason.BUSY, RejectReason.TOO_FEW_COPIES}.isdisjoint(reply.reasons):
             self._waits_s = min(self._waits_s, BUSY_S_MAX)
         # What is not told of is brought all the same: its header has rotted since, and it is found to be so.
         wanted = [entry for entry in entries if reasons.get(entry, RejectReason.PEER_MISSED) == RejectReason.PEER_MISSED]

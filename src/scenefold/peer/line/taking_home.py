@@ -8,6 +8,7 @@ Of spaces with copies it is asked first what need not be brought at all.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import trio
 
@@ -42,6 +43,14 @@ GATE_S_MAX = 2.0
 """For a place to thaw; the sender comes back later."""
 
 
+class _Counted(NamedTuple):
+    """A write asks for `needed` nodes; `placed` are to have it beside the owner, and `sure` of these do."""
+
+    needed: int
+    placed: int
+    sure: int
+
+
 class TakingHome:
     """Used from the Trio thread only."""
 
@@ -69,17 +78,19 @@ class TakingHome:
             # All of each is read: who hears that it is here deletes its own.
             present = await self._parts.store.read(spots)
             enough = await self._enough_have(spots)
-            for held, spot, found, is_enough in zip(part, spots, present, enough, strict=True):
+            all_others = await self._all_others_have(spots, node_of(peer))
+            for held, spot, found, is_enough, is_everywhere in zip(part, spots, present, enough, all_others, strict=True):
                 has_it = isinstance(found, Record) and rank_of(told_version(found.header_bytes)) >= rank_of(held.version)
-                reason = int(await self._why_not_deleted(held, spot, peer, has_it=has_it))
-                reasons.append(reason or (0 if is_enough else int(RejectReason.BUSY)))
+                reason = int(await self._why_not_settled_here(held, spot, has_it=has_it))
+                stays = await self._why_stays(held, spot.home, peer)
+                if stays is None and (reason or is_enough):
+                    reasons.append(reason)
+                else:
+                    reasons.append(int(RejectReason.TOO_FEW_COPIES if not reason and is_everywhere else RejectReason.BUSY))
         return StraysJudged(tuple(reasons))
 
-    async def _why_not_deleted(self, held: HeldRecord, spot: Spot, peer: str, *, has_it: bool) -> int:
-        """0: this or a newer version is durable here, and where else its space asks for it. 3: it is to be brought."""
-        problem = await self._why_stays(held, spot.home, peer)
-        if problem is not None:
-            return problem.reason
+    async def _why_not_settled_here(self, held: HeldRecord, spot: Spot, *, has_it: bool) -> int:
+        """0: this or a newer version is durable here, and may be told. 3: it is to be brought."""
         if not await self._is_placed(held, spot.home):
             # Nobody knows yet who has what: it may be the only one.
             return RejectReason.BUSY
@@ -99,21 +110,31 @@ class TakingHome:
 
     async def _enough_have(self, spots: Sequence[Spot]) -> list[bool]:
         """Whether what lies at each lies with as many as its space asks for, at this moment: since it was acknowledged, some may be gone."""
+        nodes = max(1, len(self._parts.cluster_log.registry.order))
+        return [one is not None and 1 + one.sure >= min(one.needed, nodes) for one in await self._counted(spots)]
+
+    async def _all_others_have(self, spots: Sequence[Spot], bringer: NodeId | None) -> list[bool]:
+        """Whether so few would be left without who brings it that a write asks for all of them, and what lies here lies with all that may hold it."""
+        stay = len(self._parts.cluster_log.registry.order) - 1
+        return [one is not None and one.needed > stay and one.sure == one.placed for one in await self._counted(spots, bringer)]
+
+    async def _counted(self, spots: Sequence[Spot], but: NodeId | None = None) -> list[_Counted | None]:
+        """Of each place: who is to hold what lies there, and has it. None where the space is unknown. `but`: who is not looked at."""
         parts = self._parts
         debtors = await parts.store.debtors_of(spots)
         copies = parts.keeper.copies.configurations
-        nodes = max(1, len(parts.cluster_log.registry.order))
-        found = []
+        found: list[_Counted | None] = []
         for spot, owed in zip(spots, debtors, strict=True):
             layout = await layout_of(parts, *spot.place[:2])
             if not layout:
-                found.append(layout is not None)
+                found.append(None if layout is None else _Counted(1, 0, 0))
                 continue
             needed = (await parts.scenes.known(spot.place.scene, ask=False)).needed[spot.place.space]
             segment = copies.at(layout, spot.home)
-            placed = [] if segment is None else [member for member in segment.placed(copies.me) if member in segment.sound]
-            sure = [member for member in placed if member.node not in owed and not parts.keeper.is_removed(member)]
-            found.append(1 + len(sure) >= min(needed, nodes))
+            placed = [] if segment is None else [member for member in segment.placed(copies.me) if member.node != but]
+            sound = [] if segment is None else [member for member in placed if member in segment.sound]
+            sure = [member for member in sound if member.node not in owed and not parts.keeper.is_removed(member)]
+            found.append(_Counted(needed, len(placed), len(sure)))
         return found
 
     # ------------------------------------------------------------------------------------------------ HandRecords

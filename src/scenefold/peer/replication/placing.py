@@ -84,10 +84,14 @@ class Placing:
         return self._parts.keeper.copies.configurations.at(layout, home) if layout else None
 
     def check(self, scene: KnownScene, space: SpaceId) -> None:
-        """Refused (22) if so few nodes may hold copies of the space that no write can count."""
+        """Refused (22) if so few nodes may hold copies of the space that no write can count; 16 if who has joined since was not looked at yet."""
         short = self.shortages.get(self.layout_of(scene, space))
-        if short is not None and short.possible < self.needed_of(scene, space):
-            raise too_few(short)
+        if short is None or short.possible >= self.needed_of(scene, space):
+            return
+        if self._line_of and self._line_of[0] != self._parts.cluster_log.registry.position:
+            self._wake.set()
+            raise Refused(RejectReason.NOT_READY, "who is to hold copies is being looked at", remedy="try again in a while")
+        raise too_few(short)
 
     async def ensure_placed(self, layout: Layout) -> None:
         """Return once all of the arc has holders by this layout, or is about to. Refused (16) if that takes too long."""

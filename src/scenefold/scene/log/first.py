@@ -19,27 +19,27 @@ from scenefold.wire import Batch, CreateSpace, CurveKind, Grant, LogRecord
 _REQUEST_ID_BYTES = 16
 
 
-def first_entry(maker: Grant, copies: int = COPIES_DEFAULT) -> Batch:
-    """The spaces of a new scene, each with so many copies, the shadows for these, and its first owner."""
-    spaces = [_created(space, copies) for space in SPACES]
+def first_entry(maker: Grant, copies: int = COPIES_DEFAULT, least: int = COPIES_MIN_DEFAULT) -> Batch:
+    """The spaces of a new scene, each with so many copies, of which `least` (no more than that) must be there, the shadows for these, and its first owner."""
+    spaces = [_created(space, copies, min(least, copies)) for space in SPACES]
     names = {space.name for space in SPACES}
     ids = (SpaceId(number) for number in range(len(SPACES) + 1, SPACE_ID_MAX + 1))
     shadows = [shadow for space in spaces for shadow in shadows_of(space, free_offsets((), copies - 1), ids, names)]
     return Batch((*spaces, *shadows, maker))
 
 
-def first_record(genesis: bytes, origin: NodeId, maker: Grant, copies: int = COPIES_DEFAULT) -> LogRecord:
+def first_record(genesis: bytes, origin: NodeId, maker: Grant, copies: int = COPIES_DEFAULT, least: int = COPIES_MIN_DEFAULT) -> LogRecord:
     """The record at position 1."""
     request_id = hashlib.sha256(b"scenefold/first-record" + genesis).digest()[:_REQUEST_ID_BYTES]
-    return SceneLog().next_record(first_entry(maker, copies), request_id, origin)
+    return SceneLog().next_record(first_entry(maker, copies, least), request_id, origin)
 
 
-def first_log(genesis: bytes, origin: NodeId, maker: Grant, copies: int = COPIES_DEFAULT) -> SceneLog:
+def first_log(genesis: bytes, origin: NodeId, maker: Grant, copies: int = COPIES_DEFAULT, least: int = COPIES_MIN_DEFAULT) -> SceneLog:
     """The state after it."""
-    return SceneLog().apply(first_record(genesis, origin, maker, copies))
+    return SceneLog().apply(first_record(genesis, origin, maker, copies, least))
 
 
-def _created(space: SpaceLayout, copies: int) -> CreateSpace:
+def _created(space: SpaceLayout, copies: int, least: int) -> CreateSpace:
     return CreateSpace(
         space=space.id,
         dimensions=space.dimensions,
@@ -48,7 +48,7 @@ def _created(space: SpaceLayout, copies: int) -> CreateSpace:
         parent=SpaceId(0),
         offset=FIRST,
         copies=copies,
-        copies_min=min(COPIES_MIN_DEFAULT, copies),
+        copies_min=least,
         render_output=space.render_output,
         name=space.name,
         low=(0.0,) * space.dimensions,

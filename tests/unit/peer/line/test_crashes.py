@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 
 import pytest
 import trio
@@ -20,17 +19,7 @@ DISTINCT = (Point.BEFORE_COMMIT, Point.AFTER_COMMIT, Point.AFTER_SEND)
 """Where nothing else is durable or known between two of them: what crashes before a send has crashed after a commit or another send."""
 """Records of a batch, where there are to be many: half of the records are given."""
 
-
-@pytest.fixture(autouse=True)
-def only_errors() -> Iterator[None]:
-    """Nodes that crash are complained about by those that live; what matters here are errors."""
-    loggers = [logging.getLogger(name) for name in ("scenefold.world", "scenefold.peer")]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    yield
-    for logger, level in zip(loggers, before, strict=True):
-        logger.setLevel(level)
+pytestmark = pytest.mark.usefixtures("only_errors")
 
 
 Story = Callable[[Street], Awaitable[None]]

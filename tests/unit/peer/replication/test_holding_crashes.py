@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
 import pytest
@@ -22,17 +21,7 @@ T = TypeVar("T")
 TIMES = 3
 """Custody is set, records are stored, and all is promised, one after the other."""
 
-
-@pytest.fixture(autouse=True)
-def only_errors() -> Iterator[None]:
-    """Nodes that crash are complained about by those that live; what matters here are errors."""
-    loggers = [logging.getLogger(name) for name in ("scenefold.world", "scenefold.peer")]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    yield
-    for logger, level in zip(loggers, before, strict=True):
-        logger.setLevel(level)
+pytestmark = pytest.mark.usefixtures("only_errors")
 
 
 async def insist(question: Callable[[], Awaitable[T]], is_good: Callable[[T], bool]) -> T:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 import random
-from collections.abc import Iterator
 
 import pytest
 import trio
@@ -24,17 +22,7 @@ from unit.peer.replication.holders import arc_of
 from unit.peer.replication.terrace import record_at
 from unit.peer.replication.writers import Row, as_bytes, in_a_row, seq_of, until
 
-
-@pytest.fixture(autouse=True)
-def only_errors() -> Iterator[None]:
-    """Nodes that crash are complained about by those that live; what matters here are errors."""
-    loggers = [logging.getLogger(name) for name in ("scenefold.world", "scenefold.peer")]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    yield
-    for logger, level in zip(loggers, before, strict=True):
-        logger.setLevel(level)
+pytestmark = pytest.mark.usefixtures("only_errors")
 
 
 def test_an_owner_that_crashed_before_it_sent_anything_sends_that_first_and_tells_nobody_before() -> None:

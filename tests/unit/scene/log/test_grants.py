@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import KeyId, NodeId, SpaceId
+from scenefold.base.limits import COPIES_MAX
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
 from scenefold.client import births
-from scenefold.client.births import born, first_header, first_private, first_records, kept_keys
+from scenefold.client.births import born, born_with, first_header, first_private, first_records, kept_keys
+from scenefold.client.copies import BY_DEFAULT, Copies
 from scenefold.client.sealing import Draft, Opened
 from scenefold.client.wishes import Wish
 from scenefold.crypto import HEADER_DOMAIN, InvalidSignature, SigningKey
@@ -49,10 +51,11 @@ MAKER_NUMBER = 200
 class Story:
     """A scene from its birth on; `keys`: of an owner. `private`: its log, sealed."""
 
+    copies: Copies = BY_DEFAULT
     counter: Any = field(default_factory=lambda: itertools.count(1))
 
     def __post_init__(self) -> None:
-        self.kept = kept = born("kitchen", MAKER, secrets_of(MAKER_NUMBER).signing, ORIGIN, self.token)
+        self.kept = kept = born("kitchen", MAKER, secrets_of(MAKER_NUMBER).signing, ORIGIN, self.token, self.copies)
         self.keys = self.first_keys = kept_keys(kept, secrets_of(MAKER_NUMBER).sealing)
         header = first_header(kept, self.keys, MAKER, ORIGIN)
         assert header is not None
@@ -118,10 +121,14 @@ def test_no_nonce_serves_two_first_logs_of_a_scene() -> None:
     assert _nonce(other) != _nonce(again)
 
 
-def test_a_creation_is_resumed_by_a_version_that_would_give_new_scenes_more_copies(monkeypatch: pytest.MonkeyPatch) -> None:
-    story = Story()
+@pytest.mark.parametrize("copies", [BY_DEFAULT, Copies(1, 1), Copies(COPIES_MAX, 3)])
+def test_a_creation_is_resumed_by_a_version_that_would_give_new_scenes_other_copies(
+    copies: Copies, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    story = Story(copies)
     header = first_header(story.kept, story.keys, MAKER, ORIGIN)
-    monkeypatch.setattr(births, "COPIES_DEFAULT", 3)
+    assert born_with(story.keys, MAKER, ORIGIN) == copies
+    monkeypatch.setattr(births, "BY_DEFAULT", Copies(5, 4))
     assert header is not None and first_header(story.kept, story.keys, MAKER, ORIGIN) == header
     assert first_private(story.keys, MAKER, ORIGIN) == story.private
 

@@ -1,0 +1,64 @@
+"""Where fewer copies can be than spaces shall have: why, and what to do about it (specs/20-copies.md, Health). Pure.
+
+Where there are too few nodes all of them say so, and people hear it once. Where a blacklist forbids others, each that has one is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from scenefold.client.copy_reports import CopiesReport, ShortageReport
+
+
+@dataclass(frozen=True, slots=True)
+class Shortage:
+    """Of what the node at `address` owns, or, if that is "", of everything."""
+
+    address: str
+    told: ShortageReport
+
+    @property
+    def forbids_writes(self) -> bool:
+        return self.told.forbids_writes
+
+    @property
+    def missing(self) -> int:
+        """How many nodes would have to be added at least."""
+        return self.told.copies - self.told.possible
+
+    @property
+    def text(self) -> str:
+        told, possible = self.told, self.told.possible
+        writes = f", and writes, which need {told.needed}, are refused" if self.forbids_writes else ""
+        if self.address:
+            return (
+                f"only {possible} of {told.copies} copies of what {self.address} owns can be there: "
+                f"the blacklist of {told.blacklist_of} forbids other nodes{writes}"
+            )
+        nodes = "the cluster has one node" if possible == 1 else f"the cluster has {possible} nodes"
+        lost = ", and what lies on its disk is lost with it" if possible == 1 and not writes else ""
+        return f"only {possible} of {told.copies} copies of each record can be there: {nodes}{writes}{lost}"
+
+    @property
+    def to_do(self) -> str:
+        if self.address:
+            return "add nodes that it allows, or take something off it: scenectl node blacklist rm"
+        if self.forbids_writes:
+            return "start the other members, or see what keeps them from coming: scenectl cluster status"
+        nodes = "a node" if self.missing == 1 else f"{self.missing} nodes"
+        return f"add {nodes}, and the copies are made: scenectl cluster invite --node"
+
+
+def shortages_of(told: Iterable[tuple[str, CopiesReport]]) -> list[Shortage]:
+    """By address of the nodes that say so. Of everything first, and then but the worst."""
+    few: list[ShortageReport] = []
+    forbidden: list[Shortage] = []
+    for address, copies in told:
+        for shortage in copies.shortages:
+            if shortage.blacklist_of is None:
+                few.append(shortage)
+            else:
+                forbidden.append(Shortage(address, shortage))
+    worst = [Shortage("", max(few, key=lambda one: (one.forbids_writes, one.copies - one.possible)))] if few else []
+    return [*worst, *forbidden]
