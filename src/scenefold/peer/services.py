@@ -110,7 +110,7 @@ class PeerServices:
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
         self._replication = Replication(line.parts, roster, routing)
-        purging = Purging(line.parts, self._replication.spreading.in_hand)
+        purging = Purging(line.parts, self._replication.spreading)
         suspects = Suspects(line.parts)
         line.parts.arrival.before.append(suspects.set_aside)
         showing = Showing(line.parts, suspects, lambda user, scene: is_scene_member(user, scene.public, registry(), facts))

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
+from typing import Protocol
 
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import address_of
+from scenefold.base.ids import SceneId, SpaceId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
@@ -47,14 +48,25 @@ _TEXT_MAX = 256
 States = Mapping[Member, Sequence[PlaceState]]
 
 
+class Copies(Protocol):
+    """What is known of what is sent to holders (replication/spreading.py)."""
+
+    def in_hand(self) -> set[Name]:
+        """Of what records there are versions in memory that may still be sent."""
+        ...
+
+    def is_bound(self, scene: SceneId, space: SpaceId, arc: Arc, /) -> bool:
+        """Whether somebody may still be answered there by a layout that the space had before."""
+        ...
+
+
 class Purging:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, in_hand: Callable[[], set[Name]]) -> None:
-        """`in_hand`: of what records there are versions in memory that may still be sent."""
+    def __init__(self, parts: Parts, copies: Copies) -> None:
         self._parts = parts
-        self._in_hand = in_hand
-        self._asked = Asked(parts, in_hand)
+        self._copies = copies
+        self._asked = Asked(parts, copies.in_hand)
         self._slots = trio.CapacityLimiter(PURGES_MAX)
 
     def register(self, handlers: Handlers) -> None:
@@ -91,7 +103,7 @@ class Purging:
         parts = self._parts
         found = await parts.store.read(spots)
         debtors = await parts.store.debtors_of(spots)
-        in_hand = self._in_hand()
+        in_hand = self._copies.in_hand()
         met: dict[int, Refused | None] = {}
         for index, (item, spot, record, owed) in enumerate(zip(order.items, spots, found, debtors, strict=True)):
             waits = self._waits_for(scene, spot, in_hand)
@@ -117,6 +129,8 @@ class Purging:
             return "not all is known yet that was acknowledged there"
         if name_of(spot) in in_hand or parts.unsettled.of(name_of(spot)) or (layout and parts.unsettled.is_doubted(layout, here)):
             return "too few have the record yet"
+        if self._copies.is_bound(*spot.place[:2], here):
+            return "who holds its copies is changing"
         if not layout:
             return ""
         if not parts.unsettled.is_read:
@@ -150,7 +164,7 @@ class Purging:
         await self._each(asked, partial(self._ask_again, position, boots))
         left = _left(states, len(spots))
         for index, spot in enumerate(spots):
-            waits = self._waits_for(scene, spot, self._in_hand())
+            waits = self._waits_for(scene, spot, self._copies.in_hand())
             if waits:
                 left.setdefault(index, waits)
         self._require_owned(position, [spot for index, spot in enumerate(spots) if index not in left])

@@ -90,6 +90,10 @@ class Spreading:
         """Of what records there are versions in memory that may still be sent to holders, whatever lies on the disk by now."""
         return self._judging.in_hand()
 
+    def is_bound(self, scene: SceneId, space: SpaceId, arc: Arc) -> bool:
+        """Whether somebody may still be answered there by a layout that the space had before."""
+        return bool(self._judging.turning.binding(scene, space, arc))
+
     def doubt(self, arc: Arc) -> None:
         """Nobody knows who has what there, as of a gap: it is unsettled until each place satisfies both rules by who is sound."""
         self._judging.doubt(arc)

@@ -35,7 +35,7 @@ class Purger(Writer):
 
     def others(self, world: World, line: Line) -> list[Any]:
         others = super().others(world, line)
-        self.purging = Purging(line.parts, self.replication.spreading.in_hand)
+        self.purging = Purging(line.parts, self.replication.spreading)
         return [*others, SimpleNamespace(register=self.purging.register)]
 
     def versions(self, place: Location) -> list[int]:
