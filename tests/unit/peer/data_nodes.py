@@ -169,6 +169,9 @@ class _Seen:
             raise Refused(self._all.unknown_is, "unknown")
         return KnownScene.of(SCENE)
 
+    def here(self, scene: SceneId) -> KnownScene | None:
+        return KnownScene.of(SCENE) if scene == SCENE.scene else None
+
 
 def with_nodes(test: Callable[..., Awaitable[None]], *arcs: Arc | None, seed: int = 1) -> None:
     """Run `test(neighbours, *nodes)` in a simulated world with a node for each arc."""
