@@ -87,12 +87,17 @@ class CopyReads:
         calls, tails, now = self.calls, self.calls.tails, self.calls.world.clock.now
         holders = AskedHolders(self, wanted)
         is_whole = sum(map(len, groups.values())) == len(frame)
-        began = now()
+        began, after_s = now(), self.patience_s(owner, len(frame))
+
+        async def ask_holders() -> None:
+            if 0 < after_s <= now() - began:
+                tails.asked_others()
+            await holders.ask(groups)
+
         answered = await helped(
             partial(ask_owner, owner, frame),
-            partial(holders.ask, groups),
-            # Who did not answer the last time, or is slow all the time, is hardly worth waiting for.
-            after_s=0.0 if calls.is_silent(owner) or tails.is_behind(owner) else tails.limit_s(len(frame)),
+            ask_holders,
+            after_s=after_s,
             others_know=lambda: is_whole and holders.have(frame),
         )
         if answered:
@@ -103,6 +108,11 @@ class CopyReads:
                     self.bad.met(owner, node, index)
         elif not calls.is_silent(owner):
             tails.was_late(owner)
+
+    def patience_s(self, owner: NodeId, records: int) -> float:
+        """How long it is waited for alone. Who did not answer the last time, or is slow all the time, is hardly worth it."""
+        is_late = self.calls.is_silent(owner) or self.calls.tails.is_behind(owner)
+        return 0.0 if is_late else self.calls.tails.limit_s(records)
 
     async def wide(self, ask_once: AskOnce, wanted: Wanted, owner: NodeId, frame: list[int], least: int) -> None:
         """Read them from the owner and all holders at once. Raises what the owner raises if others cannot help either."""

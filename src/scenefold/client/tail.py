@@ -16,6 +16,12 @@ LEAST = 8
 """Before so many answers nothing is known of a node."""
 BEHIND = 3
 """So often in a row holders of copies were sooner than an owner that was worth waiting for."""
+SPARE_MAX = 16.0
+SPARE_PART = 0.25
+"""For each answer, so many questions may be asked of others as well because it was slow: where all are slow, since there is too much to do,
+asking twice makes it worse."""
+PATIENT_S = 10.0
+"""After so long others are asked in any case."""
 CLASSES = (4, 16, math.inf)
 """Questions are alike that ask for up to so many records."""
 
@@ -42,15 +48,21 @@ class Tails:
         self._unknown_s, self._least_s, self._most_s = unknown_s, least_s, most_s
         self._tails: list[dict[NodeId, Tail]] = [defaultdict(Tail) for _ in CLASSES]
         self._late: dict[NodeId, int] = {}
+        self._spare = SPARE_MAX
 
     def note(self, node: NodeId, records: int, seconds: float) -> None:
         """A node took so long to answer for so many records, and nobody was sooner."""
         self._tails[_class_of(records)][node].note(seconds)
+        self._spare = min(SPARE_MAX, self._spare + SPARE_PART)
         self._late.pop(node, None)
 
     def was_late(self, node: NodeId) -> None:
         """Others had been asked beside it, and knew sooner."""
         self._late[node] = self._late.get(node, 0) + 1
+
+    def asked_others(self) -> None:
+        """Somebody was slow, and so others are asked as well."""
+        self._spare = max(0.0, self._spare - 1)
 
     def is_behind(self, node: NodeId) -> bool:
         """Whether a node is slow all the time: it is not worth waiting for before others are asked as well."""
@@ -59,8 +71,10 @@ class Tails:
     def limit_s(self, records: int) -> float:
         """After so long it is worth asking somebody else for so many records as well: what is slow for the faster half of the nodes.
 
-        Where that is not known of so few, what is known of more.
+        Where that is not known of so few, what is known of more. Where too much was asked of others lately, PATIENT_S.
         """
+        if self._spare < 1:
+            return PATIENT_S
         for tails in self._tails[_class_of(records) :]:
             known = sorted(tail.slow_s for tail in tails.values() if tail.slow_s is not None)
             if known:

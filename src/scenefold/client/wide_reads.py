@@ -81,13 +81,12 @@ class WideRead:
 
     async def _learn_versions(self) -> None:
         """By the owner's word; if it is slow or away, by that of enough holders."""
-        holders, tails = AskedHolders(self._reads, self._wanted), self._calls.tails
-        is_behind = self._calls.is_silent(self._owner) or tails.is_behind(self._owner)
+        holders = AskedHolders(self._reads, self._wanted)
         try:
             await helped(
                 self._ask_versions,
                 partial(holders.ask, self._groups, versions_only=True),
-                after_s=0.0 if is_behind else tails.limit_s(1),
+                after_s=self._reads.patience_s(self._owner, 1),
                 others_know=lambda: all(holders.version(index) is not None for index in self._frame),
             )
         except (Unreachable, Refused, PeerFault) as problem:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.ids import NodeId
-from scenefold.client.tail import BEHIND, KEPT, LEAST, Tails
+from scenefold.client.tail import BEHIND, KEPT, LEAST, PATIENT_S, SPARE_MAX, SPARE_PART, Tails
 
 ONE, TWO, THREE, FOUR, SLOW = (NodeId(number) for number in range(1, 6))
 QUICK = (ONE, TWO, THREE, FOUR)
@@ -72,3 +72,18 @@ def test_who_is_late_again_and_again_is_behind_until_it_is_sooner_once() -> None
     assert known.is_behind(SLOW) and not known.is_behind(ONE)
     known.note(SLOW, 1, 0.01)
     assert not known.is_behind(SLOW)
+
+
+def test_where_all_are_slow_only_some_questions_are_asked_twice() -> None:
+    known = tails()
+    for _ in range(int(SPARE_MAX)):
+        assert known.limit_s(1) == 0.5
+        known.asked_others()
+    assert known.limit_s(1) == PATIENT_S
+    asked = 0
+    for _ in range(400):
+        known.note(ONE, 1, 1.0)
+        if known.limit_s(1) < PATIENT_S:
+            known.asked_others()
+            asked += 1
+    assert asked == 400 * SPARE_PART
