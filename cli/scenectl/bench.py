@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from scenectl.copies import CopiesOption, MinCopiesOption
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
@@ -63,7 +63,7 @@ def store(
     mib: Annotated[int, whole(1, 1 << 20)] = 64,
     small_records: Annotated[int, whole(1, 1 << 24)] = 8192,
     seconds: Annotated[int, whole(1, 3600)] = 120,
-    weather: bool = False,
+    weather: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     ports: PortsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:

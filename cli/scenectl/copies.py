@@ -32,8 +32,7 @@ def copies(
 ) -> None:
     """Say how many nodes shall hold each record of a space from now on; an owner's to do.
 
-    What is there already is copied, or copies of it go, in the background; it can be read and written meanwhile. `cluster health` tells how
-    far that is.
+    What is there already is copied, or copies of it go, while it is read and written; `cluster health` tells how far that is.
 
     Example: scenectl space copies particles 3 --scene kitchen --profile studio
 
