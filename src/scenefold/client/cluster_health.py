@@ -183,6 +183,9 @@ def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
         yield Ailment(
             "forbidden", address, text, "add nodes that it allows" if copies.shortages else _WAIT, mends_itself=not copies.shortages
         )
+    if copies.full:
+        text = f"{address}: {_some(copies.full)} had no room for copies of what it owns; others hold them, as far as there are any"
+        yield Ailment("no room", address, text, _TO_DO["nearly full"], degrades=False)
     if copies.rotten:
         healing = copies.rotten - copies.unhealed
         counts = [f"{healing:,} are being fetched from others"] if healing else []

@@ -78,6 +78,8 @@ class CopiesReport:
     unrecovered_share: float
     shortages: tuple[ShortageReport, ...]
     repair: RepairReport
+    full: tuple[str, ...] = ()
+    """Nodes that had no room for copies of what it owns."""
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
@@ -97,6 +99,7 @@ class CopiesReport:
             "healed": self.healed,
             "unsettled": self.unsettled,
             "unrecovered": self.unrecovered,
+            "full": list(self.full),
             "repair": {
                 "segments": repair.segments,
                 "records": repair.records,
@@ -112,7 +115,8 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
     if not found:
         return None
     owned, owed, repair, shortages, rotten = found["owned"], found["owed"], found["repair"], found["shortages"], found["rotten"]
-    if len(owed["nodes"]) > LISTED_MAX or len(shortages) > LISTED_MAX or len(found["forbidden"]["nodes"]) > LISTED_MAX:
+    full = found.get("full", ())
+    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full))) > LISTED_MAX:
         raise ValueError("more than a report names")
     return CopiesReport(
         owned=told_count(owned["records"]),
@@ -133,6 +137,7 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         unrecovered=told_count(found["unrecovered"]["pieces"]),
         unrecovered_share=told_amount(found["unrecovered"]["share"]),
         shortages=tuple(map(_shortage, shortages)),
+        full=tuple(map(told_address, full)),
         repair=RepairReport(
             told_count(repair["segments"]),
             told_count(repair["records"]),

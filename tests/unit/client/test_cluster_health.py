@@ -100,6 +100,12 @@ def test_what_costs_no_copy_is_mending(change: dict[str, Any], kind: str, pendin
     assert found.ailments[0].mends_itself and not found.ailments[0].degrades
 
 
+def test_who_had_no_room_for_copies_is_told() -> None:
+    found = health(*nodes(copies(full=["127.0.0.9"])))
+    assert (kinds(found), found.ailments[0].degrades) == (["no room"], False)
+    assert found.condition is not Condition.DEGRADED and "127.0.0.9" in found.ailments[0].text
+
+
 def test_strays_are_pending() -> None:
     found = health(*nodes(strays=3))
     assert (found.condition, kinds(found), found.pending) == (Condition.MENDING, ["strays"], 3)

@@ -7,7 +7,7 @@ the node may move. Whoever is not complete comes first, and of his segments thos
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import trio
@@ -23,7 +23,7 @@ from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.comparing_jobs import Job, jobs, waiting
 from scenefold.peer.replication.comparing_progress import Left, Progress
-from scenefold.peer.replication.comparing_space import Merge, SpaceComparison
+from scenefold.peer.replication.comparing_space import HolderFull, Merge, SpaceComparison
 from scenefold.wire import Member
 
 LOOK_S = 1.0
@@ -37,8 +37,10 @@ _log = logging.getLogger("scenefold.peer.replication")
 class Comparing:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, roster: Roster, merge: Merge) -> None:
+    def __init__(self, parts: Parts, roster: Roster, merge: Merge, on_full: Callable[[Member], None]) -> None:
+        """`on_full`: told of a holder that has no room."""
         self._parts = parts
+        self._on_full = on_full
         self._roster = roster
         self._merge = merge
         self._progress = Progress(parts.world.clock)
@@ -110,6 +112,8 @@ class Comparing:
                     await self._do(job)
                     pauses.reset()
                 except (Refused, Unreachable, PeerFault) as problem:
+                    if isinstance(problem, HolderFull):
+                        self._on_full(holder)
                     self._parts.events["comparisons broken off"] += 1
                     _log.debug("%s is compared again later: %s", address_of(holder.node), problem)
                     await pauses.wait()

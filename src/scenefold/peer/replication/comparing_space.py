@@ -59,6 +59,10 @@ Merge = Callable[[Sequence[Put]], Awaitable[Sequence[PutResult | NotKept]]]
 """Take copies into this node's own arc, so that all holders get them, and wait for none of these."""
 
 
+class HolderFull(Refused):
+    """The holder has no room for what it lacks."""
+
+
 class SpaceComparison:
     """Used from the Trio thread only."""
 
@@ -189,6 +193,8 @@ class SpaceComparison:
         # Where something older is sound nothing is lost for what cannot be had any more.
         lost = [reason for reason in reply.reasons[len(sound) :] if reason != RejectReason.DAMAGED]
         refused = next((reason for reason in (*reply.reasons[: len(sound)], *lost) if reason), 0)
+        if refused == RejectReason.STORAGE_FULL:
+            raise HolderFull(RejectReason.STORAGE_FULL, reply.text or "the holder's disk is full")
         if refused:
             raise Refused(RejectReason(refused), reply.text or "the holder does not take it")
 

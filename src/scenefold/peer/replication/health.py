@@ -19,6 +19,7 @@ from scenefold.peer.replication.comparing_progress import Left
 from scenefold.peer.replication.healing import Healing
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.standing import Standing, by_layout, standing_of
+from scenefold.peer.replication.telling_words import members_of
 
 COUNT_AGAIN_S = 2.0
 """Between two counts in a store that is written to all the time."""
@@ -89,6 +90,7 @@ class Health:
                 for short in islice(self._placing.shortages.values(), LISTED_MAX)
             ],
             "repair": _left_document(self._left()),
+            "full": _addresses(sorted(member.node for member in self._placing.full.among(members_of(copies.configurations)))),
             "held": {
                 "segments": len(copies.custody.entries),
                 "whole": sum(entry.whole for entry in copies.custody.entries),

@@ -12,9 +12,9 @@ from functools import partial
 
 import trio
 
-from scenefold.base.cover import without
+from scenefold.base.cover import runs, without
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SpaceId
+from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout, Line
 from scenefold.base.prefixes import forbids
@@ -25,6 +25,7 @@ from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication.full_holders import FullHolders, around_full
 from scenefold.peer.replication.placing_wishes import (
     Piece,
     Shortage,
@@ -38,6 +39,7 @@ from scenefold.peer.replication.placing_wishes import (
     target_of,
 )
 from scenefold.peer.routing import claims_of
+from scenefold.wire import Member
 
 LOOK_S = 1.0
 """Between two looks at who claims what, while nobody waits."""
@@ -62,6 +64,8 @@ class Placing:
         self._given_of: tuple[object, ...] = ()
         self._given: dict[Layout, list[Piece]] = {}
         self._wishes: dict[Layout, list[Wish]] = {}
+        self.full = FullHolders(parts.world.clock, roster)
+        """Who has no room for copies."""
         self.layouts: dict[Layout, int] = {}
         """All that the known scenes have, and what their configurations ask of every write."""
         self._most: dict[Layout, int] = {}
@@ -159,8 +163,10 @@ class Placing:
         """What placement gives by now for each layout; looked up anew if something has changed."""
         registry, own = self._parts.cluster_log.registry, self._parts.own
         self._look_at_line()
-        places = _recovered(self._parts.keeper.copies, arc)
-        about = self._line_of, own.blacklist, tuple(places), wanted, self._most
+        copies = self._parts.keeper.copies
+        places = _recovered(copies, arc)
+        full = self.full.among(known.member for node in registry.order if (known := registry.current(node)) is not None)
+        about = self._line_of, own.blacklist, tuple(places), wanted, self._most, full, copies.configurations.segments if full else ()
         if about == self._given_of:
             return
         takable = {node: known.member for node in registry.order if node != own.me and (known := registry.current(node)) is not None}
@@ -172,11 +178,18 @@ class Placing:
                 self._given[layout] = [(place, ()) for place in places]
                 continue
             most = self._most[layout]
-            self._given[layout] = pieces_of(self._line, own.me, layout, places, allowed, registry.order, most)
+            pieces = partial(self._pieces, layout, most)
+            self._given[layout] = runs(
+                [piece for place in places for piece in around_full(copies.configurations, layout, place, allowed, full, pieces)]
+            )
             short = shortage_of(layout, needed, allowed.keys(), takable.keys(), own.me, waiting, most)
             if short is not None:
                 shortages[layout] = short
         self.shortages, self._given_of = shortages, about
+
+    def _pieces(self, layout: Layout, most: int, place: Arc, allowed: Mapping[NodeId, Member]) -> list[Piece]:
+        order = self._parts.cluster_log.registry.order
+        return pieces_of(self._line, self._parts.own.me, layout, [place], allowed, order, most)
 
     def _look_at_line(self) -> None:
         """Who claims what, as this node believes; made anew if that has changed."""

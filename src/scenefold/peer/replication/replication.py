@@ -38,7 +38,7 @@ class Replication:
         self.placing = Placing(parts, roster)
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
-        self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False))
+        self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False), self.placing.full.note)
         self._activating = Activating(parts)
         self.healing = Healing(parts, partial(self.spreading.merge, wait=False))
         self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left)

@@ -1,0 +1,81 @@
+"""Who has no room for the copies that it is to hold (specs/20-copies.md, Full disks).
+
+A holder that is being filled and has no room would hold up the change of its segment for as long as that lasts. So it is left out where it
+is not complete, until its own word says that there is room again. Where it has everything it stays: else all copies would leave a full disk at once,
+and come back as soon as that was no longer full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from scenefold.base.cover import without
+from scenefold.base.ids import NodeId
+from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
+from scenefold.peer.balance.policy import FILL_MAX
+from scenefold.peer.balance.seams import fill_of
+from scenefold.peer.copies.configurations import Configurations
+from scenefold.peer.copies.segment import Segment
+from scenefold.peer.membership.roster import Roster
+from scenefold.peer.replication.placing_wishes import Piece
+from scenefold.wire import Member
+from scenefold.world import Clock
+
+AGAIN_S = 600.0
+"""So long at least: what a node says of its disk is coarse, and each try copies what there was room for."""
+
+Place = Callable[[Arc, Mapping[NodeId, Member]], list[Piece]]
+"""What placement gives a piece of the arc if these may be taken."""
+
+
+class FullHolders:
+    """Used from the Trio thread only."""
+
+    def __init__(self, clock: Clock, roster: Roster) -> None:
+        self._clock = clock
+        self._roster = roster
+        self._refused_at: dict[Member, float] = {}
+
+    def note(self, holder: Member) -> None:
+        """It has just refused a copy, as its disk is full."""
+        self._refused_at[holder] = self._clock.now()
+
+    def among(self, members: Iterable[Member]) -> frozenset[Member]:
+        """Who of them had no room lately, and does not say that there is some now."""
+        self._refused_at = {member: at for member, at in self._refused_at.items() if self._is_full(member.node, at)}
+        return frozenset(member for member in members if member in self._refused_at)
+
+    def _is_full(self, node: NodeId, refused_at: float) -> bool:
+        if self._clock.now() - refused_at < AGAIN_S:
+            return True
+        status = self._roster.status(node)
+        used, capacity = (0, 0) if status is None else fill_of(status)
+        return used > FILL_MAX * capacity
+
+
+def around_full(
+    found: Configurations, layout: Layout, arc: Arc, allowed: Mapping[NodeId, Member], full: frozenset[Member], place: Place
+) -> list[Piece]:
+    """What placement gives if who is full is taken only where it has everything already. Pure but for `place`."""
+    if not full:
+        return place(arc, allowed)
+    pieces: list[Piece] = []
+    rest = [arc]
+    for segment in found.segments:
+        common = segment.arc.intersection(arc) if segment.layout == layout else None
+        if common is not None:
+            rest = [left for part in rest for left in without(part, common)]
+            pieces += place(common, _without(allowed, full - _complete(segment, found.me)))
+    for part in rest:
+        pieces += place(part, _without(allowed, full))
+    return sorted(pieces, key=lambda piece: piece[0].first)
+
+
+def _complete(segment: Segment, me: Member) -> frozenset[Member]:
+    active = segment.active(me)
+    return segment.sound if active is None else segment.sound | frozenset(active.members)
+
+
+def _without(allowed: Mapping[NodeId, Member], full: frozenset[Member]) -> Mapping[NodeId, Member]:
+    return {node: member for node, member in allowed.items() if member not in full}
