@@ -53,6 +53,9 @@ class Noticed:
 
     def judged(self, put: Put, result: PutResult) -> None:
         """What became of a put: it may have been judged by what is left of the record there, or have taken its place."""
+        if not (self._rotten or self._given_up or result.over_wreck or put.is_husk):
+            # Nearly always; and each record that is stored comes here.
+            return
         header = put.record.header
         spot = Spot(RecordPlace(header.scene, header.space, header.location), object_of(header))
         if result.over_wreck:
