@@ -152,7 +152,8 @@ class Struct(Kind[T]):
         if type(value) is not self.build:
             raise Misfit(f"a {self.name} was expected, not {type(value).__name__}")
         plains = self.plain_fields(value)
-        self._hold(value)
+        if self.law is not None:
+            self._hold(value)
         return plains
 
     def plain_fields(self, value: T) -> list[object]:
@@ -178,7 +179,8 @@ class Struct(Kind[T]):
             raise Misfit(f"{count} fields, {len(self.fields)} were expected")
         values, at = self.read_fields(data, at, count)
         value = self.build(*values)
-        self._hold(value)
+        if self.law is not None:
+            self._hold(value)
         return value, at
 
     def _hold(self, value: T) -> None:

@@ -8,6 +8,7 @@ the wire are here, and both directions use the same bounds, so what we send is w
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Container
 from enum import IntEnum
 from typing import Generic, TypeVar
 
@@ -21,6 +22,8 @@ from scenefold.wire.tokens import (
     read_text,
     read_uint,
 )
+
+_BIN_8, _BIN_16 = 0xC4, 0xC5
 
 T = TypeVar("T")
 E = TypeVar("E", bound=IntEnum)
@@ -62,7 +65,11 @@ class Uint(Kind[int]):
         return int(value)
 
     def read(self, data: bytes, at: int) -> tuple[int, int]:
-        value, at = read_uint(data, at)
+        value = data[at]
+        if value < 0x80:
+            at += 1
+        else:
+            value, at = read_uint(data, at)
         if not self.least <= value <= self.most:
             self._check(value)
         return value, at
@@ -140,11 +147,12 @@ class Float(Kind[float]):
 class Bin(Kind[bytes]):
     """Raw bytes: of one of several exact lengths, or up to a limit. Encoding takes any contiguous buffer."""
 
-    __slots__ = ("lengths", "size_max")
+    __slots__ = ("_sizes", "lengths", "size_max")
 
     def __init__(self, size_max: int = 0, *, lengths: tuple[int, ...] = ()) -> None:
         self.lengths = lengths
         self.size_max = max(lengths) if lengths else size_max
+        self._sizes: Container[int] = frozenset(lengths) if lengths else range(size_max + 1)
         self.text = "bin " + ("|".join(map(str, lengths)) if lengths else f"≤ {size_max}")
 
     def plain(self, value: bytes) -> object:
@@ -158,10 +166,23 @@ class Bin(Kind[bytes]):
             if not view.c_contiguous:
                 raise Misfit("a contiguous buffer was expected")
             size, value = view.nbytes, view
-        self._check(size)
+        if size not in self._sizes:
+            self._check(size)
         return value
 
     def read(self, data: bytes, at: int) -> tuple[bytes, int]:
+        # Records consist of these, so what is as it should be takes no further call; `read_bin` says what is wrong with the rest.
+        head = data[at]
+        if head == _BIN_8:
+            size, start = data[at + 1], at + 2
+        elif head == _BIN_16:
+            size, start = data[at + 1] << 8 | data[at + 2], at + 3
+        else:
+            size = -1
+        if size in self._sizes and (size > 0xFF or head == _BIN_8):
+            end = start + size
+            if end <= len(data):
+                return data[start:end], end
         value, at = read_bin(data, at, self.size_max)
         if self.lengths:
             self._check(len(value))
@@ -213,6 +234,9 @@ class Place(Kind[Location]):
         return bytes(value)
 
     def read(self, data: bytes, at: int) -> tuple[Location, int]:
+        end = at + 2 + LOCATION_BYTES
+        if data[at] == _BIN_8 and data[at + 1] == LOCATION_BYTES and end <= len(data):
+            return bytes.__new__(Location, data[at + 2 : end]), end
         value, at = read_bin(data, at, LOCATION_BYTES)
         if len(value) != LOCATION_BYTES:
             raise Misfit(f"{len(value)} bytes, {LOCATION_BYTES} were expected")
