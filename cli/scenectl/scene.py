@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from scenectl.copies import CopiesOption, MinCopiesOption, lacking_text
 from scenectl.names import SceneName, SceneOption
@@ -106,6 +106,8 @@ def import_(
     /,
     *,
     scene: SceneOption | None = None,
+    rate: float | None = None,
+    dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Import a glTF, GLB, OBJ, PLY or STL file into a scene, which is made if it does not exist.
@@ -120,16 +122,24 @@ def import_(
         The file to import.
     scene
         Name of the scene; by default that of the file without its ending.
+    rate
+        MiB that are stored in a second, at most, so that others can work meanwhile; by default as fast as it goes.
+    dry_run
+        Read the file and say what it would make, and store nothing; no node is asked.
     """
     from scenectl.progress import Progress
+    from scenectl.rates import bytes_per_s
     from scenectl.running import connected, run
     from scenefold.client import scene_name_of
 
-    name = scene_name_of(file.stem) if scene is None else scene
+    name, speed = scene_name_of(file.stem) if scene is None else scene, bytes_per_s(rate)
+    if dry_run:
+        _plan_import(name, file, output)
+        return
 
     async def work(progress: Progress) -> ImportReport:
         async with connected(output.profile) as cluster:
-            _, report = await cluster.scenes.import_file(name, file, progress)
+            _, report = await cluster.scenes.import_file(name, file, progress, speed)
             return report
 
     with Progress(quiet=output.json) as progress:
@@ -137,6 +147,26 @@ def import_(
     text = f"{file} is in scene {name}: {report.records} records, {size_text(report.bytes)}, {report.seconds:.1f} s."
     text += "".join(f"\nnot carried over: {line}" for line in report.not_carried)
     emit(output, {"scene": name, "file": str(file), **report.document()}, text)
+
+
+def _plan_import(name: str, file: Path, output: ProfileOutput) -> None:
+    """Say what an import would store."""
+    from scenectl.progress import Progress
+    from scenectl.running import run
+    from scenefold.client import PreparedImport, prepare_import
+    from scenefold.world import offline_world
+
+    async def plan(progress: Progress) -> tuple[PreparedImport, int, int]:
+        world = offline_world()
+        prepared = await prepare_import(world, file, progress)
+        return prepared, *await world.workers.run("import", prepared.totals)
+
+    with Progress(quiet=output.json) as progress:
+        prepared, records, size = run(plan, progress)
+    left_out = list(prepared.plan.not_carried)
+    text = f"{file} would be {records} records in scene {name}, {size_text(size)}, for each of its copies."
+    text += "".join(f"\nnot carried over: {line}" for line in left_out)
+    emit(output, {"scene": name, "file": str(file), "dry_run": True, "records": records, "bytes": size, "not_carried": left_out}, text)
 
 
 def _plain(value: object) -> str:

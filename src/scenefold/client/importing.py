@@ -28,6 +28,7 @@ from scenefold.client.access import SceneAccess
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.progress import ProgressCallback, ProgressState
+from scenefold.client.reencryption import Pace
 from scenefold.client.together import together
 from scenefold.client.wishes import Wish
 from scenefold.world import World
@@ -89,6 +90,11 @@ class PreparedImport:
     read_seconds: float
     """How long reading took. Not when it began: a cluster may be started between reading and storing."""
 
+    def totals(self) -> tuple[int, int]:
+        """How many records it makes, and of how many bytes. It takes as long as making them, and is for who stores none of them."""
+        sizes = [len(item.payload) for item in self.plan.items()]
+        return len(sizes), sum(sizes)
+
     def check_camera(self, name: str | None) -> None:
         """LocalFault if the scene will not have this camera; None is the one that it shows itself by."""
         names = self.plan.camera_names
@@ -110,11 +116,13 @@ async def prepare_import(world: World, path: Path, progress: ProgressCallback) -
     return PreparedImport(plan, marks, world.clock.now() - begun)
 
 
-async def store_import(access: SceneAccess, prepared: PreparedImport, progress: ProgressCallback) -> ImportReport:
+async def store_import(
+    access: SceneAccess, prepared: PreparedImport, progress: ProgressCallback, bytes_per_s: float | None = None
+) -> ImportReport:
     """Store a prepared file as the scene's content; see `Scene.import_file`."""
     plan, clock = prepared.plan, access.calls.world.clock
     begun = clock.now()
-    work = _Import(access, plan, prepared.marks, progress)
+    work = _Import(access, plan, prepared.marks, progress, Pace(bytes_per_s))
     for phase in plan.phases():
         await work.put_phase(phase)
     report = work.report
@@ -131,12 +139,13 @@ def scene_name_of(text: str) -> str:
 
 
 class _Import:
-    def __init__(self, access: SceneAccess, plan: ImportPlan, marks: _Marks, progress: ProgressCallback) -> None:
+    def __init__(self, access: SceneAccess, plan: ImportPlan, marks: _Marks, progress: ProgressCallback, pace: Pace) -> None:
         self.report = ImportReport()
         self._access = access
         self._plan = plan
         self._marks = marks
         self._progress = progress
+        self._pace = pace
         self._places = FreePlaces()
         self._shown: ProgressState | None = None
 
@@ -155,6 +164,8 @@ class _Import:
     async def _put_batches(self, receive: trio.MemoryReceiveChannel[_Batch]) -> None:
         async with receive:
             async for batch in receive:
+                clock = self._access.calls.world.clock
+                await clock.sleep(self._pace.wait_s(clock.now(), sum(len(item.payload) for item in batch.items)))
                 await self._put_document([item for item in batch.items if item.replaces])
                 await self._put_records([item for item in batch.items if not item.replaces])
                 self._show(batch.mark)

@@ -147,13 +147,15 @@ class Scene:
         """What nodes keep apart that were away while deletions were purged: list it, and put it where nothing lies, or let it go; see `suspects`."""
         return await look_at_suspects(self.access, restore=restore, discard=discard, progress=callback_of(progress))
 
-    async def import_file(self, path: Path | str, progress: ProgressCallback | bool = False) -> ImportReport:
+    async def import_file(
+        self, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None
+    ) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
 
         The content becomes visible at once when everything is durable, and not before. An interrupted import is
         repeated by calling this again; what is there already is kept. LocalFault says what is wrong with a file.
-        `progress`: a function that is told of every step, or True to have the phases in the log.
+        `progress`: a function that is told of every step, or True to have the phases in the log. `bytes_per_s`: of payloads, at most.
         """
         tell = callback_of(progress)
         prepared = await prepare_import(self.access.calls.world, Path(path), tell)
-        return await store_import(self.access, prepared, tell)
+        return await store_import(self.access, prepared, tell, bytes_per_s)

@@ -148,7 +148,9 @@ class Scenes:
             return await self._announce(kept, log) if header is None else self._scene(log, header)
         return await self.create(name, copies=copies, copies_min=copies_min)
 
-    async def import_file(self, name: str, path: Path | str, progress: ProgressCallback | bool = False) -> tuple[Scene, ImportReport]:
+    async def import_file(
+        self, name: str, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None
+    ) -> tuple[Scene, ImportReport]:
         """Import a file into the scene of this name, made if there is none once the file is known to be good.
 
         See `Scene.import_file`.
@@ -156,14 +158,14 @@ class Scenes:
         checked_name(name, "scene")
         tell = callback_of(progress)
         prepared = await prepare_import(self._calls.world, Path(path), tell)
-        return await self.import_prepared(name, prepared, tell)
+        return await self.import_prepared(name, prepared, tell, bytes_per_s)
 
     async def import_prepared(
-        self, name: str, prepared: PreparedImport, progress: ProgressCallback = no_progress
+        self, name: str, prepared: PreparedImport, progress: ProgressCallback = no_progress, bytes_per_s: float | None = None
     ) -> tuple[Scene, ImportReport]:
         """The second half of `import_file`, for a file that was read before there was a cluster."""
         scene = await self.open_or_create(name)
-        return scene, await store_import(scene.access, prepared, progress)
+        return scene, await store_import(scene.access, prepared, progress, bytes_per_s)
 
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""

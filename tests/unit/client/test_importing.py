@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
-from scenefold.client.importing import scene_name_of
-from scenefold.client.progress import ProgressState
+from scenefold.client.importing import prepare_import, scene_name_of
+from scenefold.client.progress import ProgressState, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity
 from scenefold.client.verifying import WriterKey
@@ -63,6 +64,16 @@ async def test_a_file_becomes_the_content_of_a_scene(autojump_clock: MockClock, 
     assert (await scene.info()).document()["content_sha256"] == report.content_sha256
     assert [state.phase for state in states][:2] == ["read", "read"]
     assert any(state.done == state.total for state in states if state.phase == "geometry")
+
+
+async def test_an_import_stores_no_faster_than_it_is_told(autojump_clock: MockClock, file: Path) -> None:
+    prepared = await prepare_import(FakeNodes().calls().world, file, no_progress)
+    begun = trio.current_time()
+    report = await _scene(FakeNodes()).import_file(file, bytes_per_s=None)
+    quick_s, begun = trio.current_time() - begun, trio.current_time()
+    await _scene(FakeNodes()).import_file(file, bytes_per_s=report.bytes / 100)
+    assert trio.current_time() - begun > 20 + quick_s, "what is left for the last batch needs no waiting"
+    assert prepared.totals() == (report.records, report.bytes)
 
 
 async def test_progress_can_simply_be_asked_for(autojump_clock: MockClock, file: Path, caplog: pytest.LogCaptureFixture) -> None:
