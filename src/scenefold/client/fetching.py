@@ -47,6 +47,8 @@ class _Fetch:
         self._homes = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
         self._wanted = Wanted(keys, self._homes, position, self._take, self._is_here, self._record)
         self._search = Search(calls, self._homes)
+        # Of what is nowhere else nobody can help an owner.
+        self._is_elsewhere = copies is not None and all(copies.layouts.offsets.get(space) for space in {key[0] for key in keys})
         self._crowded: set[NodeId] = set()
         """Owners that have far more of it than others."""
 
@@ -105,7 +107,7 @@ class _Fetch:
         routed = self._search.routed([index for index in pending if not self._is_contested(index)])
         owning = sum(owner.right_bound is not None for owner in self._calls.table.owners)
         counts = {node: len(indices) for node, indices in routed.items()}
-        self._crowded = set() if self._copies is None else crowded(counts, owning, 2 * self._part_records)
+        self._crowded = crowded(counts, owning, 2 * self._part_records) if self._is_elsewhere else set()
         wide = [(node, part) for node in self._crowded for part in frames(routed.pop(node), ones, len(self._keys))]
         others = [*contested.items(), *routed.items()]
         return [*wide, *((node, frame) for node, indices in others for frame in frames(indices, ones, CLIENT_GET_KEYS))]

@@ -37,7 +37,7 @@ def studio(tmp_path: Path) -> Studio:
 
 
 async def filled(studio: Studio) -> Scene:
-    scene = await studio.scenes(1).create("kitchen")
+    scene = await studio.scenes(1).create("kitchen", copies=1)
     await scene.space(GEOMETRY).put_many((place, b"payload %d" % index) for index, place in enumerate(PLACES))
     return scene
 

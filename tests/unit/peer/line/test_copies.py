@@ -73,7 +73,7 @@ def test_a_receiver_that_names_one_record_often_is_sent_it_once(monkeypatch: pyt
     run_simulated(1, main, virtual_s_max=1000.0, wall_s_max=60.0)
 
 
-@pytest.mark.expect_log("damaged|rotten|changed")
+@pytest.mark.expect_log("damaged|rotten|changed|its bytes are lost")
 def test_what_had_rotted_and_is_whole_again_before_the_last_pass_goes_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """In the same version: somebody has brought a copy home meanwhile."""
     original = copying.Copier.copy
