@@ -17,11 +17,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 from itertools import takewhile
 
-BUSY_SHARE = 0.4
-"""Of the thread's time, for all clients that are busy beside others: with two of them a fifth each."""
-MEMBERS_SHARE = 0.4
-"""Likewise, for all members. What clients write to all nodes comes to those that hold copies of it by members: with three copies
-that is most of what a node does."""
+BUSY_SHARE = 0.5
+"""Of the thread's time, for all clients that are busy beside others: with two of them a quarter each."""
+MEMBERS_SHARE = 0.25
+"""Likewise, for all members."""
 BUSY = 0.05
 """Who takes so much counts as busy, who takes less as that part of one: many names that take little are no more than one that takes it all."""
 OTHERS_WEIGHT = 25.0

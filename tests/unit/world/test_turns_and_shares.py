@@ -110,9 +110,9 @@ def test_nobody_owes_more_than_ten_seconds(is_urgent: bool) -> None:
 def test_the_shares_are_those_of_the_specification() -> None:
     kinds = {"node:me": Kind.MEMBER, "node:other": Kind.MEMBER}
     for me, other, shares_of in (
-        ("user:me", "user:other", ((0.0, 1.0), (0.01, 0.75), (0.025, 0.375), (0.05, 0.2), (0.5, 0.2))),
-        ("user:me", "node:other", ((0.0, 1.0), (0.01, 0.75), (0.05, 0.4), (0.5, 0.4))),
-        ("node:me", "user:other", ((0.0, 1.0), (0.01, 0.75), (0.05, 0.4), (0.5, 0.4))),
+        ("user:me", "user:other", ((0.0, 1.0), (0.01, 0.75), (0.025, 0.375), (0.05, 0.25), (0.5, 0.25))),
+        ("user:me", "node:other", ((0.0, 1.0), (0.01, 0.75), (0.05, 0.5), (0.5, 0.5))),
+        ("node:me", "user:other", ((0.0, 1.0), (0.01, 0.75), (0.05, 0.25), (0.5, 0.25))),
         ("node:me", "node:other", ((0.0, 1.0), (0.01, 1.0), (0.05, 1.0), (0.5, 1.0))),
     ):
         for takes_s, share in shares_of:
