@@ -13,7 +13,7 @@ import pytest
 from scenefold.simulation import laws
 from scenefold.simulation.faults import Kind
 from scenefold.simulation.mutants import MUTANTS
-from scenefold.simulation.outcome import Order
+from scenefold.simulation.outcome import Order, Workload
 from scenefold.simulation.run import run
 from simulation.runs import fail_with_stories
 
@@ -29,9 +29,10 @@ class Provocation:
     kinds: tuple[Kind, ...]
     storm_s: float = 30.0
     copies: bool = False
+    workload: Workload = "all"
 
     def order(self, seed: int, mutant: str | None = None) -> Order:
-        return Order(seed, kinds=self.kinds, storm_s=self.storm_s, mutant=mutant, copies=self.copies)
+        return Order(seed, kinds=self.kinds, storm_s=self.storm_s, mutant=mutant, copies=self.copies, workload=self.workload)
 
 
 BUSY = (Kind.RESET, Kind.DUPLICATION, Kind.CLOCK_OFFSET)
@@ -51,6 +52,9 @@ AWAY = (Kind.PAUSE, Kind.PARTITION, Kind.RESET)
 HEIRS = (Kind.PAUSE, Kind.PARTITION, Kind.LOST_NODES)
 """Arcs are adopted of which nobody alone knows what was acknowledged."""
 
+ABSENCES = (Kind.PARTITION, Kind.CRASH, Kind.DRAIN, Kind.JOIN)
+"""Who once had a place is away while deletions there are purged, and comes back when another one owns it."""
+
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
@@ -63,6 +67,7 @@ PROVOKED = {
     "others' claims": Provocation(laws.ONE_OWNER, LYING_MOVES, 45.0),
     "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0),
+    "purge asks only holders": Provocation(laws.LINEARIZABLE, ABSENCES, 45.0, copies=True, workload="purges"),
     "reader's memory": Provocation(laws.SOUND, LIES),
     "reader's signature check": Provocation(laws.SOUND, LIES),
     "record of this place": Provocation(laws.SOUND, LIES),
@@ -71,6 +76,7 @@ PROVOKED = {
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
     "settling time": Provocation(laws.SETTLED, MOVES),
+    "tombstones collected by age": Provocation(laws.LINEARIZABLE, HEIRS, 45.0, copies=True, workload="purges"),
     "strays brought home": Provocation(laws.BROUGHT_HOME, SILENCE, 60.0),
     "version check": Provocation(laws.LINEARIZABLE, BUSY),
 }
@@ -86,16 +92,16 @@ def test_a_mutant_is_found(name: str) -> None:
     assert any(provoked.law in {found.law for found in run(provoked.order(seed, name)).violations} for seed in SEEDS)
 
 
-Climate = tuple[tuple[Kind, ...], float, bool]
-CLIMATES: list[Climate] = list(dict.fromkeys((each.kinds, each.storm_s, each.copies) for each in PROVOKED.values()))
+Climate = tuple[tuple[Kind, ...], float, bool, Workload]
+CLIMATES: list[Climate] = list(dict.fromkeys((each.kinds, each.storm_s, each.copies, each.workload) for each in PROVOKED.values()))
 
 
 def name_of(climate: Climate) -> str:
-    kinds, storm_s, copies = climate
-    return f"{', '.join(kind.value for kind in kinds)} for {storm_s:g} s{' with copies' if copies else ''}"
+    kinds, storm_s, copies, workload = climate
+    return f"{', '.join(kind.value for kind in kinds)} for {storm_s:g} s{' with copies' if copies else ''}, {workload}"
 
 
 @pytest.mark.parametrize("climate", CLIMATES, ids=name_of)
 def test_without_a_mutant_the_same_climate_breaks_nothing(climate: Climate) -> None:
-    kinds, storm_s, copies = climate
-    fail_with_stories([run(Order(SEEDS[0], kinds=kinds, storm_s=storm_s, copies=copies))])
+    kinds, storm_s, copies, workload = climate
+    fail_with_stories([run(Order(SEEDS[0], kinds=kinds, storm_s=storm_s, copies=copies, workload=workload))])

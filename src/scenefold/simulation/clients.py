@@ -14,8 +14,9 @@ from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.scene.log import Decider
 from scenefold.simulation.copying import KEPT_NAMES, KEPT_OBJECTS, Copying, Rule
 from scenefold.simulation.heard_copies import HeardCopies
-from scenefold.simulation.recording import Recorder, WatchedLinks
+from scenefold.simulation.recording import Recorder
 from scenefold.simulation.watch import Watch
+from scenefold.simulation.watched_links import WatchedLinks
 from scenefold.world import World, open_links
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.keyring import KeptScene

@@ -10,7 +10,7 @@ from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client.managed import ManagedPlace
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
-from scenefold.simulation.history import Listing, Outcome, Place, Read, Write
+from scenefold.simulation.history import Listing, Outcome, Place, Purge, Read, Write
 from scenefold.simulation.linearizable import judge
 from scenefold.simulation.watch import Watch
 
@@ -76,7 +76,7 @@ def judge_histories(watch: Watch) -> None:
         if verdict.undecided:
             watch.violated(laws.LINEARIZABLE, f"{name}: too many orders to try them all ({len(events)} events)", location=place.location)
             continue
-        state = "nothing" if verdict.state is None else verdict.state.digest.hex()[:6]
+        state = "nothing" if verdict.state is None else verdict.state.digest.hex()[:6] or "nothing, as it was purged,"
         law = laws.READABLE if _is_gone(verdict.stuck) else laws.LINEARIZABLE
         watch.violated(law, f"{name}: {_words(verdict.stuck)}, where {state} must be", location=place.location)
 
@@ -91,6 +91,8 @@ def _words(event: object) -> str:
             return f"{event.who} reads {'nothing' if event.digest is None else event.digest.hex()[:6]} at {event.at_s:.3f} s"
         case Listing():
             return f"{event.who} sees {'it' if event.present else 'nothing'} in a list at {event.at_s:.3f} s"
+        case Purge():
+            return f"{event.who} is told that {event.version.digest.hex()[:6]} is purged at {event.at_s:.3f} s"
         case Write():
             word = "is told that it stored" if event.outcome is Outcome.DONE else "is refused"
             return f"{event.who} {word} {event.version.digest.hex()[:6]} at {event.at_s:.3f} s"

@@ -117,7 +117,22 @@ class Return:
     version: Version
 
 
-Event = Write | Read | Listing | Loss | Return
+@dataclass(frozen=True, slots=True)
+class Purge:
+    """An attempt to have a deleted record dropped for good: where this version is there, nothing is, and nothing older ever again.
+
+    `is_done`: the owner says that it is gone. Else it may take effect at any time from the beginning on, or never.
+    """
+
+    begin: int
+    end: int
+    version: Version
+    is_done: bool
+    who: str = ""
+    at_s: float = 0.0
+
+
+Event = Write | Read | Listing | Loss | Return | Purge
 
 
 class Histories:

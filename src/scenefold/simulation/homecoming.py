@@ -9,24 +9,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+from scenefold.base.location import Location
 from scenefold.simulation import custody, laws
 from scenefold.simulation.custody import Lost, is_held
-from scenefold.simulation.disks import Disk, key_of_place, records_of, version_at
+from scenefold.simulation.disks import Disk, key_of_place, place_of, records_of, version_at
 from scenefold.simulation.history import Place, Version
 from scenefold.simulation.lies import STRAY, Lies, Manner
-from scenefold.store.layout import RECORDS
+from scenefold.store.layout import RECORDS, SUSPECTS
 
 Violated = Callable[[str, str, bytes, tuple[int, ...]], None]
 
 
 class Homecoming:
-    """What each disk owes to the owners of places. `owner_of`: the slot of a place's durable owner."""
+    """What each disk owes to the owners of places. `owner_of`: the slot of a place's durable owner; `is_purged`: whether a key holder has this
+    deletion purged, so that it may go, wherever it lies."""
 
-    def __init__(self, disks: Mapping[int, Disk], owner_of: Callable[[Place], int | None], lies: Lies, violated: Violated) -> None:
+    def __init__(
+        self,
+        disks: Mapping[int, Disk],
+        owner_of: Callable[[Location], int | None],
+        lies: Lies,
+        violated: Violated,
+        is_purged: Callable[[Place, Version], bool],
+    ) -> None:
         self._disks = disks
         self._owner_of = owner_of
         self._lies = lies
         self._violated = violated
+        self._is_purged = is_purged
         self._owed: dict[int, dict[Place, tuple[Version, bytes | None]]] = {slot: {} for slot in disks}
         """With the stored bytes, to notice at once that nothing has changed; None of what may lie under any key."""
         self._answered: dict[tuple[Place, Version], int] = {}
@@ -95,14 +105,18 @@ class Homecoming:
                     self._judge(slot, place, version, self._held_by_owner(place))
 
     def _held_by_owner(self, place: Place) -> Version | None:
-        owner = self._owner_of(place)
+        owner = self._owner_of(place.home)
         if owner is None:
             return None
         disk = self._disks[owner]
         return records_of(disk).get(place) if place.is_object else version_at(disk, place, place.home)
 
+    def _is_set_aside(self, slot: int, place: Place) -> bool:
+        """Whether the disk's node keeps something of it apart, since it may be of before a purge: only a key holder puts that back."""
+        return any(place_of(key) == place for key in self._disks[slot].peek(SUSPECTS))
+
     def _judge(self, slot: int, place: Place, version: Version, held: Version | None) -> None:
-        if held is not None and held.order >= version.order:
+        if (held is not None and held.order >= version.order) or self._is_purged(place, version) or self._is_set_aside(slot, place):
             return
         words = f"{version.digest.hex()[:6]} of {place.location.hex()[:8]}… leaves n{slot}, and its owner has neither that nor a newer one"
         if self._lies.is_lost(STRAY, place, version.digest):

@@ -21,7 +21,7 @@ from scenefold.simulation.disks import Disk, found_at, incarnation_of, place_of,
 from scenefold.simulation.history import Place, Version
 from scenefold.simulation.lies import Lies, Manner
 from scenefold.simulation.lineage import Holder
-from scenefold.store.layout import RECORDS
+from scenefold.store.layout import RECORDS, SUSPECTS
 
 RECENT_S = 60.0
 """So long nodes may count on a disk that is gone: until its node is removed, and that is known and waited for."""
@@ -69,6 +69,7 @@ class Keeping:
         self._witnesses: dict[Place, dict[int, Witness]] = {}
         """By slot: a machine that loses one disk after the other is one witness."""
         self._gone: set[Holder] = set()
+        self._purged: dict[Place, set[Version]] = {}
 
     def has(self, place: Place) -> bool:
         """Whether there are to be copies of what lies there."""
@@ -86,6 +87,13 @@ class Keeping:
         while len(self._sizes) > 1 and self._sizes[1][0] < self._now() - RECENT_S:
             self._sizes.popleft()
         return min(self.rules[place.scene, place.space].needed, *(size for _, size in self._sizes)) if self._sizes else 1
+
+    def purging(self, place: Place, version: Version) -> None:
+        """A key holder is about to have this deletion purged: of it no copy needs to stay any more."""
+        self._purged.setdefault(place, set()).add(version)
+
+    def is_purged(self, place: Place, version: Version) -> bool:
+        return version in self._purged.get(place, ())
 
     def lied(self, slot: int, place: Place) -> list[Lost]:
         """A node has said something else of its copy than what lies on its disk. What may be lost by that."""
@@ -156,7 +164,7 @@ class Keeping:
             return []
         losses = []
         for key, before in self._disks[slot].replaced(RECORDS):
-            if before is None or (told := self._told.get(place := place_of(key))) is None:
+            if before is None or (told := self._told.get(place := place_of(key))) is None or told in self._purged.get(place, ()):
                 continue
             if _is_newer(version_in(before), told) and not _is_newer(found_at(self._disks[slot], place), told):
                 self._leaves(slot, place, told)
@@ -164,6 +172,9 @@ class Keeping:
         return losses
 
     def _leaves(self, slot: int, place: Place, version: Version) -> None:
+        if any(place_of(key) == place for key in self._disks[slot].peek(SUSPECTS)):
+            # It is set aside, and gone for others as its node's former life is.
+            return
         held, owner = self._held(place, version), self._owner_of(place.home)
         allowed = self._allowed(owner, held)
         if len(allowed) < self.needed(place) or owner not in (None, *held):

@@ -3,6 +3,7 @@
 Locations are independent, so each history is judged alone (Horn and Kroening's partition). The specification is that of
 the store: a write takes effect if what it expects is there and its version is above what is there; a read gives what is
 there. What has no known outcome may take effect at any later time, or never. A loss (history.py) may take effect likewise.
+A purged deletion reads as nothing, and nothing older takes its place: that is a version without a digest.
 
 The search linearizes one operation after another, always one that began before the earliest end of those that are left,
 and never comes to the same (operations that are done, state) twice unless with fewer of the optional ones used up.
@@ -13,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from scenefold.simulation.history import Event, Listing, Loss, Outcome, Read, Return, Version, Write
+from scenefold.simulation.history import Event, Listing, Loss, Outcome, Purge, Read, Return, Version, Write
 
 STEPS_MAX = 400_000
 State = Version | None
@@ -30,7 +31,9 @@ class Verdict:
     """What was there, as far as the search came, when `stuck` made no sense."""
 
 
-_Step = Write | Read | Listing | Loss | Return
+_Step = Write | Read | Listing | Loss | Return | Purge
+_Must = Write | Read | Listing | Purge
+_NOTHING = b""
 
 
 def judge(history: Sequence[Event], steps_max: int = STEPS_MAX) -> Verdict:
@@ -43,22 +46,27 @@ def judge(history: Sequence[Event], steps_max: int = STEPS_MAX) -> Verdict:
     return _search(must, may, steps_max)
 
 
-def _sorted(history: Sequence[Event]) -> tuple[list[Write | Read | Listing], list[_Step]]:
+def _sorted(history: Sequence[Event]) -> tuple[list[_Must], list[_Step]]:
     """What must take its place in the order, by beginning; and what may."""
-    must: list[Write | Read | Listing] = []
+    must: list[_Must] = []
     may: list[_Step] = []
     for event in history:
         if isinstance(event, Loss):
             may.append(event)
             may += [Return(event.begin, version) for version in event.left]
-        elif isinstance(event, Return) or (isinstance(event, Write) and event.outcome is Outcome.MAYBE):
+        elif isinstance(event, Return) or _is_open(event):
             may.append(event)
         else:
             must.append(event)
     return sorted(must, key=lambda event: (event.begin, event.end)), sorted(may, key=lambda event: event.begin)
 
 
-def _search(must: list[Write | Read | Listing], may: list[_Step], steps_max: int) -> Verdict:
+def _is_open(event: _Must) -> bool:
+    """Whether it may have happened, or not."""
+    return (isinstance(event, Write) and event.outcome is Outcome.MAYBE) or (isinstance(event, Purge) and not event.is_done)
+
+
+def _search(must: list[_Must], may: list[_Step], steps_max: int) -> Verdict:
     everything = (1 << len(must)) - 1
     seen: dict[tuple[int, State], list[int]] = {}
     stack: list[tuple[int, State, int]] = [(0, None, 0)]
@@ -90,7 +98,7 @@ def _search(must: list[Write | Read | Listing], may: list[_Step], steps_max: int
     return Verdict(False, stuck=stuck, state=state)
 
 
-def _window(must: list[Write | Read | Listing], done: int) -> list[int]:
+def _window(must: list[_Must], done: int) -> list[int]:
     """What is left and could come next: all that began before the earliest end of what is left."""
     found: list[int] = []
     limit = 1 << 63
@@ -117,27 +125,45 @@ def _effects(step: _Step, state: State) -> Iterator[State]:
     """The states after a step, none if it cannot be next."""
     match step:
         case Read():
-            if step.digest == (None if state is None else state.digest):
+            if (step.digest or _NOTHING) == _digest(state):
                 yield state
         case Listing():
-            if step.present == (state is not None):
+            if step.present == (_digest(state) != _NOTHING):
                 yield state
+        case Purge():
+            yield from _purged(step, state)
         case Return():
             if state is None or step.version.order > state.order:
                 yield step.version
         case Loss():
-            if state is not None and step.newest is not None and state.order > step.newest.order:
-                return
-            if state is not None and step.or_nothing:
-                yield None
-            yield from (version for version in step.left if version != state)
+            yield from _lost(step, state)
         case Write():
             yield from _written(step, state)
 
 
+def _lost(loss: Loss, state: State) -> Iterator[State]:
+    if state is not None and (state.digest == _NOTHING or (loss.newest is not None and state.order > loss.newest.order)):
+        # What is purged is nowhere any more: nobody can lose it.
+        return
+    if state is not None and loss.or_nothing:
+        yield None
+    yield from (version for version in loss.left if version != state)
+
+
+def _purged(purge: Purge, state: State) -> Iterator[State]:
+    if _digest(state) == purge.version.digest:
+        yield Version(purge.version.order, _NOTHING)
+    elif purge.is_done and _digest(state) == _NOTHING:
+        yield state
+
+
+def _digest(state: State) -> bytes:
+    return _NOTHING if state is None else state.digest
+
+
 def _written(write: Write, state: State) -> Iterator[State]:
     is_there = state is not None and state.digest == write.version.digest
-    expected = write.expect is None or write.expect == (b"" if state is None else state.digest)
+    expected = write.expect is None or write.expect == _digest(state)
     fits = is_there or (expected and (state is None or write.version.order > state.order))
     if write.outcome is Outcome.REFUSED:
         if not fits:

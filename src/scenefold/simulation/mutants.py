@@ -174,6 +174,28 @@ def _one_witness(original: Any) -> Any:
     return hear_out
 
 
+def _asked_by_age(_original: Any) -> Any:
+    """Deletions go when they are old enough, whoever else may have something older."""
+
+    async def carry_out(self: Any, order: Any, _scene: Any, spots: Any) -> dict[int, str]:
+        await self._asked.look(order)
+        await self._asked.drop(list(spots), list(order.items))
+        return {}
+
+    return carry_out
+
+
+def _asked_of_holders(original: Any) -> Any:
+    """Before a deletion goes only those are asked who hold copies for its owner."""
+
+    def members_to_ask(self: Any, order: Any) -> list[Any]:
+        configurations = self._parts.keeper.copies.configurations
+        holders = {member for segment in configurations.segments for member in segment.holders(configurations.me)}
+        return [member for member in original(self, order) if member in holders]
+
+    return members_to_ask
+
+
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": tuple(Patch("scenefold.store.record_changes", name, _blind_judge) for name in ("judge", "judge_copy")),
     "signed expectation": (Patch("scenefold.store.record_changes", "judge", _judge_of_copies),),
@@ -204,6 +226,8 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
         Patch("scenefold.peer.replication.comparing_space", "SpaceComparison._wanted", _wanting_all),
         Patch("scenefold.peer.replication.comparing_space", "SpaceComparison._take", _overwriting),
     ),
+    "tombstones collected by age": (Patch("scenefold.peer.purging.purging", "Purging._carry_out", _asked_by_age),),
+    "purge asks only holders": (Patch("scenefold.peer.purging.purging", "Purging.members_to_ask", _asked_of_holders),),
     "recovery hears one node": (Patch("scenefold.peer.replication.recovering_gap", "Asking._hear_out", _one_witness),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }

@@ -10,8 +10,8 @@ from scenefold.simulation.faults import Kind, Schedule
 from scenefold.simulation.story import Violation
 from scenefold.simulation.weather import STORM_S, Climate, draw
 
-Workload = Literal["data", "members", "all", "keys", "turns"]
-WORKLOADS: tuple[Workload, ...] = ("data", "members", "all", "keys", "turns")
+Workload = Literal["data", "members", "all", "keys", "purges", "turns"]
+WORKLOADS: tuple[Workload, ...] = ("data", "members", "all", "keys", "purges", "turns")
 
 OPERATIONS_MIN = 300
 FAULTS_MIN = 5

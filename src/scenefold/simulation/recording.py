@@ -12,32 +12,25 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.ids import node_id_of
 from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING, PLACED_BY_NODE, RecordHeader, object_of
 from scenefold.crypto.record_header import version_key
+from scenefold.peer.copies.versions import rank_of
 from scenefold.simulation.heard_copies import HeardCopies
-from scenefold.simulation.history import NEVER_ENDED, Digest, Histories, Listing, Outcome, Place, Read, Version, Write
-from scenefold.simulation.lies import TABLE, Lies, Manner, Way, of_header
+from scenefold.simulation.history import NEVER_ENDED, Digest, Histories, Listing, Outcome, Place, Purge, Read, Version, Write
+from scenefold.simulation.lies import Lies, Manner, Way
 from scenefold.wire import (
     DAMAGED_RECORD,
     CopiesFound,
     GetCopies,
     GetMany,
-    GetManyReply,
     HandItem,
-    Packet,
+    PurgeOrder,
     PutItem,
-    PutMany,
-    PutManyReply,
-    QueryRange,
     RecordBytes,
-    RequestSceneLog,
-    RequestTable,
     ReturnRange,
 )
-from scenefold.world import Links, Priority
 
 _WITHOUT_EFFECT = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.STORAGE_FULL, RejectReason.DAMAGED, RejectReason.TOO_FEW_COPIES})
 _ANSWERS = frozenset({0, RejectReason.STALE_VERSION, RejectReason.DAMAGED})
@@ -79,6 +72,8 @@ class Recorder:
         self.places: dict[tuple[int, int], set[bytes]] = {}
         self.told: Callable[[str, Place, Version], None] = lambda _who, _place, _version: None
         """Called with what a client has read, and who it is."""
+        self.purging: Callable[[Place, Version], None] = lambda _place, _version: None
+        """Called with each deletion that a client is about to have purged."""
         self.copies: HeardCopies | None = None
         """Of a run that keeps copies."""
         self._offered: dict[Place, dict[bytes, Version]] = {}
@@ -130,6 +125,15 @@ class Recorder:
             word = "no answer" if reason is None else "done" if reason == 0 else RejectReason(reason).name
             wanted = "" if expect is None else f" (expects {expect.hex()[:6] or 'nothing'})"
             self._tell(who, place, f"put {name}{wanted}: {word}")
+
+    def purged(self, who: str, begin: int, order: PurgeOrder, reasons: Sequence[int] | None) -> None:
+        """What an owner says of deletions that are to go for good; None: nothing."""
+        end = self.histories.moment()
+        for index, (place, version) in enumerate(purged_by(order)):
+            reason = reasons[index] if reasons is not None and index < len(reasons) else None
+            is_done = reason == 0
+            self.histories.add(place, Purge(begin, end if is_done else NEVER_ENDED, version, is_done, who, self._now()))
+            self._tell(who, place, f"purge {version.digest.hex()[:6]}: {'no answer' if reason is None else reason}")
 
     def read(self, way: Way, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool) -> None:
         """What was answered for the first keys."""
@@ -224,6 +228,13 @@ class Recorder:
                 self.histories.add(place, Listing(begin, end, True, who, self._now()))
 
 
+def purged_by(order: PurgeOrder) -> list[tuple[Place, Version]]:
+    return [
+        (Place(order.scene, item.space, item.object or item.location), Version(rank_of(item.version), item.version.digest))
+        for item in order.items
+    ]
+
+
 def name_of(user: str) -> str:
     """A client's, in stories."""
     return user.partition(":")[2]
@@ -238,57 +249,3 @@ def _is_of(place: Place, record: RecordBytes) -> bool:
     name = object_of(header) if header.placement == PLACED_BY_NODE else header.location
     is_here = (header.scene, header.space, name) == (place.scene, place.space, place.location)
     return is_here and hashlib.sha256(record.ciphertext).digest() == header.digest
-
-
-def _asked_about(packet: Packet) -> list[Place]:
-    """What nonsense in the answer would be about, as liars name it."""
-    match packet:
-        case GetMany() | GetCopies():
-            return [Place(packet.scene, key.space, key.object or key.location) for key in packet.keys]
-        case QueryRange():
-            return [Place(packet.scene, packet.space, packet.first)]
-        case RequestSceneLog():
-            return [of_header(packet.scene)]
-        case RequestTable():
-            return [TABLE]
-    return []
-
-
-class WatchedLinks:
-    """Links of a client, looked on by a recorder. Has what `Calls` uses of `Links`."""
-
-    def __init__(self, links: Links, recorder: Recorder, who: str) -> None:
-        self._links = links
-        self._recorder = recorder
-        self._who = who
-
-    async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
-        begin = self._recorder.histories.moment()
-        answer: Packet | None = None
-        if isinstance(packet, PutMany):
-            for item in packet.items:
-                self._recorder.offered(item)
-        try:
-            answer = await self._links.request(address, priority, packet, timeout_s)
-        finally:
-            self._note(Way(f"node:{node_id_of(address)}", f"user:{self._who}"), begin, packet, answer)
-        return answer
-
-    def _note(self, way: Way, begin: int, packet: Packet, answer: Packet | None) -> None:
-        recorder = self._recorder
-        if any(recorder.lies.is_nonsense(place, way, begin) for place in _asked_about(packet)):
-            recorder.nonsense_heard[self._who] += 1
-        if isinstance(packet, PutMany):
-            outcomes = None
-            if isinstance(answer, PutManyReply) and len(answer.outcomes) == len(packet.items):
-                outcomes = [outcome.reason for outcome in answer.outcomes]
-            recorder.written(way, begin, packet.items, outcomes)
-        elif isinstance(packet, GetMany) and isinstance(answer, GetManyReply):
-            recorder.read(way, begin, packet, answer.records, answer.stale)
-        elif isinstance(packet, GetCopies) and isinstance(answer, CopiesFound):
-            recorder.read_of_copies(way, begin, packet, answer)
-        elif isinstance(packet, QueryRange) and isinstance(answer, ReturnRange):
-            recorder.listed(way, begin, answer)
-
-    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
-        await self._links.send(address, priority, packet, timeout_s)

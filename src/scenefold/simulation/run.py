@@ -33,6 +33,7 @@ from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.mutants import mutated
 from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.proof import prove_copies
+from scenefold.simulation.purging import Purges
 from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.rotating import KeyChanges
 from scenefold.simulation.speed import quick_headers, quick_packets, remembered_signatures
@@ -143,6 +144,9 @@ class _Drama:
                 scene, nonsense = clients[-1].scene, _nonsense_heard(cluster, clients[-1])
                 changes = CopiesChanges(scene, self._order.seed, self._order.copying, cluster.watch, self._tally, nonsense)
                 work.start_soon(changes.run, stop)
+            if self._order.workload == "purges" and clients[-1].scene is not None:
+                purges = Purges(clients[-1].scene, self._order.seed, self._tally, _nonsense_heard(cluster, clients[-1]))
+                work.start_soon(purges.run, stop)
             async with trio.open_nursery() as faults:
                 if clients[0].scene is not None:
                     faults.start_soon(self._ask, cluster, clients[0].scene)

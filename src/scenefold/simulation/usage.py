@@ -70,7 +70,7 @@ def _parser() -> Parser:
         "--workload",
         choices=WORKLOADS,
         default="all",
-        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too",
+        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too; purges: deletions are purged",
     )
     parser.add_argument("--copies", action="store_true", help="some spaces have copies, and nodes and racks are lost for ever")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

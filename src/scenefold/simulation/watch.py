@@ -67,9 +67,10 @@ class Watch:
         self._slot_of = slot_of
         self._holdings: dict[int, tuple[bytes | None, bytes | None]] = {}
         self.rot = Rot(disks)
-        self.homecoming = Homecoming(disks, lambda place: self._owner_of(place.home), self.recorder.lies, self.violated)
         self.keeping = Keeping(disks, now, self._owner_of, self.rot.is_at, self.violated, self.recorder.lies)
+        self.homecoming = Homecoming(disks, self._owner_of, self.recorder.lies, self.violated, self.keeping.is_purged)
         self.recorder.told = self.keeping.read
+        self.recorder.purging = self.keeping.purging
         self._replaced: set[Holder] = set()
 
     # ---------------------------------------------------------------------------------------------------- telling

@@ -33,7 +33,7 @@ ACT_S_MAX = 8.0
 WIDE_PLACES = 200
 HOT_PLACES = 12
 """Beside those at the founders' bounds."""
-PAUSE_S = {"data": 0.5, "all": 0.5, "members": 1.4, "keys": 0.6, "turns": 0.5}
+PAUSE_S = {"data": 0.5, "all": 0.5, "members": 1.4, "keys": 0.6, "purges": 0.5, "turns": 0.5}
 """Seconds between the acts of one client, on average."""
 _ACTS = {
     "put": 20,
@@ -52,6 +52,8 @@ _ACTS = {
     "get managed": 3,
     "list managed": 1,
 }
+DELETES_MORE = 5
+"""Times as often where deletions are purged."""
 MANAGED = b""
 PAYLOAD_BYTES = (8, 8, 40, 200, 3_000)
 WIDE_BYTES = (2_000, 20_000)
@@ -135,6 +137,7 @@ class Worker:
         self._places = places
         self._dice = random.Random(f"work/{seed}/{name}")
         self._pause_s = PAUSE_S[workload]
+        self._deletes_more = workload == "purges"
         self._tally = tally
         self._nonsense = nonsense
         self._newest: dict[Key, tuple[Opened, int]] = {}
@@ -144,7 +147,8 @@ class Worker:
 
     async def run(self, stop: trio.Event) -> None:
         """Work until told to stop; an act that has begun is ended."""
-        acts, weights = list(_ACTS), list(_ACTS.values())
+        acts = list(_ACTS)
+        weights = [_ACTS[act] * (DELETES_MORE if self._deletes_more and act.startswith("delete") else 1) for act in acts]
         while not stop.is_set():
             await trio.sleep(self._dice.random() * 2 * self._pause_s)
             if len(self._pairs) > 1:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefold.simulation.history import NEVER_ENDED, Event, Listing, Loss, Outcome, Read, Return, Version, Write
+from scenefold.simulation.history import NEVER_ENDED, Event, Listing, Loss, Outcome, Purge, Read, Return, Version, Write
 from scenefold.simulation.linearizable import judge
 
 
@@ -35,7 +35,14 @@ def maybe(begin: int, number: int, expect: int | str | None = None) -> Write:
     return write(begin, 0, number, expect=expect, outcome=Outcome.MAYBE)
 
 
+def purge(begin: int, end: int, number: int) -> Purge:
+    return Purge(begin, end or NEVER_ENDED, version(number), is_done=end > 0)
+
+
 GOOD: dict[str, list[Event]] = {
+    "purged": [write(1, 2, 1), purge(3, 4, 1), read(5, 6, None), write(7, 8, 2, expect="absent"), read(9, 10, 2)],
+    "purged, or not": [write(1, 2, 1), purge(3, 0, 1), read(5, 6, 1), read(7, 8, None)],
+    "purged twice": [write(1, 2, 1), purge(3, 4, 1), purge(5, 6, 1), read(7, 8, None)],
     "nothing": [],
     "what was written is read": [write(1, 2, 1), read(3, 4, 1)],
     "nothing before the first": [read(1, 2, None), write(3, 4, 1)],
@@ -67,6 +74,11 @@ GOOD: dict[str, list[Event]] = {
 }
 
 BAD: dict[str, list[Event]] = {
+    "purged, and an older one comes back": [write(1, 2, 1), write(3, 4, 2), purge(5, 6, 2), Return(7, version(1)), read(8, 9, 1)],
+    "purged, and a late write of before takes effect": [maybe(1, 1), write(2, 3, 2), purge(4, 5, 2), read(6, 7, 1)],
+    "purged, and lost by nobody": [write(1, 2, 1), write(3, 4, 2), purge(5, 6, 2), Loss(7, (version(1),)), read(8, 9, 1)],
+    "purged, and still there": [write(1, 2, 1), purge(3, 4, 1), read(5, 6, 1)],
+    "another one than is there is purged": [write(1, 2, 1), write(3, 4, 2), purge(5, 6, 1), read(7, 8, 2)],
     "a lost write": [write(1, 2, 1), read(3, 4, None)],
     "an old value": [write(1, 2, 1), write(3, 4, 2), read(5, 6, 1)],
     "a value that nobody wrote": [write(1, 2, 1), read(3, 4, 9)],
