@@ -20,11 +20,9 @@ from scenefold.wire import BoundConfirmed, ClaimRange, ConfirmBound, HandoverRep
 from scenefold.world import Priority
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import House, Street
-from unit.peer.line.test_crashes import only_errors
 
 ASK_S = 5.0
 HANDOVER = handover_id(1 << 40, b"x" * 8)
-__all__ = ["only_errors"]
 
 
 def before(location: Location) -> Location:

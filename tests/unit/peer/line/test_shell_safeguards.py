@@ -20,11 +20,10 @@ from scenefold.peer.timing import T_LEASE_S
 from scenefold.world.sim import run_simulated
 from unit.peer.line.bent import bend
 from unit.peer.line.street import Street
-from unit.peer.line.test_crashes import RECORDS, Story, adopting, end_of, handing_right, losing_the_receiver, only_errors, play
+from unit.peer.line.test_crashes import RECORDS, Story, adopting, end_of, handing_right, losing_the_receiver, play
 
 RATE_ERROR = 1.01
 WRITERS = 16
-__all__ = ["only_errors"]
 
 
 def goes_badly(story: Story, founders: int = 2) -> None:

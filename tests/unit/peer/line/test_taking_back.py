@@ -13,10 +13,8 @@ from scenefold.peer.line.ends import Side, without
 from scenefold.peer.line.holding import Step
 from scenefold.world.sim import Point
 from unit.peer.line.street import Street
-from unit.peer.line.test_crashes import RECORDS, give, only_errors
+from unit.peer.line.test_crashes import RECORDS, give
 from unit.peer.line.test_hardships import SETTLED_S, endure
-
-__all__ = ["only_errors"]
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])

@@ -16,13 +16,10 @@ from scenefold.peer.line.ends import Side
 from scenefold.wire import ReturnRange
 from scenefold.world.sim import Point
 from unit.peer.line.street import rot
-from unit.peer.line.test_crashes import only_errors
 from unit.peer.replication.heirs import Estate, Lies, held_of, inherit, places_of, spread, until
 from unit.peer.replication.holders import arc_of
 from unit.peer.replication.terrace import HEADER, OBJECTS, item_of, object_record, record_at
 from unit.peer.scenes_made import SPACE
-
-__all__ = ["only_errors"]
 
 
 def test_all_that_was_acknowledged_is_found_at_who_adopts() -> None:
