@@ -29,6 +29,8 @@ from unit.peer.line.street import HEADER, House, Street, record_at
 from unit.peer.line.test_crashes import RECORDS, end_of, give, handing_all_left, handing_right
 from unit.peer.scenes_made import SPACE, later_header, sealed
 
+pytestmark = pytest.mark.usefixtures("only_errors")
+
 SETTLED_S = 11.0
 LAPSE_S = 6.0
 SLOWEST = 0.99

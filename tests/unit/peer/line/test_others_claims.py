@@ -21,6 +21,8 @@ from scenefold.world import Priority
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import House, Street
 
+pytestmark = pytest.mark.usefixtures("only_errors")
+
 ASK_S = 5.0
 HANDOVER = handover_id(1 << 40, b"x" * 8)
 
@@ -109,7 +111,6 @@ def test_who_has_just_started_takes_nothing_before_it_has_heard_the_others() -> 
     play(story)
 
 
-@pytest.mark.usefixtures("only_errors")
 def test_a_gap_is_adopted_only_when_all_have_said_what_they_own() -> None:
     async def story(street: Street) -> None:
         first, _, last = street.houses
@@ -142,7 +143,6 @@ def test_an_old_claim_is_asked_for_anew_and_then_in_nobodys_way() -> None:
     play(story)
 
 
-@pytest.mark.usefixtures("only_errors")
 def test_a_bound_that_lies_in_anothers_arc_makes_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
     confirm = Adoption._on_confirm
     lies = False

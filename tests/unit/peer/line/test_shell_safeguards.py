@@ -22,6 +22,8 @@ from unit.peer.line.bent import bend
 from unit.peer.line.street import Street
 from unit.peer.line.test_crashes import RECORDS, Story, adopting, end_of, handing_right, losing_the_receiver, play
 
+pytestmark = pytest.mark.usefixtures("only_errors")
+
 RATE_ERROR = 1.01
 WRITERS = 16
 

@@ -16,6 +16,8 @@ from unit.peer.line.street import Street
 from unit.peer.line.test_crashes import RECORDS, give
 from unit.peer.line.test_hardships import SETTLED_S, endure
 
+pytestmark = pytest.mark.usefixtures("only_errors")
+
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_what_was_taken_waits_for_a_giver_that_is_away(share: float) -> None:

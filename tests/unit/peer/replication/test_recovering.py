@@ -21,6 +21,8 @@ from unit.peer.replication.holders import arc_of
 from unit.peer.replication.terrace import HEADER, OBJECTS, item_of, object_record, record_at
 from unit.peer.scenes_made import SPACE
 
+pytestmark = pytest.mark.usefixtures("only_errors")
+
 
 def test_all_that_was_acknowledged_is_found_at_who_adopts() -> None:
     """Each record lies at the owner and at one holder, so that it is acknowledged; then the owner is gone."""
