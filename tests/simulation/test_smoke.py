@@ -12,7 +12,7 @@ from simulation.runs import fail_with_stories, run_seeds
 pytestmark = pytest.mark.timeout(600)
 """A storm ends by its virtual time. What this machine does besides may only make it slow."""
 
-SMOKE = range(20)
+SMOKE = range(12)
 
 
 @pytest.mark.slow
