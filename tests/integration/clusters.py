@@ -10,6 +10,7 @@ from typing import Any
 import trio
 
 from loopback import addresses, free_ports
+from scenefold.base.errors import LocalFault
 from scenefold.node import NodeContext, NodeSettings, run_node
 from scenefold.world import Links, World, background_tasks, open_links, real_world
 from scenefold.world.profile import ClusterProfile
@@ -27,6 +28,8 @@ class Nodes:
         self._nursery = nursery
         self._scopes: dict[int, trio.CancelScope] = {}
         self._ended: dict[int, trio.Event] = {}
+        self.revoked: set[int] = set()
+        """Nodes whose key a test revokes: each ends itself as soon as it hears of it."""
 
     def settings(self, index: int, **changes: Any) -> NodeSettings:
         address = self.profile.members[index].address
@@ -56,7 +59,11 @@ class Nodes:
     async def _run(self, index: int, *, task_status: trio.TaskStatus[NodeContext]) -> None:
         self._ended[index] = trio.Event()
         with trio.CancelScope() as self._scopes[index]:
-            await run_node(self.settings(index), extensions=(), task_status=task_status)
+            try:
+                await run_node(self.settings(index), extensions=(), task_status=task_status)
+            except LocalFault as fault:
+                if index not in self.revoked or "the key of this node was revoked" not in str(fault):
+                    raise
         self._ended[index].set()
 
 

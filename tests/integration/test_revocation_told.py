@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, connect
 from scenefold.client.enrolling import enrol
 from scenefold.wire import RequestTable, RespondTable
+from scenefold.world import Connection, ConnectionLost, Priority, background_tasks, real_world
+from scenefold.world.profile import ClusterProfile
 
 FIRST, _, THIRD = addresses(3)
 AGAIN_S = 0.1
@@ -51,7 +54,7 @@ async def told(cluster: Cluster, name: str) -> None:
 
 
 async def not_talked_to(cluster: Cluster, address: str) -> None:
-    """A node is never answered to; it begins its next life meanwhile, and cannot be reached for a moment."""
+    """It is never answered to, and that is said as soon as the client dials again: it waits a moment after a dial that failed."""
     problem = ""
     with trio.fail_after(PATIENCE_S):
         while "is revoked" not in problem:
@@ -61,9 +64,25 @@ async def not_talked_to(cluster: Cluster, address: str) -> None:
             await trio.sleep(AGAIN_S)
 
 
+@asynccontextmanager
+async def answering_as(profile: ClusterProfile, address: str) -> AsyncIterator[None]:
+    """Whoever has the revoked key of a node listens at its address, as a node would that is not told or does not care."""
+    world = real_world(profile.node_identity(address), profile.authority_certificate(), ports=profile.ports)
+
+    async def hears_nothing(connection: Connection) -> None:
+        with suppress(ConnectionLost):
+            assert not await connection.receive(1000), "a client of the cluster spoke to a revoked node"
+
+    async with background_tasks() as nursery:
+        for priority in Priority:
+            await nursery.start(world.network.listen, address, priority, hears_nothing)
+        yield
+
+
 @pytest.mark.usefixtures("quiet_nodes")
 async def test_a_client_ends_its_connections_to_a_revoked_node_and_none_of_its_profile_opens_one(tmp_path: Path) -> None:
     async with nodes_here(tmp_path, 3) as nodes:
+        nodes.revoked.add(2)
         profile, name = nodes.profile.folder, f"node:{node_id_of(THIRD)}"
         async with connect(profile) as client:
             await ask(client, THIRD)
@@ -73,9 +92,13 @@ async def test_a_client_ends_its_connections_to_a_revoked_node_and_none_of_its_p
                 with pytest.raises(LocalFault, match="is revoked"):
                     await office.card_of(name)
             await told(client, name)
-            await not_talked_to(client, THIRD)
-        async with connect(profile) as later:
-            await not_talked_to(later, THIRD)
+            with pytest.raises(Unreachable):
+                await ask(client, THIRD)
+            await nodes.stop(2)
+            async with answering_as(nodes.profile, THIRD):
+                await not_talked_to(client, THIRD)
+                async with connect(profile) as later:
+                    await not_talked_to(later, THIRD)
 
 
 @pytest.mark.expect_log("connection refused: the key of user:ada is revoked")
