@@ -28,10 +28,9 @@ async def leave(cluster: Cluster, address: str, progress: ProgressCallback) -> D
     while report.state != "left":
         if report.state == "serving":
             raise Refused(RejectReason.NOT_AUTHORISED, "somebody cancelled the draining", where=address, remedy="begin it again")
-        left = "" if report.seconds_left is None else f", about {report.seconds_left:.0f} s left"
         waiting = f" (waiting: {report.text})" if report.text else ""
         total = max(total, report.records)
-        progress(ProgressState("drain", total - report.records, total, f"records{left}{waiting}"))
+        progress(ProgressState("drain", total - report.records, total, f"records{waiting}", report.seconds_left))
         await clock.sleep(LOOK_S)
         try:
             report, heard_at = await cluster.drain(address, check_only=True), clock.now()

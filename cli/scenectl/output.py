@@ -111,5 +111,11 @@ def size_text(count: float) -> str:
     return f"{count:.1f} TiB"
 
 
+def time_text(seconds: float) -> str:
+    """A time that something takes, for people: 12 s, 7 min, 2.5 h."""
+    whole = max(1, round(seconds))
+    return f"{whole} s" if whole < 100 else f"{whole // 60} min" if whole < 6000 else f"{whole / 3600:.1f} h"
+
+
 def _is_number(cell: str) -> bool:
     return cell[:1].isdigit()

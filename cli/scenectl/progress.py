@@ -10,9 +10,9 @@ import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, Self, TextIO
+from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
-from scenectl.output import note
+from scenectl.output import note, time_text
 from scenefold.base.printable import printable
 
 if TYPE_CHECKING:
@@ -22,6 +22,15 @@ if TYPE_CHECKING:
     from scenefold.client import ProgressState
 
 LINE_INTERVAL_S = 1.0
+LEFT_AFTER_S = 2.0
+"""A pace that was measured for less says nothing."""
+
+
+class _Begun(NamedTuple):
+    """Where a phase stood when it was first heard of."""
+
+    at: float
+    done: int
 
 
 class Progress:
@@ -33,13 +42,14 @@ class Progress:
         self._now = now
         self._bars: Bars | None = None
         self._tasks: dict[str, TaskID] = {}
+        self._begun: dict[str, _Begun] = {}
         self._line_at = -LINE_INTERVAL_S
         self._line = ""
 
     def __enter__(self) -> Self:
         if not self._quiet and self._stream.isatty():
             from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+            from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bars
 
             self._bars = Bars(
@@ -48,7 +58,7 @@ class Progress:
                 MofNCompleteColumn(),
                 TextColumn("{task.fields[unit]}", markup=False),
                 TimeElapsedColumn(),
-                TimeRemainingColumn(),
+                TextColumn("{task.fields[left]}", markup=False),
                 console=Console(file=self._stream),
             )
             self._bars.start()
@@ -59,18 +69,34 @@ class Progress:
             self._bars.stop()
 
     def __call__(self, state: ProgressState) -> None:
+        if self._quiet:
+            return
+        left = self._left(state)
         if self._bars is not None:
-            self._show_bar(self._bars, state)
-        elif not self._quiet:
-            self._print_line(state)
+            self._show_bar(self._bars, state, left)
+        else:
+            self._print_line(state, left)
 
-    def _show_bar(self, bars: Bars, state: ProgressState) -> None:
+    def _left(self, state: ProgressState) -> str:
+        """`12 s left`, by the word of who does it or else by the pace so far; nothing where that cannot be known."""
+        now, seconds = self._now(), state.seconds_left
+        begun = self._begun.setdefault(state.phase, _Begun(now, state.done))
+        if state.total is None or state.done >= state.total:
+            return ""
+        if seconds is None:
+            passed, did = now - begun.at, state.done - begun.done
+            if passed < LEFT_AFTER_S or did <= 0:
+                return ""
+            seconds = passed / did * (state.total - state.done)
+        return f"{time_text(seconds)} left"
+
+    def _show_bar(self, bars: Bars, state: ProgressState, left: str) -> None:
         task = self._tasks.get(state.phase)
         if task is None:
-            task = self._tasks[state.phase] = bars.add_task(printable(state.phase), total=state.total, unit="")
-        bars.update(task, completed=state.done, total=state.total, unit=printable(state.unit))
+            task = self._tasks[state.phase] = bars.add_task(printable(state.phase), total=state.total, unit="", left="")
+        bars.update(task, completed=state.done, total=state.total, unit=printable(state.unit), left=left)
 
-    def _print_line(self, state: ProgressState) -> None:
+    def _print_line(self, state: ProgressState, left: str) -> None:
         finished = state.total is not None and state.done >= state.total
         now = self._now()
         line = f"{state.phase}: {state.done}" + (f" of {state.total}" if state.total is not None else "")
@@ -78,4 +104,4 @@ class Progress:
         if line == self._line or (now - self._line_at < LINE_INTERVAL_S and not finished):
             return
         self._line, self._line_at = line, now
-        note(line, self._stream)
+        note(f"{line}, {left}" if left else line, self._stream)

@@ -25,6 +25,7 @@ def purge(
     *,
     space: SpaceOption | None = None,
     dry_run: DryRun = False,
+    rate: float | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Let deleted records go for good, and with them the room that they take. A writer's to do; an owner's for what was deleted since the last purge.
@@ -41,15 +42,20 @@ def purge(
         Name or number of the only space to look through.
     dry_run
         Look what could go, and change nothing.
+    rate
+        MiB of records that are looked at in a second, at most; by default as fast as it goes.
     """
     from scenectl.progress import Progress
+    from scenectl.rates import bytes_per_s
     from scenectl.running import connected, run
+
+    speed = bytes_per_s(rate)
 
     async def do(progress: Progress) -> Purge:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
             spaces = () if space is None else ((await opened.space_named(name_or_number(space.text))).id,)
-            return await opened.purge(spaces, dry_run=dry_run, progress=progress)
+            return await opened.purge(spaces, dry_run=dry_run, progress=progress, bytes_per_s=speed)
 
     with Progress(quiet=output.json) as progress:
         report = run(do, progress)

@@ -168,6 +168,7 @@ def rotate_key(
     *,
     resume: Annotated[bool, Parameter(show_default=False)] = False,
     rate: float | None = None,
+    dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Change a scene's key, and seal everything in it anew while others read and write.
@@ -184,15 +185,19 @@ def rotate_key(
         Make no new key: seal anew what still lies under older ones. Writers can do this, too.
     rate
         MiB of records that are looked at in a second, at most; by default as fast as it goes.
+    dry_run
+        Look at all records, say what would be sealed anew, and change nothing.
     """
     from scenectl.progress import Progress
     from scenectl.running import connected, run
 
-    speed, has_key = bytes_per_s(rate), [resume]
+    speed, has_key = bytes_per_s(rate), [resume or dry_run]
 
     async def do(progress: Progress) -> Reencryption:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
+            if dry_run:
+                return await opened.look_what_is_to_seal(progress, speed, new_key=not resume)
             if not resume:
                 await opened.rotate_key()
                 has_key[0] = True
@@ -202,7 +207,7 @@ def rotate_key(
         with Progress(quiet=output.json) as progress:
             report = run(do, progress)
     except BaseException as error:
-        if has_key[0] and not resume:
+        if has_key[0] and not (resume or dry_run):
             _say_what_is_left(error, f"{scene} has a new key, but not all of its records are sealed anew", scene)
         raise
     emit(output, {"scene": scene, **report.document()}, _sealed(scene, report))
@@ -227,6 +232,9 @@ def _how_to_go_on(scene: str, why: str = "") -> str:
 
 
 def _sealed(scene: str, report: Reencryption) -> str:
+    if report.is_dry:
+        what = f"{report.to_renew} of {report.walked} records, {size_text(report.bytes)} as they lie there"
+        return f"{scene}: {what}, would be sealed anew, under key epoch {report.key_epoch}. Nothing is changed. {report.seconds:.1f} s."
     text = f"{scene} is under key epoch {report.key_epoch}: {report.renewed} records, {size_text(report.bytes)} sealed anew, {report.seconds:.1f} s."
     if report.unreadable:
         text += f"\n{report.unreadable} records stay as they are, among them:" + "".join(f"\n  {line}" for line in report.complaints)

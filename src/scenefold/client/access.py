@@ -161,6 +161,10 @@ class SceneAccess:
         """Bring an entry into the log; see `LogAccess.propose`."""
         return self._known(await self._log_or_fault().propose(entry_of))
 
+    async def check_owner(self) -> None:
+        """LocalFault if we may not bring an entry into the log."""
+        await self._log_or_fault().owner()
+
     def _known(self, log: ReadLog) -> ReadLog:
         keys = self._log_or_fault().keys.epochs
         if log.header.position >= self.identity.position:
@@ -179,7 +183,7 @@ class SceneAccess:
             self.identity.check_kind(wish.space, wish.object)
         if self._is_frozen(wishes) or not self._may_write():
             await self.refresh()
-        self._check_writer()
+        self.check_writer()
         if self._is_frozen(wishes):
             remedy = "switch it back to edit mode first"
             raise Refused(RejectReason.MODE_FORBIDS, "the scene is in render mode", where=f"scene {self.name}", remedy=remedy)
@@ -187,7 +191,8 @@ class SceneAccess:
     def _may_write(self) -> bool:
         return self.writer is not None and self.identity.may_write(self.writer.key_id)
 
-    def _check_writer(self) -> None:
+    def check_writer(self) -> None:
+        """LocalFault, or Refused, if we may not write to the scene, by what is known of it here."""
         if self._may_write():
             return
         where = f"scene {self.name}"

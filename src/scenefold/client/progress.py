@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ProgressState:
-    """`done` of `total` units (None: not known yet) of a phase such as "import"."""
+    """`done` of `total` units (None: not known yet) of a phase such as "import". `seconds_left`: as whoever does it knows; None: by the pace so far."""
 
     phase: str
     done: int
     total: int | None
     unit: str
+    seconds_left: float | None = None
 
 
 _log = logging.getLogger("scenefold.client")

@@ -135,10 +135,9 @@ class Purge:
     def progress(self, now: float) -> ProgressState:
         """What a person is shown: records, deletions, time left."""
         total = max(self.total, self.walked)
-        left = (now - self.begun) / self.walked * (total - self.walked) if 0 < self.walked < total else 0.0
-        time_left = f", {left:.0f} s left" if left >= 1 else ""
+        left = (now - self.begun) / self.walked * (total - self.walked) if 0 < self.walked < total else None
         waiting = f", {self.waiting} wait" if self.waiting else ""
-        return ProgressState(PHASE, self.walked, total, f"records, {self.purged} of {self.deleted} deletions gone{waiting}{time_left}")
+        return ProgressState(PHASE, self.walked, total, f"records, {self.purged} of {self.deleted} deletions gone{waiting}", left)
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""

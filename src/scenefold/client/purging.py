@@ -21,6 +21,7 @@ from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, ProgressState, no_progress
 from scenefold.client.purge_walk import Deletion, Purge, Tails, deleted_or_not, deletion_of
 from scenefold.client.ranging import entries
+from scenefold.client.reencryption import Pace
 from scenefold.client.sealing import deleted_all
 from scenefold.client.together import together
 from scenefold.client.verifying import Key, NewerThanKnown
@@ -44,22 +45,29 @@ _LATER = frozenset({RejectReason.NOT_MY_LOCATION, RejectReason.NOT_READY, Reject
 
 
 async def purge(
-    access: SceneAccess, spaces: Sequence[SpaceId] = (), *, dry_run: bool = False, progress: ProgressCallback = no_progress
+    access: SceneAccess,
+    spaces: Sequence[SpaceId] = (),
+    *,
+    dry_run: bool = False,
+    progress: ProgressCallback = no_progress,
+    bytes_per_s: float | None = None,
 ) -> Purge:
     """Have all deleted records dropped that can go; of these spaces, by default of all. `dry_run`: only look which these are.
 
+    `bytes_per_s`: of records that are looked at.
     LocalFault if we are no writer of the scene, or it has no such space, Refused while it is being rendered.
     """
     clock = access.calls.world.clock
-    work = _Work(access, Purge(clock.now(), is_dry=dry_run), progress)
+    work = _Work(access, Purge(clock.now(), is_dry=dry_run), Pace(bytes_per_s), progress)
     await work.run(spaces)
     work.state.seconds = clock.now() - work.state.begun
     return work.state
 
 
 class _Work:
-    def __init__(self, access: SceneAccess, state: Purge, progress: ProgressCallback) -> None:
+    def __init__(self, access: SceneAccess, state: Purge, pace: Pace, progress: ProgressCallback) -> None:
         self.state = state
+        self._pace = pace
         self._access = access
         self._clock = access.calls.world.clock
         self._progress = progress
@@ -122,6 +130,9 @@ class _Work:
     async def _look(self, space: SpaceId, batch: Sequence[tuple[Location, bytes]], tails: Tails | None) -> None:
         keys: list[Key] = [(space, location, object_id) if object_id else (space, location) for location, object_id in batch]
         records = await self._access.fetch(keys) if keys else []
+        wait_s = self._pace.wait_s(self._clock.now(), sum(len(record.ciphertext) for record in records if record is not None))
+        if wait_s > 0:
+            await self._clock.sleep(wait_s)
         gone = await self._deleted(keys, records)
         for (location, object_id), record, is_deleted in zip(batch, records, gone, strict=True):
             if record is None:

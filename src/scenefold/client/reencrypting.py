@@ -51,6 +51,7 @@ async def reencrypt(access: SceneAccess, progress: ProgressCallback = no_progres
     """Seal everything anew that lies under an older key than the scene's newest; ends when a walk finds nothing more.
 
     `bytes_per_s`: of records that are looked at. Refused if the scene is being rendered; LocalFault if we are no writer of it.
+    To look what there is to do, see `look_what_is_to_seal`.
     """
     log = await access.read_log()
     clock = access.calls.world.clock
@@ -64,6 +65,30 @@ async def reencrypt(access: SceneAccess, progress: ProgressCallback = no_progres
     while not state.ended and state.walks < WALKS_MAX:
         await work.walk(spaces)
         state.ended = not state.renewed_in_walk
+    state.seconds = clock.now() - begun
+    return state
+
+
+async def look_what_is_to_seal(
+    access: SceneAccess, progress: ProgressCallback = no_progress, bytes_per_s: float | None = None, *, new_key: bool = False
+) -> Reencryption:
+    """What `reencrypt` would have to do, by one walk that changes nothing. `new_key`: if the scene had got another key before.
+
+    LocalFault if we may not do it, being no writer, or, for a new key, no owner.
+    """
+    log = await access.read_log()
+    access.check_writer()
+    if new_key:
+        await access.check_owner()
+    clock = access.calls.world.clock
+    begun = clock.now()
+    state = Reencryption(log.state.grants.key_epoch + new_key, begun, is_dry=True)
+    work = _Work(access, state, Pace(bytes_per_s), progress)
+    spaces = [space.id for space in log.state.spaces.values() if not space.parent]
+    if state.key_epoch:
+        await work.count(spaces)
+        await work.walk(spaces)
+    state.ended = True
     state.seconds = clock.now() - begun
     return state
 
@@ -141,8 +166,10 @@ class _Work:
                 self.state.complain(f"space {key[0]}, {key[1].hex()}: the record is damaged at its owner")
         identity = self._access.identity
         newest = identity.keys.newest_epoch if identity.key_epoch is None else identity.key_epoch
-        old = under_older_keys(records, newest)
-        if not old:
+        old = under_older_keys(records, self.state.key_epoch if self.state.is_dry else newest)
+        if self.state.is_dry:
+            self.state.find(len(old), sum(len(record.ciphertext) for record in map(records.__getitem__, old) if record is not None))
+        if self.state.is_dry or not old:
             return ()
         wishes = await self._wishes([keys[index] for index in old], [records[index] for index in old])
         tried, placed = await self._placed(wishes)

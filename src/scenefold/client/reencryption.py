@@ -59,9 +59,12 @@ class Reencryption:
 
     key_epoch: int
     begun: float
+    is_dry: bool = False
+    """Nothing is sealed anew: what would be is counted as `to_renew`, and its bytes as they lie there."""
     total: int = 0
     walks: int = 0
     walked: int = 0
+    to_renew: int = 0
     renewed: int = 0
     renewed_in_walk: int = 0
     bytes: int = 0
@@ -90,6 +93,11 @@ class Reencryption:
         self.renewed_in_walk += count
         self.bytes += size
 
+    def find(self, count: int, size: int) -> None:
+        """So many records lie under older keys, and are left so."""
+        self.to_renew += count
+        self.bytes += size
+
     def complain(self, problem: str) -> None:
         """A record stays as it is. A second walk meets it again, so the last walk's count is the one that says."""
         self.unreadable += 1
@@ -99,15 +107,18 @@ class Reencryption:
     def progress(self, now: float) -> ProgressState:
         """What a person is shown: records, bytes, time left."""
         total = max(self.total, self.walked)
-        left = f", {_time_text((now - self.begun) / self.walked * (total - self.walked))} left" if 0 < self.walked < total else ""
-        phase = PHASE if self.walks <= 1 else f"{PHASE} ({self.walks})"
-        return ProgressState(phase, self.walked, total, f"records, {self.bytes / 2**20:.1f} MiB sealed anew{left}")
+        left = (now - self.begun) / self.walked * (total - self.walked) if 0 < self.walked < total else None
+        phase = "look" if self.is_dry else PHASE if self.walks <= 1 else f"{PHASE} ({self.walks})"
+        done = "to be sealed anew" if self.is_dry else "sealed anew"
+        return ProgressState(phase, self.walked, total, f"records, {self.bytes / 2**20:.1f} MiB {done}", left)
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
         return {
             "key_epoch": self.key_epoch,
+            "dry_run": self.is_dry,
             "records": self.walked,
+            "to_renew": self.to_renew,
             "renewed": self.renewed,
             "bytes": self.bytes,
             "overtaken": self.overtaken,
@@ -117,8 +128,3 @@ class Reencryption:
             "complete": self.is_complete,
             "seconds": round(self.seconds, 3),
         }
-
-
-def _time_text(seconds: float) -> str:
-    whole = round(seconds)
-    return f"{whole} s" if whole < 100 else f"{whole // 60} min" if whole < 6000 else f"{whole / 3600:.1f} h"

@@ -17,7 +17,7 @@ from scenefold.client.positions import logged_spaces
 from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.purge_walk import Purge
 from scenefold.client.purging import purge
-from scenefold.client.reencrypting import reencrypt
+from scenefold.client.reencrypting import look_what_is_to_seal, reencrypt
 from scenefold.client.reencryption import Reencryption
 from scenefold.client.space import Space
 from scenefold.client.suspects import SuspectReport, look_at_suspects
@@ -132,16 +132,30 @@ class Scene:
         """Seal everything anew that lies under an older key; a writer's to do. May be cancelled, and begun again; see `reencrypting`."""
         return await reencrypt(self.access, callback_of(progress), bytes_per_s)
 
+    async def look_what_is_to_seal(
+        self, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None, *, new_key: bool = False
+    ) -> Reencryption:
+        """What `reencrypt` would have to do, or, with `new_key`, `rotate_key` and `reencrypt`. Reads everything, and changes nothing."""
+        return await look_what_is_to_seal(self.access, callback_of(progress), bytes_per_s, new_key=new_key)
+
     async def former_keys(self, look_s: float = LOOK_S) -> FormerKeys:
         """Whether records lie under older keys still: a revocation's work that was left, or ended. Looks for `look_s` at most."""
         return await former_keys(self.access, look_s)
 
-    async def purge(self, spaces: Sequence[int] = (), *, dry_run: bool = False, progress: ProgressCallback | bool = False) -> Purge:
+    async def purge(
+        self,
+        spaces: Sequence[int] = (),
+        *,
+        dry_run: bool = False,
+        progress: ProgressCallback | bool = False,
+        bytes_per_s: float | None = None,
+    ) -> Purge:
         """Have deleted records dropped for good, of these spaces or all; a writer's to do, and an owner's for what is newer than the last purge.
 
-        They go only once no node has anything older. May be cancelled, and begun again; see `purging`.
+        They go only once no node has anything older. May be cancelled, and begun again; see `purging`. `bytes_per_s`: of what is looked at.
         """
-        return await purge(self.access, [SpaceId(space) for space in spaces], dry_run=dry_run, progress=callback_of(progress))
+        wanted, tell = [SpaceId(space) for space in spaces], callback_of(progress)
+        return await purge(self.access, wanted, dry_run=dry_run, progress=tell, bytes_per_s=bytes_per_s)
 
     async def strays(self, *, restore: bool = False, discard: bool = False, progress: ProgressCallback | bool = False) -> SuspectReport:
         """What nodes keep apart that were away while deletions were purged: list it, and put it where nothing lies, or let it go; see `suspects`."""

@@ -151,18 +151,21 @@ class LogAccess:
     async def propose(self, entry_of: Callable[[SceneLog], LogEntry]) -> ReadLog:
         """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew.
 
-        LocalFault if the entry does not fit, or this profile may not sign; Refused if it did not go in; Unreachable, with words
-        if it is not known whether it did.
+        LocalFault if the entry does not fit, or we are no owner; Refused if it did not go in; Unreachable, with words, if nobody knows.
         """
+        secrets = await self.owner()
+        to_do = "see with `scenectl space list` or `scenectl scene access` whether it was made, before you repeat it"
+        doubt = self._doubt("a change", to_do)
+        with doubt.no_refusal(nor_silence=True):
+            return await self._proposed(entry_of, secrets.signing, doubt)
+
+    async def owner(self) -> MemberSecrets:
+        """What we sign changes with; LocalFault if we are no owner of the scene."""
         if self.keys.header_seed is None:
             await self.header()  # it may have been given since
         if self.keys.header_seed is None or self._secrets is None:
             raise LocalFault("only an owner of the scene may change this", where=f"scene {self._name}", remedy="ask one of them")
-        doubt = self._doubt(
-            "a change", "see with `scenectl space list` or `scenectl scene access` whether it was made, before you repeat it"
-        )
-        with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, self._secrets.signing, doubt)
+        return self._secrets
 
     async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], author: SigningKey, doubt: Doubt) -> ReadLog:
         request_id = self._calls.world.entropy.token(_REQUEST_ID_BYTES)

@@ -35,6 +35,28 @@ def test_plain_progress_is_at_most_a_line_a_second_and_never_misses_the_end() ->
     assert len(lines) == 4
 
 
+def test_plain_progress_says_how_long_it_takes_by_the_pace_of_its_phase() -> None:
+    clock, stream = [100.0], io.StringIO()
+    with Progress(stream=stream, now=lambda: clock[0]) as progress:
+        progress(ProgressState("geometry", 50, 1000, "triangles"))
+        clock[0] += 10.0
+        progress(ProgressState("geometry", 250, 1000, "triangles"))
+        clock[0] += 10.0
+        progress(ProgressState("geometry", 1000, 1000, "triangles"))
+        progress(ProgressState("tables", 1, 5, "pages"))
+        clock[0] += 10.0
+        progress(ProgressState("count", 4096, None, "records"))
+        clock[0] += 10.0
+        progress(ProgressState("tables", 2, 5, "pages", 7200.0))
+    assert stream.getvalue().splitlines() == [
+        "geometry: 50 of 1000 triangles",
+        "geometry: 250 of 1000 triangles, 38 s left",
+        "geometry: 1000 of 1000 triangles",
+        "count: 4096 records",
+        "tables: 2 of 5 pages, 2.0 h left",
+    ]
+
+
 def test_on_a_terminal_there_are_bars() -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

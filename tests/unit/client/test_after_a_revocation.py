@@ -73,7 +73,7 @@ class Kitchen:
     async def forge(self, epoch: int) -> None:
         """Ada signs once more, and the owner of the place takes it."""
         access = self.ada.access
-        access._check_writer = lambda: None  # type: ignore[method-assign]
+        access.check_writer = lambda: None  # type: ignore[method-assign]
         access.log = None
         access.identity = replace(access.identity, position=epoch)
         self.nodes.helpers = {self.nodes.table.owner_of(PLACES[0]).address}

@@ -86,7 +86,7 @@ async def test_what_a_reader_signs_all_the_same_neither_nodes_nor_clients_take(a
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.READER)
     reader = await studio.kitchen(2)
-    reader.access._check_writer = lambda: None  # type: ignore[method-assign]
+    reader.access.check_writer = lambda: None  # type: ignore[method-assign]
     with pytest.raises(Refused) as refused:
         await reader.space(GEOMETRY).put(FIRST, b"mine")
     assert refused.value.reason is RejectReason.NOT_AUTHORISED
@@ -171,7 +171,7 @@ async def test_what_a_former_writer_signs_all_the_same_is_refused(autojump_clock
     await scene.grant(card_of(2), Role.WRITER)
     ada = await studio.kitchen(2)
     await scene.revoke("user:ada")
-    ada.access._check_writer = lambda: None  # type: ignore[method-assign]
+    ada.access.check_writer = lambda: None  # type: ignore[method-assign]
     ada.access.log = None
     with pytest.raises(Refused) as refused:
         await ada.space(GEOMETRY).put(FIRST, b"late")

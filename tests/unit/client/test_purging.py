@@ -117,6 +117,17 @@ async def test_a_dry_run_changes_nothing(autojump_clock: MockClock, studio: Stud
     assert (left(nodes), nodes.orders, nodes.headers[scene.id].position) == (PLACES, [], 1)
 
 
+async def test_it_looks_no_faster_than_it_may(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.space(FILES).put_many((Location.from_number(LINE_LENGTH * index // 600), bytes(1000)) for index in range(600))
+    begun = trio.current_time()
+    assert (await scene.purge(dry_run=True)).walked == 600
+    assert trio.current_time() - begun < 5.0
+    begun = trio.current_time()
+    report = await scene.purge(dry_run=True, bytes_per_s=10_000)
+    assert report.walked == 600 and trio.current_time() - begun > 512 * 1000 / 10_000 - 5
+
+
 async def test_only_the_spaces_that_are_named(autojump_clock: MockClock, studio: Studio, nodes: PurgingNodes) -> None:
     scene = await filled(studio)
     await scene.space(FILES).put(PLACES[0], b"a file")

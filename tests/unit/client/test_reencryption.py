@@ -160,6 +160,36 @@ async def test_a_node_that_is_away_ends_it_in_words_and_nothing_is_lost(autojump
     assert await scene.space(GEOMETRY).get_many(PLACES) == [b"payload %d" % index for index in range(COUNT)]
 
 
+async def test_a_dry_run_says_what_there_is_to_do_and_changes_nothing(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await filled(studio)
+    position, before = studio.nodes.headers[scene.id].position, dict(studio.nodes.records)
+    report = await scene.look_what_is_to_seal()
+    assert (report.to_renew, report.key_epoch) == (0, 0), "there is one key only"
+    report = await scene.look_what_is_to_seal(new_key=True)
+    assert (report.to_renew, report.walked, report.renewed, report.key_epoch) == (COUNT, COUNT, 0, 1)
+    assert report.bytes == sum(len(item.ciphertext) for item in before.values())
+    assert (studio.nodes.headers[scene.id].position, studio.nodes.records) == (position, before)
+    await scene.rotate_key()
+    await scene.space(GEOMETRY).put_many((place, b"anew") for place in PLACES[:40])
+    shown: list[ProgressState] = []
+    report = await scene.look_what_is_to_seal(shown.append)
+    assert (report.to_renew, report.document()["dry_run"], report.is_complete) == (COUNT - 40, True, True)
+    assert (shown[-1].phase, shown[-1].done, epochs(studio.nodes)) == ("look", COUNT, {0, 1})
+    assert (await scene.reencrypt()).renewed == COUNT - 40
+
+
+async def test_only_those_who_may_do_it_are_told_what_there_is_to_do(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await filled(studio)
+    await scene.grant(card_of(2), Role.WRITER)
+    await scene.grant(card_of(3), Role.READER)
+    with pytest.raises(LocalFault, match="reading only"):
+        await (await studio.kitchen(3)).look_what_is_to_seal()
+    ada = await studio.kitchen(2)
+    assert (await ada.look_what_is_to_seal()).to_renew == 0
+    with pytest.raises(LocalFault, match="only an owner"):
+        await ada.look_what_is_to_seal(new_key=True)
+
+
 async def test_it_goes_no_faster_than_it_may(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.space(FILES).put_many((place, bytes(1000)) for place in PLACES)
@@ -186,8 +216,7 @@ def test_a_damaged_record_is_under_no_older_key() -> None:
 
 def test_the_time_that_is_left_is_said() -> None:
     state = Reencryption(1, begun=10.0, total=100, walks=1, walked=25, bytes=3 << 20)
-    assert state.progress(20.0).unit == "records, 3.0 MiB sealed anew, 30 s left"
-    assert state.progress(20.0).done == 25
+    assert state.progress(20.0) == ProgressState("re-encrypt", 25, 100, "records, 3.0 MiB sealed anew", 30.0)
 
 
 async def test_a_record_that_cannot_be_sealed_anew_ends_nothing(autojump_clock: MockClock, studio: Studio) -> None:
