@@ -14,7 +14,7 @@ from scenefold.base.limits import COPIES_MAX
 
 if TYPE_CHECKING:
     from scenefold.base.ids import SpaceId
-    from scenefold.client import Scene
+    from scenefold.client import CopiesPlan, Scene
     from scenefold.scene.log import Layouts, LoggedSpace
 
 CopiesOption = Annotated[int, whole(1, COPIES_MAX)]
@@ -28,6 +28,7 @@ def copies(
     *,
     min_copies: MinCopiesOption | None = None,
     scene: SceneOption,
+    dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Say how many nodes shall hold each record of a space from now on; an owner's to do.
@@ -46,8 +47,22 @@ def copies(
         How many must hold a record before it counts as stored; by default as it was, or 2 if there was one copy.
     scene
         Name of the scene.
+    dry_run
+        Say what would be copied, or which copies would go, and change nothing.
     """
+    from scenectl.progress import Progress
     from scenectl.running import connected, run
+
+    async def plan(progress: Progress) -> CopiesPlan:
+        async with connected(output.profile) as cluster:
+            opened = await cluster.scenes.open(scene)
+            return await (await opened.space_named(name_or_number(space.text))).plan_copies(number, min_copies, progress)
+
+    if dry_run:
+        with Progress(quiet=output.json) as progress:
+            planned = run(plan, progress)
+        emit(output, {"scene": scene, **planned.document()}, plan_text(planned))
+        return
 
     async def change() -> LoggedSpace:
         async with connected(output.profile) as cluster:
@@ -56,6 +71,24 @@ def copies(
 
     said = run(change)
     emit(output, {"scene": scene, **said.document()}, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.")
+
+
+def plan_text(plan: CopiesPlan) -> str:
+    """What a change would do."""
+    was, now = copies_text(plan.was.copies, plan.was.copies_min), copies_text(plan.copies, plan.copies_min)
+    if not plan.is_change:
+        return f"Space {plan.was.name} has {now} already: nothing would change."
+    document = plan.document()
+    lines = [f"Space {plan.was.name} would have {now}; now it has {was}. Nothing is changed."]
+    if document["copies_to_make"]:
+        lines.append(f"Nodes would make {document['copies_to_make']:,} copies of {plan.records:,} records, in the background.")
+    if document["copies_to_drop"]:
+        lines.append(f"{document['copies_to_drop']:,} copies of {plan.records:,} records would go, in the background.")
+    if plan.shadows:
+        lines.append(f"Shadows that would be made: {', '.join(plan.shadows)}.")
+    if plan.nodes < plan.copies:
+        lines.append(f"There are {plan.nodes} nodes: more copies come to lie there once there are more.")
+    return "\n".join(lines)
 
 
 def copies_text(number: int, least: int) -> str:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from scenefold.client.cluster import Cluster
     from scenefold.client.cluster_health import Ailment, ClusterHealth, Condition
     from scenefold.client.connecting import connect, create_cluster, profile_folder
+    from scenefold.client.copies import CopiesPlan
     from scenefold.client.former_keys import FormerKeys
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.grants import Access, role_named
@@ -41,6 +42,7 @@ _HOMES = {
     "scenefold.client.cluster": "Cluster",
     "scenefold.client.cluster_health": "Ailment ClusterHealth Condition",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
+    "scenefold.client.copies": "CopiesPlan",
     "scenefold.client.former_keys": "FormerKeys",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.grants": "Access role_named",
@@ -84,6 +86,7 @@ __all__ = [
     "ClusterStatus",
     "Concern",
     "Condition",
+    "CopiesPlan",
     "DrainReport",
     "EpochKeys",
     "FormerKeys",

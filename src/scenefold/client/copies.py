@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Self
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
 
 from scenefold.base.arguments import as_whole
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import COPIES_DEFAULT, COPIES_MAX, COPIES_MIN_DEFAULT
 from scenefold.scene.log import Layouts, LoggedSpace, SceneLog, missing_shadows
-from scenefold.wire import Batch, SetCopies
+from scenefold.wire import Batch, CreateSpace, SetCopies
 
 
 class Copies(NamedTuple):
@@ -67,6 +68,54 @@ def is_so_already(change: Batch | SetCopies, log: SceneLog) -> bool:
         return False
     space = log.space(change.space)
     return (space.copies, space.copies_min) == (change.copies, change.copies_min)
+
+
+@dataclass(frozen=True, slots=True)
+class CopiesPlan:
+    """What a change of a space's copies would do. `records`: how many lie in the space, deleted ones among them."""
+
+    was: LoggedSpace
+    copies: int
+    copies_min: int
+    shadows: tuple[str, ...]
+    """Names of those that would be made."""
+    records: int
+    nodes: int
+
+    @classmethod
+    def of(cls, change: Batch | SetCopies, log: SceneLog, records: int, nodes: int) -> Self:
+        """`change`: an entry of `new_copies` for this log."""
+        said, *made = change.entries if isinstance(change, Batch) else (change,)
+        assert isinstance(said, SetCopies)
+        shadows = tuple(shadow.name for shadow in made if isinstance(shadow, CreateSpace))
+        return cls(log.space(said.space), said.copies, said.copies_min, shadows, records, nodes)
+
+    @property
+    def is_change(self) -> bool:
+        return bool(self.shadows) or (self.was.copies, self.was.copies_min) != (self.copies, self.copies_min)
+
+    def kept_by(self, copies: int) -> int:
+        """On how many nodes a record can lie, if it shall have so many copies."""
+        return min(copies, self.nodes)
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        more = self.records * (self.kept_by(self.copies) - self.kept_by(self.was.copies))
+        return {
+            "dry_run": True,
+            "space": self.was.id,
+            "name": self.was.name,
+            "copies": self.copies,
+            "copies_min": self.copies_min,
+            "copies_before": self.was.copies,
+            "copies_min_before": self.was.copies_min,
+            "changes": self.is_change,
+            "shadows_to_make": list(self.shadows),
+            "records": self.records,
+            "nodes": self.nodes,
+            "copies_to_make": max(0, more),
+            "copies_to_drop": max(0, -more),
+        }
 
 
 def check_no_shadow(layouts: Layouts, space: SpaceId, to_do: str) -> None:

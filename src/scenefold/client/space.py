@@ -13,11 +13,12 @@ from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAMES_IN_FLIGHT
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.any_copy import any_copies
-from scenefold.client.copies import is_so_already, new_copies
+from scenefold.client.copies import CopiesPlan, is_so_already, new_copies
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space
+from scenefold.client.progress import ProgressCallback, ProgressState, callback_of
 from scenefold.client.sealing import Opened, payload_of
 from scenefold.client.steps import checked_factor, checked_offset, movable
 from scenefold.client.verifying import Key
@@ -30,7 +31,7 @@ ABSENT = EXPECTS_NOTHING
 """As `expect`: the place must be empty."""
 
 _BATCH_BYTES = CLIENT_FRAME_BYTES * CLIENT_FRAMES_IN_FLIGHT
-_GET_BATCH = 4096
+_GET_BATCH = _COUNTED_AT_A_TIME = 4096
 
 
 class Space:
@@ -159,6 +160,20 @@ class Space:
         if not is_so_already(change(log.state), log.state):
             log = await self._access.change_log(change)
         return log.state.space(self.id)
+
+    async def plan_copies(self, copies: int, copies_min: int | None = None, progress: ProgressCallback | bool = False) -> CopiesPlan:
+        """What `set_copies` would change, and how many records that is about. Lists the space, and changes nothing."""
+        change, tell = new_copies(self.id, copies, copies_min), callback_of(progress)
+        log = await self._access.read_log()
+        entry = change(log.state)
+        await self._access.check_owner()
+        records = 0
+        async for _ in self._access.entries(self.id, FIRST, LAST):
+            records += 1
+            if records % _COUNTED_AT_A_TIME == 0:
+                tell(ProgressState("count", records, None, "records"))
+        await self._access.calls.refresh()
+        return CopiesPlan.of(entry, log.state, records, len(self._access.calls.table.owners))
 
     async def put_at(self, position: Sequence[float], payload: bytes) -> Location:
         """Store a record at a position in the world, or the next free place along the line; gives its location.

@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 
 from scenectl import space
-from scenectl.copies import copies_cell, lacking_text
+from scenectl.copies import copies_cell, lacking_text, plan_text
 from scenectl.positions import Box, Position
 from scenectl.program import main
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
+from scenefold.client.copies import CopiesPlan
 from scenefold.scene.log import Affine, Layouts, LoggedSpace
 
 
@@ -57,6 +58,15 @@ def test_numbers_below_0_may_be_given(arguments: list[str], monkeypatch: pytest.
     assert main(["space", *arguments, "--scene", "kitchen", "--profile", "studio"]) == 1
     assert "far enough" in capsys.readouterr().err
     assert asked[0][:2] == ("studio", "kitchen")
+
+
+def test_a_plan_of_copies_says_what_would_come_and_what_would_go() -> None:
+    hall = LoggedSpace(SpaceId(11), "hall", 1, "hilbert", (0.0,), (1.0,), Affine.identity(1), copies=3, copies_min=2)
+    more = plan_text(CopiesPlan(hall, 5, 2, ("hall copy 3", "hall copy 4"), 1000, 4))
+    assert "would make 1,000 copies of 1,000 records" in more and "hall copy 3, hall copy 4" in more and "There are 4 nodes" in more
+    fewer = plan_text(CopiesPlan(hall, 1, 1, (), 1000, 4))
+    assert "2,000 copies of 1,000 records would go" in fewer and "Shadows" not in fewer and "nodes" not in fewer
+    assert "nothing would change" in plan_text(CopiesPlan(hall, 3, 2, (), 1000, 4))
 
 
 def test_a_space_that_asks_for_more_copies_than_it_has_shadows_for_is_told() -> None:

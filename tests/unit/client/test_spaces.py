@@ -319,6 +319,31 @@ async def test_copies_of_a_space_change_as_often_as_somebody_likes(autojump_cloc
     assert (await scene.space(GEOMETRY).info()).copies == 2, "also the spaces that every scene has"
 
 
+async def test_a_change_of_copies_can_be_looked_at_before(autojump_clock: MockClock, tmp_path: Path) -> None:
+    nodes = FakeNodes()
+    scene = await scene_of(nodes, tmp_path)
+    hall = await scene.create_space("hall", BOX, copies=1)
+    places = [Location.from_number(LINE_LENGTH * index // 50) for index in range(50)]
+    await hall.put_many((place, b"chair") for place in places)
+    await hall.delete(places[3])
+    before, number = nodes.headers[scene.id], len(nodes.table.owners)
+    plan = await hall.plan_copies(number + 1)
+    assert plan.is_change and plan.shadows == tuple(f"hall copy {index + 1}" for index in range(number))
+    made = 50 * (number - 1)
+    document = plan.document()
+    assert (document["records"], document["copies_to_make"], document["copies_to_drop"]) == (50, made, 0), "there are no more nodes"
+    assert nodes.headers[scene.id] == before
+    said = await hall.set_copies(number + 1)
+    assert (plan.copies, plan.copies_min) == (said.copies, said.copies_min)
+    assert tuple(space.name for space in await scene.spaces() if space.parent == hall.id) == plan.shadows
+    back = (await hall.plan_copies(1)).document()
+    assert (back["copies_to_make"], back["copies_to_drop"], back["shadows_to_make"]) == (0, made, [])
+    same = await hall.plan_copies(number + 1)
+    assert not same.is_change and same.document()["copies_to_make"] == 0
+    with pytest.raises(UsageFault, match="a space has 1 to 8 copies"):
+        await hall.plan_copies(9)
+
+
 async def test_a_space_that_may_have_records_shares_its_holders_answers_with_no_other(autojump_clock: MockClock, tmp_path: Path) -> None:
     """Whoever holds copies of another space of the same layout would say that there are none of this one's."""
     nodes = FakeNodes()
