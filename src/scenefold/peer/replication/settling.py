@@ -42,6 +42,16 @@ class Settled:
             return False
         return await self._undoubted([(*spot.place[:2], Arc(spot.home, spot.home)) for spot, _ in here], until)
 
+    async def place(self, spot: Spot, until: float) -> bool:
+        """Whether it may be told that something lies there, as it was just found; waits for that."""
+        if self._unsettled.is_quiet:
+            return True
+        if not self._unsettled.is_read and await self._owe([spot]) and not await self._read_before(until):
+            return False
+        if await first_unsettled(self._unsettled.of(name_of(spot)), until) is not None:
+            return False
+        return await self._undoubted([(*spot.place[:2], Arc(spot.home, spot.home))], until)
+
     async def listed(self, scene: SceneId, space: SpaceId, arc: Arc, until: float) -> bool:
         """Whether a list of this part of the arc, which was just made, may be told; waits for that."""
         if self._unsettled.is_quiet:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import trio
@@ -56,11 +57,11 @@ class Places(Protocol):
 
 
 class _Wait(NamedTuple):
-    """The answer to this put waits for these. `is_stored`: else it only speaks of what is there."""
+    """The answer to this put waits for these. `about`: it only speaks of what is there, and did not store anything."""
 
     which: int
     pendings: Sequence[Pending]
-    is_stored: bool
+    about: Spot | None = None
 
 
 class Spreading:
@@ -139,12 +140,17 @@ class Spreading:
             # Cancelled half-way, nobody would know whether there is anything to settle.
             results = await keep([put for _, put, _ in kept], debtors) if kept else []
         waits: list[_Wait] = []
+        repeated: list[tuple[int, Pending]] = []
         for (index, put, pending), result in zip(kept, results, strict=True):
             outcomes[index] = result
             if pending is not None:
                 waits += self._stored(index, put, pending, result)
                 # What nobody waits for there may be much of: it is read again when it is sent.
                 pending.item = pending.item if wait else None
+                if is_new and result.outcome is Outcome.STORED and not result.has_changed:
+                    repeated.append((index, pending))
+        if repeated:
+            waits += await self._repeated(repeated)
         if wait:
             await self._wait(waits, until, outcomes)
         return [outcomes[index] for index in range(len(puts))]
@@ -218,37 +224,57 @@ class Spreading:
 
     def _stored(self, index: int, put: Put, pending: Pending, result: PutResult) -> list[_Wait]:
         """The store has judged it: send it, or find out what its answer has to wait for."""
+        where = result.location or put.at
+        if where is not None:
+            pending.spot = Spot(pending.spot.place._replace(location=where), pending.spot.object)
         if result.outcome is Outcome.STORED and result.has_changed:
-            where = result.location or put.at
-            if where is not None:
-                pending.spot = Spot(pending.spot.place._replace(location=where), pending.spot.object)
             pending.item = item_of(pending.spot, put.record)
             pending.is_stored = True
             self._judging.send(pending)
-            return [_Wait(index, [pending], is_stored=True)]
+            return [_Wait(index, [pending])]
         self._unsettled.drop(pending)
-        others = self._unsettled.of(name_of(pending.spot))
         match result.outcome:
             case Outcome.STORED:
                 # The same again: what was said of it the first time nobody knows here.
-                return [_Wait(index, [other for other in others if other.version == pending.version], is_stored=True)]
+                return [_Wait(index, self._same(pending))]
             case Outcome.STALE | Outcome.EXISTS:
-                return [_Wait(index, others, is_stored=False)]
+                return [_Wait(index, self._unsettled.of(name_of(pending.spot)), about=pending.spot)]
             case _:
                 return []
+
+    def _same(self, pending: Pending) -> list[Pending]:
+        return [other for other in self._unsettled.of(name_of(pending.spot)) if other.version == pending.version]
+
+    async def _repeated(self, repeated: Sequence[tuple[int, Pending]]) -> list[_Wait]:
+        """What is here already, and not pending, may be unsettled all the same: since before the start, or in doubt. Who has it is known."""
+        waits: list[_Wait] = []
+        owed = await self._parts.store.debtors_of([pending.spot for _, pending in repeated])
+        for (index, pending), debtors in zip(repeated, owed, strict=True):
+            rule = self._judging.rule_at(pending.layout, pending.spot)
+            again = replace(pending, debtors=frozenset(debtors), have=set(pending.have), is_stored=True, is_settled=False, settled=None)
+            if not self._same(pending) and (rule is None or not self._judging.is_settled(again, rule)):
+                # Whatever else is pending there was given to the store since.
+                self._unsettled.add(again, is_oldest=True)
+                self._judging.send(again)
+                waits.append(_Wait(index, [again]))
+        return waits
 
     async def _wait(self, waits: Sequence[_Wait], until: float, outcomes: dict[int, PutResult | NotKept]) -> None:
         told_until = min(until, trio.current_time() + TOLD_S_MAX)
         for wait in waits:
-            late = await first_unsettled(wait.pendings, until if wait.is_stored else told_until)
-            if late is not None:
-                outcomes[wait.which] = self._given_up(late) if wait.is_stored else NotKept(RejectReason.NOT_READY, NodeId(0))
-            elif wait.is_stored and not all(map(self._judging.counts, wait.pendings)):
+            late = await first_unsettled(wait.pendings, told_until if wait.about else until)
+            if late is not None and not wait.about:
+                outcomes[wait.which] = self._given_up(late)
+            elif late is not None or not await self._may_be_told(wait, told_until):
                 outcomes[wait.which] = NotKept(RejectReason.NOT_READY, NodeId(0))
         # All at once, at the end: what was settled first may have gone to another owner while the others were waited for.
         for wait in waits:
             if any(not self._parts.keeper.holding.owns(pending.home) for pending in wait.pendings):
                 outcomes[wait.which] = NotKept(RejectReason.NOT_READY, NodeId(0))
+
+    async def _may_be_told(self, wait: _Wait, until: float) -> bool:
+        """Of what is settled, as far as it is pending."""
+        return await self._settled.place(wait.about, until) if wait.about else all(map(self._judging.counts, wait.pendings))
 
     def _given_up(self, pending: Pending) -> NotKept:
         # Its bytes are read again when somebody takes them.

@@ -11,6 +11,7 @@ from scenefold.base.errors import ScenefoldError
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Record
 from scenefold.peer.line.ends import Side
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication import beginning, paying
@@ -279,5 +280,60 @@ def test_in_a_degraded_space_what_all_have_who_may_hold_it_is_told_and_not_ackno
         merge = row.owner.replication.spreading.merge
         assert isinstance((await merge([Put(brought)]))[0], NotKept), "whoever brings it must not delete its own"
         assert not (await row.read(other)).stale
+
+    in_a_row(story)
+
+
+def test_the_same_again_after_a_crash_is_acknowledged_once_enough_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story(row: Row) -> None:
+        # Only the first debt is looked at soon.
+        monkeypatch.setattr(beginning, "PENDING_MAX", 0)
+        monkeypatch.setattr(beginning, "PAGE", 1)
+        await row.hold(1, 2)
+        first, doubtful = (row.next_at(place) for place in sorted(row.places(2)))
+        row.cut_off(1, 2)
+        async with trio.open_nursery() as nursery:
+            for record in (first, doubtful):
+                nursery.start_soon(row.tried, record)
+            await until(lambda: row.copies_of(first) == row.copies_of(doubtful) == 1)
+            row.net.reset(row.owner.address, row.homes[1].address)
+            row.net.reset(row.owner.address, row.homes[2].address)
+            row.owner.crash()
+        await row.awake()
+        assert not row.owner.living.parts.unsettled.is_read
+        other = record_at(doubtful.header.location, 1)
+        (refused,) = await row.put(other)
+        assert refused.reason == RejectReason.NOT_READY, "that something newer is there must not be known"
+        row.mend(1)
+        await _offered_until_acknowledged(row, doubtful)
+        assert row.copies_of(doubtful) == 2
+
+    in_a_row(story)
+
+
+async def _offered_until_acknowledged(row: Row, record: Record) -> None:
+    """What a client does whose answer was lost. What is acknowledged is looked for on the disks (Row.put)."""
+    while record not in row.acknowledged:
+        await row.put(record)
+        await trio.sleep(0.1)
+
+
+def test_the_same_again_in_doubt_is_acknowledged_once_enough_have_it() -> None:
+    async def story(row: Row) -> None:
+        record = row.next_at(row.places(1)[0])
+        # As what was found in a gap.
+        await row.owner.store.merge([Put(record)])
+        row.owner.replication.spreading.doubt(row.arc)
+        await row.place(1, 2)
+        await row.tell()
+        row.cut_off(1, 2)
+        (outcome,) = await row.put(record)
+        assert outcome.reason == RejectReason.NOT_READY
+        older = record_at(record.header.location, 0)
+        (outcome,) = await row.put(older)
+        assert outcome.reason == RejectReason.NOT_READY, "that something newer is there must not be known"
+        row.mend(2)
+        await _offered_until_acknowledged(row, record)
+        assert row.copies_of(record) == 2
 
     in_a_row(story)
