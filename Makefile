@@ -34,6 +34,8 @@ install:
 demo:
 	$(call ready,)$(BIN)/scenectl demo --output demo-output
 
+# Tests start hundreds of processes, each of which would compile all modules again where the environment has Python keep nothing.
+test: export PYTHONDONTWRITEBYTECODE =
 test: lint
 	$(call ready,dev)$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
 
