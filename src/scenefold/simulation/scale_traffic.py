@@ -63,8 +63,8 @@ def counted(trace: Trace, ports: Ports) -> Iterator[Traffic]:
     """Counts everything that is sent while this lasts."""
     traffic = Traffic(ports)
 
-    def counting(packet: Packet) -> bytes:
-        data = true_encode_frame(packet)
+    def counting(packet: Packet, *, version: int = 1) -> bytes:
+        data = true_encode_frame(packet, version=version)
         traffic.add(kind_of(packet), len(data))
         return data
 

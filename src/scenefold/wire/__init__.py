@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.documents import Value, pack_value, unpack_value
     from scenefold.wire.enrol_entries import Trust
-    from scenefold.wire.errors import MalformedPacket, UnsupportedPacket
+    from scenefold.wire.errors import MalformedPacket, NotSpoken, UnsupportedPacket
     from scenefold.wire.frames import FrameReader, frame
     from scenefold.wire.handover_packets import (
         AskRange,
@@ -222,7 +222,7 @@ _HOMES = {
     "data_packets": "AcceptData DAMAGED_RECORD EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
     "documents": "Value pack_value unpack_value",
     "enrol_entries": "Trust",
-    "errors": "MalformedPacket UnsupportedPacket",
+    "errors": "MalformedPacket NotSpoken UnsupportedPacket",
     "frames": "FrameReader frame",
     "handover_packets": "AskRange BoundConfirmed ClaimRange ConfirmBound CopyRecords DropHandover HandItem HandRecords HandoverReply OfferRange OfferRecords RecordEntry RecordsWanted",
     "log_entries": "AddNode AddObserver AddParticipant Batch BeginPurge CreateSpace CurveKind Found Founder Grant KeyEpoch LogEntry RemoveNode RemoveObserver RemoveParticipant Revoke RevokeNode Role ScaleSpace SetCopies SetMode SingleEntry TranslateSpace",
@@ -341,6 +341,7 @@ __all__ = [
     "MergeFilm",
     "MiniStatus",
     "NodeReport",
+    "NotSpoken",
     "OfferRange",
     "OfferRecords",
     "OfferStrays",

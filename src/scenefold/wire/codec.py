@@ -9,57 +9,72 @@ and blames the sender (MalformedPacket, and nothing else). Both are plain functi
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from typing import Any
 
 import msgpack
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import FRAME_BYTES_MAX
-from scenefold.wire.common import MINI_STATUS, U32, Packet
-from scenefold.wire.containers import Struct
+from scenefold.wire.common import MINI_STATUS, U32, Packet, Row
+from scenefold.wire.containers import Struct, since_of
 from scenefold.wire.documents import skip_value
-from scenefold.wire.errors import MalformedPacket, Misfit, UnsupportedPacket
+from scenefold.wire.errors import MalformedPacket, Misfit, NotSpoken, UnsupportedPacket
 from scenefold.wire.kinds import Kind, Maybe, Nothing
 from scenefold.wire.table import RESERVED, ROWS
 from scenefold.wire.tokens import TRUNCATED, read_array_head, read_uint
 
 PROTOCOL_VERSION = 1
-"""Of what this module speaks; the handshake of each connection agrees on one (world/versions.py)."""
+"""The highest that this module speaks; the handshake of each connection agrees on one (world/versions.py)."""
+FIRST_VERSION = 1
+"""What is spoken where no handshake has agreed on anything: in datagrams, and by newcomers."""
 
 _HEAD_FIELDS = 3
 _PING_BROADCAST = 1
 
 
-def _layout(number: int) -> Struct[Any]:
-    row = ROWS[number]
+def layouts_of(rows: Mapping[int, Row], version: int) -> dict[int, Struct[Any]]:
+    """The packets of a version, each with the fields that it has there."""
+    return {number: _layout(row, version) for number, row in rows.items() if row.since <= version}
+
+
+def _layout(row: Row, version: int) -> Struct[Any]:
     # A PingBroadcast consists of whole statuses: the small one would only repeat the first of them.
-    mini_status: Kind[Any] = Nothing() if number == _PING_BROADCAST else Maybe(MINI_STATUS)
-    return Struct(row.packet, ("request_id", U32), ("mini_status", mini_status), *row.fields)
+    mini_status: Kind[Any] = Nothing() if row.number == _PING_BROADCAST else Maybe(MINI_STATUS)
+    fields = [field for field in row.fields if since_of(field[1]) <= version]
+    return Struct(row.packet, ("request_id", U32), ("mini_status", mini_status), *fields)
 
 
-_LAYOUTS = {number: _layout(number) for number in ROWS}
+_LAYOUTS = {version: layouts_of(ROWS, version) for version in range(FIRST_VERSION, PROTOCOL_VERSION + 1)}
 
 
-def encode_packet(packet: Packet) -> bytes:
-    """The packet's bytes, without the length of a frame; LocalFault names the field that is out of bounds."""
-    packed: bytes = _pack(packet).bytes()
+def _spoken(version: int) -> dict[int, Struct[Any]]:
+    """What this module knows of a version: of a later one than its own, what that one has in common with it."""
+    return _LAYOUTS[min(version, PROTOCOL_VERSION)]
+
+
+def encode_packet(packet: Packet, *, version: int = FIRST_VERSION) -> bytes:
+    """The packet's bytes in a version, without the length of a frame; LocalFault names the field that is out of bounds.
+
+    NotSpoken, as if the peer had refused it, if that version has no such packet.
+    """
+    packed: bytes = _pack(packet, version).bytes()
     return packed
 
 
-def encode_frame(packet: Packet) -> bytes:
+def encode_frame(packet: Packet, *, version: int = FIRST_VERSION) -> bytes:
     """The packet as a whole frame, ready to be sent. Saves the copy that `frame(encode_packet(packet))` makes."""
-    with _pack(packet).getbuffer() as body:
+    with _pack(packet, version).getbuffer() as body:
         return b"".join((struct.pack(">I", len(body)), body))
 
 
-def _pack(packet: Packet) -> Any:
+def _pack(packet: Packet, version: int) -> Any:
     number = packet.TYPE
-    try:
-        layout = _LAYOUTS[number]
-        if type(packet) is not layout.build:
-            raise KeyError
-    except KeyError:
-        raise LocalFault(f"{type(packet).__name__} is no packet of the table") from None
+    layout = _spoken(version).get(number)
+    if layout is None and number in ROWS:
+        raise NotSpoken(type(packet).__name__, version)
+    if layout is None or type(packet) is not layout.build:
+        raise LocalFault(f"{type(packet).__name__} is no packet of the table")
     try:
         plain = layout.plain_fields(packet)
     except Misfit as misfit:
@@ -79,10 +94,10 @@ def _pack(packet: Packet) -> Any:
     return packer
 
 
-def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOCOL_VERSION) -> Packet:
+def decode_packet(data: bytes | bytearray | memoryview, *, version: int = FIRST_VERSION) -> Packet:
     """The packet that `data` is, wholly. MalformedPacket, with the field's name, is all that it raises.
 
-    `version` is the connection's: a later one than ours may append fields that we do not know.
+    `version` is the connection's: of a later one than ours, packets may have more fields at their ends, and we not know all packets.
     """
     if len(data) > FRAME_BYTES_MAX:
         raise MalformedPacket("frame", f"{len(data)} bytes, at most {FRAME_BYTES_MAX} are allowed")
@@ -95,7 +110,7 @@ def decode_packet(data: bytes | bytearray | memoryview, *, version: int = PROTOC
             raise Misfit(f"{count} fields, at least {_HEAD_FIELDS} were expected")
         name = "type"
         number, at = read_uint(data, at)
-        layout = _LAYOUTS.get(number)
+        layout = _spoken(version).get(number)
         name = "request_id" if layout is None else layout.name
         request_id = _peek_request_id(data, at)
         if layout is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from dataclasses import fields as dataclass_fields
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -11,7 +11,7 @@ from scenefold.base.ids import SPACE_ID_MAX, KeyId, NodeId, SceneId, SpaceId
 from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, DOCUMENT_BYTES_MAX, LOG_BYTES_MAX, RECORD_OVERHEAD_BYTES_MAX, TEXT_BYTES_MAX
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.wire.containers import Struct
+from scenefold.wire.containers import Struct, since_of
 from scenefold.wire.kinds import Bin, Choice, Flag, Float, Kind, Maybe, Place, Text, Uint
 from scenefold.wire.laws import Law
 
@@ -106,6 +106,8 @@ class Row:
     carrier: Carrier
     fields: tuple[tuple[str, Kind[Any]], ...]
     law: Law | None = None
+    since: int = 1
+    """The version of the protocol that brought it."""
 
     @property
     def number(self) -> int:
@@ -116,9 +118,13 @@ class Row:
         return self.packet.__name__
 
 
-def row(packet: type[Packet], carrier: Carrier, *fields: tuple[str, Kind[Any]], law: Law | None = None) -> Row:
-    """A row; it must name the fields of the class, in their order."""
+def row(packet: type[Packet], carrier: Carrier, *fields: tuple[str, Kind[Any]], law: Law | None = None, since: int = 1) -> Row:
+    """A row; it must name the fields of the class, in their order, those of later versions behind the others and with a default."""
     named = [name for name, _ in fields]
     declared = [field.name for field in dataclass_fields(packet) if not field.kw_only]
     assert named == declared, f"{packet.__name__}: the table says {named}, the class {declared}"
-    return Row(packet, carrier, fields, law)
+    brought = [since_of(kind) for _, kind in fields]
+    defaults = {field.name for field in dataclass_fields(packet) if field.default is not MISSING}
+    assert brought == sorted(brought), f"{packet.__name__}: a field stands behind one of a later version"
+    assert all(name in defaults for name, kind in fields if since_of(kind)), f"{packet.__name__}: a later field has no default"
+    return Row(packet, carrier, fields, law, since)

@@ -126,6 +126,31 @@ class Late(Kind[T]):
         return self.inner.read(data, at)
 
 
+class Since(Kind[T]):
+    """A field at the end of a packet that came with a version: on connections of earlier ones there is none.
+
+    What it is there, and where a peer cannot say it, is its default in the packet's class.
+    """
+
+    __slots__ = ("inner", "version")
+
+    def __init__(self, inner: Kind[T], version: int) -> None:
+        self.inner = inner
+        self.version = version
+        self.text = f"{inner.text} since {version}"
+
+    def plain(self, value: T) -> object:
+        return self.inner.plain(value)
+
+    def read(self, data: bytes, at: int) -> tuple[T, int]:
+        return self.inner.read(data, at)
+
+
+def since_of(kind: Kind[Any]) -> int:
+    """The version that brought a field: the packet's own if none is named."""
+    return kind.version if isinstance(kind, Since) else 0
+
+
 def _nothing(_value: object) -> tuple[()]:
     return ()
 

@@ -1,4 +1,4 @@
-"""The one exception that decoding raises (specs/03-wire.md, Encoding).
+"""What decoding and encoding raise (specs/03-wire.md, Encoding); of what a peer sent, MalformedPacket alone.
 
 Whatever a stranger sends, the answer of this room is a packet or a MalformedPacket: it names the field and,
 where the array's head could still be read, the request id, so that the sender gets a typed Fault and not a
@@ -7,7 +7,8 @@ dropped connection.
 
 from __future__ import annotations
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.reasons import RejectReason
 
 
 class MalformedPacket(PeerFault):
@@ -26,6 +27,14 @@ class UnsupportedPacket(MalformedPacket):
     def __init__(self, number: int, name: str, *, request_id: int | None = None) -> None:
         super().__init__("type", f"not supported: {number} {name}", request_id=request_id)
         self.number = number
+
+
+class NotSpoken(Refused):
+    """The version of the connection has no such packet, so it is not sent. Who asks hears what a peer would answer that got it."""
+
+    def __init__(self, name: str, version: int) -> None:
+        what, remedy = f"not supported: {name} is no packet of version {version}", "upgrade the program of the peer"
+        super().__init__(RejectReason.ILL_FORMED, what, remedy=remedy)
 
 
 class Misfit(Exception):

@@ -26,6 +26,7 @@ from scenefold.wire import (
     suspect_packets,
 )
 from scenefold.wire.common import MINI_STATUS, Row
+from scenefold.wire.containers import since_of
 
 ROWS: dict[int, Row] = {
     row.number: row
@@ -84,3 +85,6 @@ STRUCTS = (
 
 assert not ROWS.keys() & RESERVED.keys()
 assert ROWS.keys() | RESERVED.keys() == set(range(1, 116))
+assert not any(since_of(kind) for struct in STRUCTS for _, kind in struct.fields), (
+    "what stands inside packets has no fields of later versions"
+)

@@ -72,7 +72,8 @@ class Channel:
         """Ask and wait for the answer; the packet's own request id is replaced.
 
         Unreachable if none comes within `timeout_s` seconds or the connection is lost; Refused if the answer is a
-        Fault, with its reason; PeerFault if the answer is malformed; LocalFault if the packet cannot be sent.
+        Fault, with its reason; NotSpoken, a Refused like that, if the connection's version has no such packet; PeerFault if the
+        answer is malformed; LocalFault if the packet cannot be sent.
         """
         with trio.move_on_after(timeout_s):
             async with self._slots:
@@ -114,7 +115,7 @@ class Channel:
         if self._lost is not None:
             raise self._unreachable(self._lost)
         try:
-            await self._outbox.put(encode_frame(packet))
+            await self._outbox.put(encode_frame(packet, version=self._connection.version))
         except ConnectionLost as error:
             raise self._unreachable(self._lost or str(error)) from None
 

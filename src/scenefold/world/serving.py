@@ -18,7 +18,7 @@ import trio
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.limits import BULK_ANSWERS_MAX, FRAME_S_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import Fault, FrameReader, MalformedPacket, Packet, UnsupportedPacket, decode_packet, encode_frame
+from scenefold.wire import Fault, FrameReader, MalformedPacket, NotSpoken, Packet, UnsupportedPacket, decode_packet, encode_frame
 from scenefold.world.guests import BYTE_S, REQUEST_S, Budget, Guests, Share
 from scenefold.world.metering import charge_forged
 from scenefold.world.outbox import Outbox
@@ -201,11 +201,13 @@ class _Serving:
 
     def _frame_of(self, answer: Packet) -> bytes:
         try:
-            return encode_frame(answer)
+            return encode_frame(answer, version=self._connection.version)
         except LocalFault as error:
             # A handler's answer that fits no frame is its mistake, but only this request should suffer from it.
             self._complain("answer", str(error))
             return encode_frame(_fault(answer.request_id, RejectReason.TOO_LARGE_FOR_PACKET, error))
+        except NotSpoken as error:
+            return encode_frame(_fault(answer.request_id, error.reason, error))
 
     async def _put(self, frame: bytes) -> None:
         try:
