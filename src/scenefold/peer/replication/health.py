@@ -6,7 +6,7 @@ whoever watches a cluster asks for reports every second.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -20,11 +20,12 @@ from scenefold.peer.replication.healing import Healing
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.standing import Standing, by_layout, standing_of
 from scenefold.peer.replication.telling_words import members_of
+from scenefold.wire import Member
 
 COUNT_AGAIN_S = 2.0
 """Between two counts in a store that is written to all the time."""
 ARCS_COUNTED_MAX = 32
-"""Of one kind and layout. Of more the first ones are counted: that there are many is what matters then."""
+"""Of one kind and layout. Of more the last ones are counted with all that lies between them: too many rather than none."""
 LISTED_MAX = 16
 """Nodes, or layouts, that a report names of one kind."""
 
@@ -46,7 +47,7 @@ class Health:
         """The part of the report that speaks of copies."""
         parts, is_alive = self._parts, self._roster.is_believed_alive
         copies, arc, layouts = parts.keeper.copies, parts.keeper.holding.arc, dict(self._placing.layouts)
-        standing = standing_of(copies, arc, layouts, is_alive, parts.own.blacklist.prefixes)
+        standing = standing_of(copies, arc, layouts, self._is_there, parts.own.blacklist.prefixes)
         counts = await self._counts(standing, arc, layouts)
         owed = {node: count for node, count in parts.store.owed.items() if count}
         most = sorted(owed, key=lambda node: (is_alive(node), -owed[node]))[:LISTED_MAX]
@@ -97,6 +98,9 @@ class Health:
             },
         }
 
+    def _is_there(self, member: Member) -> bool:
+        return self._roster.is_believed_alive(member.node) and not self._parts.keeper.is_removed(member)
+
     async def _counts(self, standing: Standing, arc: Arc | None, layouts: Mapping[Layout, int]) -> Mapping[str, int]:
         store, now = self._parts.store, self._parts.world.clock.now()
         about: tuple[object, ...] = (store.commits, standing, arc, layouts)
@@ -127,10 +131,16 @@ class Health:
         }
         found = 0
         for scene, space in await self._parts.store.spaces():
-            wanted = arcs.get(layout_of.get((scene, space), ()), [])[:ARCS_COUNTED_MAX]
+            wanted = _few(arcs.get(layout_of.get((scene, space), ()), []))
             if wanted:
                 found += sum(total.records for total in await self._parts.store.sums(scene, space, wanted))
         return found
+
+
+def _few(arcs: Sequence[Arc]) -> Sequence[Arc]:
+    """Not too many that cover these, which are in order."""
+    first, rest = arcs[: ARCS_COUNTED_MAX - 1], arcs[ARCS_COUNTED_MAX - 1 :]
+    return [*first, Arc(rest[0].first, rest[-1].last)] if rest else first
 
 
 def _left_document(left: Left) -> dict[str, Any]:

@@ -54,10 +54,13 @@ def standing_of(
     copies: Copies,
     arc: Arc | None,
     layouts: Iterable[Layout],
-    is_alive: Callable[[NodeId], bool],
+    is_there: Callable[[Member], bool],
     blacklist: Sequence[AddressPrefix] = (),
 ) -> Standing:
-    """`layouts`: those of the spaces that there are. What is not recovered is left out: nobody knows what was there."""
+    """`layouts`: those of the spaces that there are. What is not recovered is left out: nobody knows what was there.
+
+    `is_there`: whether a node answers as this incarnation. Who has come back with an empty disk answers, and has no copy.
+    """
     found, me = copies.configurations, copies.configurations.me
     wanted = {layout for layout in layouts if layout}
     lacking: list[Lacking] = []
@@ -68,7 +71,7 @@ def standing_of(
     for segment in found.segments:
         piece = segment.layout, segment.arc
         if segment.layout in wanted:
-            missing, is_inherited = _missing(segment, me, is_alive)
+            missing, is_inherited = _missing(segment, me, is_there)
             if missing:
                 lacking.append(Lacking(*piece, missing))
             elif is_inherited:
@@ -89,20 +92,20 @@ def standing_of(
     )
 
 
-def _missing(segment: Segment, me: Member, is_alive: Callable[[NodeId], bool]) -> tuple[int, bool]:
+def _missing(segment: Segment, me: Member, is_there: Callable[[Member], bool]) -> tuple[int, bool]:
     """How many copies are missing, and whether that counts some of which only an earlier owner knew that they are complete."""
     complete = set(segment.sound & set(segment.holders(me)))
     active = segment.active(me)
     if active is not None:
         complete |= set(active.members)
     told = set() if active is not None or segment.newest is None else set(segment.newest.members)
-    there, by_word = ({member for member in members if _counts(segment, member, me, is_alive)} for members in (complete, complete | told))
+    there, by_word = ({member for member in members if _counts(segment, member, me, is_there)} for members in (complete, complete | told))
     shadows = len(segment.layout)
     return max(0, shadows - len(by_word)), len(there) < min(shadows, len(by_word))
 
 
-def _counts(segment: Segment, member: Member, me: Member, is_alive: Callable[[NodeId], bool]) -> bool:
-    return member.node != me.node and segment.bound_of(member) != GONE and is_alive(member.node)
+def _counts(segment: Segment, member: Member, me: Member, is_there: Callable[[Member], bool]) -> bool:
+    return member.node != me.node and segment.bound_of(member) != GONE and is_there(member)
 
 
 def _moves(segment: Segment, me: Member) -> bool:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 import trio
 
+from scenefold.base.location import Arc, Location
 from scenefold.base.prefixes import AddressPrefix, Blacklist
 from scenefold.crypto import Record
+from scenefold.peer.replication import health
 from scenefold.peer.replication.placing_wishes import Shortage
 from scenefold.wire import pack_value
 from unit.peer.replication.terrace import SPACE, THIRDS, record_at
@@ -61,6 +64,42 @@ def test_a_holder_that_falls_silent_leaves_its_records_under_copied() -> None:
         assert document["under_copied"] == {"segments": 1, "missing_max": 1, "records": len({*row.places(20), *row.places(3)})}
         assert document["owed"]["records_to_silent"] == document["owed"]["records"] == 3
         assert document["owed"]["nodes"] == [{"address": row.homes[2].address, "records": 3, "alive": False}]
+
+    in_a_row(story)
+
+
+def test_where_more_pieces_lack_copies_than_are_counted_their_records_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story(row: Row) -> None:
+        monkeypatch.setattr(health, "ARCS_COUNTED_MAX", 2)
+        await row.hold(1, 2)
+        records = await written(row, 4)
+        await until(lambda: not row.owner.debts())
+        # Of four pieces apart, of which only the third has a record, the copies are on nobody.
+        place = records[2].header.location
+        pieces = [Arc(at, at) for at in (_behind(row.arc.first, 1), _behind(row.arc.first, 3), place, row.arc.last)]
+        for piece in pieces:
+            await row.change(lambda found, piece=piece: found.give(piece)[0])  # type: ignore[misc]
+        document = await told(row)
+        assert document["under_copied"]["segments"] == 4
+        assert document["under_copied"]["records"] >= 1
+
+    in_a_row(story)
+
+
+def _behind(place: Location, steps: int) -> Location:
+    return Location.from_number(place.number + steps)
+
+
+def test_a_node_that_has_come_back_empty_is_no_copy_though_it_answers() -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        await written(row, 20)
+        await until(lambda: not row.owner.debts())
+        # As another incarnation; the one before may hold a lease for a while, and is no holder that is counted out yet.
+        row.remove(2)
+        row.owner.roster.is_believed_alive = lambda _node: True
+        document = await told(row)
+        assert document["under_copied"] == {"segments": 1, "missing_max": 1, "records": 20}
 
     in_a_row(story)
 

@@ -13,17 +13,18 @@ from scenefold.base.prefixes import AddressPrefix, address_prefix
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.replication.standing import Lacking, Standing, by_layout, standing_of
+from scenefold.wire import Member
 from unit.peer.copies.test_configurations import ONE, TWO, A, B, C, D, P, Q, arc, changed, compare, tell
 
 WHOLE = arc(0, 99)
 
 
-def all_but(*silent: NodeId) -> Callable[[NodeId], bool]:
-    return lambda node: node not in silent
+def all_but(*silent: NodeId) -> Callable[[Member], bool]:
+    return lambda member: member.node not in silent
 
 
 def standing(found: Configurations, *silent: NodeId, **more: object) -> Standing:
-    changes: dict[str, object] = {"arc": WHOLE, "layouts": [ONE], "is_alive": all_but(*silent), **more}
+    changes: dict[str, object] = {"arc": WHOLE, "layouts": [ONE], "is_there": all_but(*silent), **more}
     return standing_of(Copies(found), **changes)  # type: ignore[arg-type]
 
 
