@@ -119,7 +119,9 @@ class PeerServices:
         enrolment = Enrolment(world, store, cluster_log, lease, own)
         balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
         keeper = line.parts.keeper
-        self._load = OwnLoad(world.clock, store, lambda: line.arc, lambda: keeper.copies.custody, settings.capacity_bytes)
+        self._load = OwnLoad(
+            world.clock, store, lambda: line.arc, lambda: keeper.copies.custody, settings.capacity_bytes, lambda: bool(line.refuses)
+        )
         sharing = Sharing(store, line, cluster_log, own, roster)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
         draining = Draining(

@@ -127,7 +127,7 @@ class Balancer:
         for node in nodes:
             status = self._roster.status(node)
             if status is not None:
-                self._news.hear(node, status.lamport, *fill_of(status), now)
+                self._news.hear(node, status.lamport, *fill_of(status), now, incarnation=status.incarnation)
         load = self._own.load
         self._news.measure(load.disk_used_bytes, load.disk_total_bytes, now)
         return nodes

@@ -55,14 +55,21 @@ class OwnLoad:
     """This node's fill, looked at once in a while. Used from the Trio thread only."""
 
     def __init__(
-        self, clock: Clock, store: Counted, arc: Callable[[], Arc | None], custody: Callable[[], Custody], capacity_bytes: int
+        self,
+        clock: Clock,
+        store: Counted,
+        arc: Callable[[], Arc | None],
+        custody: Callable[[], Custody],
+        capacity_bytes: int,
+        leaves: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`capacity_bytes`: what the node may use of the disk; 0: all of it."""
+        """`capacity_bytes`: what the node may use of the disk; 0: all of it. `leaves`: whether it takes nothing, since it is leaving."""
         self._clock = clock
         self._store = store
         self._arc = arc
         self._custody = custody
         self._capacity_bytes = capacity_bytes
+        self._leaves = leaves
         self._share = 1.0
         self._counted_in: Arc | None = None
         self._counted_at = float("-inf")
@@ -71,11 +78,15 @@ class OwnLoad:
         self._owned: dict[SpaceAddress, int] = {}
 
     async def look(self) -> tuple[int, int]:
-        """The bytes that count, and those that there are, of the disk or of the share of it that the node may use."""
+        """The bytes that count, and those that there are, of the disk or of the share of it that the node may use.
+
+        Who leaves has no more than it uses. Else others would count on room that nobody is given, and move bounds to and fro beside it.
+        """
         statistics = await self._store.statistics()
         used, capacity = statistics.disk_used_bytes, capacity_of(statistics, self._capacity_bytes)
         # Who holds nothing for others has nothing to count.
-        return load_of(used, capacity, await self._owned_part(statistics) if self._custody().entries else 1.0), capacity
+        counts = load_of(used, capacity, await self._owned_part(statistics) if self._custody().entries else 1.0)
+        return counts, counts if self._leaves() else capacity
 
     async def _owned_part(self, statistics: StoreStatistics) -> float:
         arc, now = self._arc(), self._clock.now()

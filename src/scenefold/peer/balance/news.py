@@ -28,6 +28,7 @@ class _Known:
     capacity: int
     used: int
     lamport: int
+    incarnation: bytes
     heard_at: float
     before: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=NEWS_KEPT_MAX))
     """(until when we believed it, used), oldest first."""
@@ -59,18 +60,18 @@ class News:
             if abs(change - self._passed) <= abs(change):
                 known.used += self._passed
         self._passed = 0
-        self._take(self._me, -1, used, capacity, now)
+        self._take(self._me, -1, b"", used, capacity, now)
 
-    def hear(self, node: NodeId, lamport: int, used: int, capacity: int, now: float) -> None:
-        """A status of another node; it counts if its Lamport time is above that of the last one."""
+    def hear(self, node: NodeId, lamport: int, used: int, capacity: int, now: float, *, incarnation: bytes = b"") -> None:
+        """A status of another node; it counts if its Lamport time is above that of the last one. A new incarnation begins anew."""
         known = self._known.get(node)
-        if known is None or lamport > known.lamport:
-            self._take(node, lamport, used, capacity, now)
+        if known is None or lamport > known.lamport or incarnation != known.incarnation:
+            self._take(node, lamport, incarnation, used, capacity, now)
 
-    def _take(self, node: NodeId, lamport: int, used: int, capacity: int, now: float) -> None:
+    def _take(self, node: NodeId, lamport: int, incarnation: bytes, used: int, capacity: int, now: float) -> None:
         known = self._known.get(node)
-        if known is None:
-            self._known[node] = _Known(capacity, used, lamport, now)
+        if known is None or incarnation != known.incarnation:
+            self._known[node] = _Known(capacity, used, lamport, incarnation, now)
             return
         if used != known.used:
             known.before.append((now, known.used))

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from scenefold.base.errors import DamagedData
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.location import Arc
+from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
 from scenefold.peer.line.holding import Handover
 from scenefold.peer.line.parts import Parts, check_reply
-from scenefold.store import Entry
+from scenefold.store import Entry, Spot
 from scenefold.store.layout import record_key
 from scenefold.wire import CopyRecords, HandItem, HandoverReply, OfferRecords, RecordEntry, RecordsWanted
 from scenefold.world import Priority
@@ -61,6 +62,7 @@ class Copier:
         cursor: bytes | None = None
         while True:
             manifest = await self._parts.store.manifest(pieces, cursor, LIST_RECORDS_MAX)
+            await self._require_known(manifest.damaged)
             # An object that came to lie here while its home stays slides out before the piece is let go of.
             there = [entry for entry in manifest.entries if entry.home in self._handover.piece]
             entries = [entry for entry in there if _version(entry) not in self._answered]
@@ -74,6 +76,12 @@ class Copier:
             cursor = manifest.cursor
             if cursor is None:
                 return Pass(records, stored_bytes)
+
+    async def _require_known(self, wrecks: Sequence[Spot]) -> None:
+        """Refused (13) while others may have what lay there: its receiver would say that nothing does, and only here is it known to whom it was owed."""
+        for spot in wrecks:
+            if spot.home in self._handover.piece and await self._parts.keeping.awaits(spot):
+                raise Refused(RejectReason.BUSY, "a record there has rotted, and is being fetched from those who have copies of it")
 
     @property
     def _part_bytes(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,7 +29,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.timing import T_WAIT_S
-from scenefold.store import Put, PutResult, Store
+from scenefold.store import Put, PutResult, Spot, Store
 from scenefold.wire import HandoverReply, SceneLogPublic
 from scenefold.world import World, first_of
 
@@ -50,11 +50,20 @@ class Merge(Protocol):
     async def __call__(self, puts: Sequence[Put], /) -> Sequence[PutResult | NotKept]: ...
 
 
+async def _of_nobody(_spot: Spot) -> bool:
+    return False
+
+
 @dataclass(slots=True)
 class Keeping:
-    """How verified copies are taken into this node's own arc, so that those who hold copies get them, too; set by replication."""
+    """What replication does for the line, which sets it.
+
+    `merge`: how verified copies are taken into this node's own arc, so that those who hold copies get them, too. `awaits`: whether others may
+    still give what has rotted here so that its version is not known any more.
+    """
 
     merge: Merge
+    awaits: Callable[[Spot], Awaitable[bool]] = _of_nobody
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ What nobody can be asked for is left as it is, and not read again: it is known t
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
@@ -18,18 +18,17 @@ from typing import NamedTuple
 import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
-from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.segment import GONE
 from scenefold.peer.copies.versions import Rank, rank_of, told_version
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.receiving import verified
+from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication.comparing_space import Merge
-from scenefold.store import Put, Spot
+from scenefold.peer.replication.healing_sources import Sources, sources_of
+from scenefold.store import Put, PutResult, Spot
 from scenefold.wire import ArcSum, CompareRange, FetchHeld, HeldFetched, ListedRecord, Member, RangeCompared, RecordEntry, Span
 from scenefold.world import Priority
 
@@ -47,15 +46,6 @@ GATE_S_MAX = 2.0
 _FEW = 2
 
 _log = logging.getLogger("scenefold.peer.replication")
-
-
-class Sources(NamedTuple):
-    """Who may have a record, the surest first. Of a wreck `sure` is who certainly has what lay there, or newer; without them `all_of` are heard."""
-
-    members: tuple[Member, ...]
-    sure: tuple[Member, ...]
-    all_of: tuple[Member, ...]
-    is_own: bool
 
 
 class _Offer(NamedTuple):
@@ -86,6 +76,7 @@ class Healing:
         self._unhealed: dict[Spot, None] = {}
         self._wake = trio.Event()
         parts.store.tell_of_rot(self.rotten)
+        parts.keeping.awaits = self._awaits
 
     @property
     def waiting(self) -> int:
@@ -103,6 +94,15 @@ class Healing:
         if spot not in self._unhealed and len(self._tries) < QUEUE_MAX:
             self._tries.setdefault(spot, 0)
             self._wake.set()
+
+    async def _awaits(self, spot: Spot) -> bool:
+        """Whether somebody may know what lay at a wreck: of all who do, not all have answered."""
+        sources = await self._sources(spot)
+        if sources is None or not (sources.sure or sources.all_of) or self._parts.store.noticed.is_given_up(spot):
+            return False
+        self._unhealed.pop(spot, None)
+        self.rotten(spot)
+        return True
 
     async def run(self) -> None:
         """Heal until cancelled, one record after the other: where there are many, a disk dies, and others are in a hurry."""
@@ -180,7 +180,13 @@ class Healing:
             heard, have_all_answered = await self._heard(spot, sources), True
             offers = [offer for offer in heard if offer.rank == heard[0].rank]
         for offer in offers:
-            if await self._take(spot, offer, sources):
+            try:
+                is_healed = await self._take(spot, offer, sources)
+            except (Refused, Unreachable, PeerFault) as problem:
+                _log.debug("a record that has rotted is not healed by one that has it: %s", problem)
+                have_all_answered = False
+                continue
+            if is_healed:
                 parts.events["healed"] += 1
                 return _Verdict.OVER
         return _Verdict.DENIED if have_all_answered else _Verdict.NOT_NOW
@@ -235,12 +241,14 @@ class Healing:
         return None if found is None else _Offer(rank_of(found.version), member, found)
 
     async def _take(self, spot: Spot, offer: _Offer, sources: Sources) -> bool:
-        """Whether the record is sound now."""
+        """Whether the record is sound now; it is not if all that came is a husk. Refused if nothing came, or there is no room for it."""
         parts, place = self._parts, spot.place
         entry = RecordEntry(place.scene, place.space, offer.listed.location, spot.object, offer.listed.version.digest)
         reply = await parts.peers.ask(offer.member.node, Priority.LOW, FetchHeld((entry,)), HeldFetched, ASK_S_MAX)
         asked = Spot(RecordPlace(place.scene, place.space, offer.listed.location), spot.object)
         items = [item for item in reply.items if Spot(RecordPlace(item.scene, item.space, item.location), item.object) == asked]
+        if not items:
+            raise Refused(RejectReason.NOT_READY, "who has it gives another version by now")
         parts.budget.charge(sum(len(item.ciphertext) for item in items))
         for verdict in await verified(parts, items[:1]):
             if isinstance(verdict, Put):
@@ -251,33 +259,16 @@ class Healing:
         parts = self._parts
         if not sources.is_own:
             # As a stray it would be as good.
-            await parts.store.merge([put])
+            _require_room(await parts.store.merge([put]))
             return
         with trio.move_on_after(GATE_S_MAX) as patience:
             async with parts.writing([spot.home], anywhere=bool(spot.object)):
                 patience.deadline = float("inf")
                 if not parts.keeper.holding.owns(spot.home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
-                await self._merge([put])
+                _require_room(await self._merge([put]))
 
 
-def sources_of(copies: Copies, layout: Layout | None, spot: Spot, debtors: Collection[NodeId], *, owns: bool) -> Sources | None:
-    """Who may have what lies at a spot; None if nobody is known. `debtors`: to whom it is owed. Pure."""
-    me = copies.configurations.me
-    if not layout:
-        return None
-    if not owns:
-        entry = copies.custody.at(layout, spot.home)
-        if entry is None:
-            return None
-        return Sources(tuple(member for member in entry.members if member != me), (entry.owner,), (), is_own=False)
-    segment = copies.configurations.at(layout, spot.home)
-    if segment is None:
-        return None
-    named = {member for found in segment.configurations for member in found.members} | set(segment.holders(me))
-    asked = [member for member in named if member != me and segment.bound_of(member) != GONE]
-    ordered = tuple(sorted(asked, key=lambda member: (member not in segment.sound, member.node, member.incarnation)))
-    sure = tuple(member for member in ordered if member in segment.sound and member.node not in debtors)
-    # Where one node is enough, what lay here may have been nowhere else.
-    is_elsewhere = bool(segment.configurations) and all(found.needed > 1 for found in segment.configurations)
-    return Sources(ordered, sure, ordered if is_elsewhere else (), is_own=True)
+def _require_room(results: Sequence[PutResult | NotKept]) -> None:
+    if any(result.reason is RejectReason.STORAGE_FULL for result in results):
+        raise Refused(RejectReason.STORAGE_FULL, "there is no room for the record")

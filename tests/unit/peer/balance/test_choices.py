@@ -61,6 +61,14 @@ def test_older_statuses_and_strangers_do_not_count() -> None:
     assert news.changes(NODES, LONG_AGO)[1] == 0
 
 
+def test_a_new_incarnation_counts_from_its_first_status_on() -> None:
+    news = heard_at_one()
+    news.hear(A, 3 << 32, 90, 100, 2.0)
+    news.hear(A, 1 << 32, 10, 100, 3.0, incarnation=b"another")
+    assert news.fill(A, takes=True).used == 10
+    assert news.changes(NODES, LONG_AGO) == [0, 0, 0]
+
+
 def test_what_passed_between_us_raises_no_doubt() -> None:
     news = heard_at_one()
     news.hear(A, 2, 52, 100, 2.0)

@@ -78,7 +78,8 @@ class Disk:
         self.arc: Arc | None = LEFT_HALF
         self.custody = Custody((Entry((Location(b"\x55" * 20),), Arc(MIDDLE, LAST), 1, (member(1),), 1, whole=True),))
         clock: Any = SimpleNamespace(now=lambda: self.now)
-        self.load = OwnLoad(clock, self, lambda: self.arc, lambda: self.custody, 0)
+        self.is_leaving = False
+        self.load = OwnLoad(clock, self, lambda: self.arc, lambda: self.custody, 0, lambda: self.is_leaving)
 
     def write(self, space: Any, count: int, arc: Arc) -> None:
         self.places[space] += [Location.from_number(arc.first.number + arc.length * index // count) for index in range(count)]
@@ -119,6 +120,16 @@ def test_what_is_held_does_not_count_and_a_bound_that_moved_shows_at_once(disk: 
         assert await disk.used() == 80_000
         disk.arc = None
         assert await disk.used() == 0
+
+    trio.run(main)
+
+
+def test_who_leaves_has_no_more_than_it_uses(disk: Disk) -> None:
+    async def main() -> None:
+        disk.is_leaving = True
+        assert await disk.load.look() == (20_000, 20_000)
+        disk.is_leaving = False
+        assert await disk.load.look() == (20_000, 1 << 40)
 
     trio.run(main)
 

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import pytest
 import trio
 
-from scenefold.base.errors import DamagedData
-from scenefold.base.location import Location
+from scenefold.base.errors import DamagedData, Refused
+from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record, wanted_place
+from scenefold.peer.line.ends import Side
 from scenefold.peer.replication import healing
-from scenefold.peer.replication.healing import sources_of
+from scenefold.peer.replication.healing_sources import sources_of
 from scenefold.store import Put, Spot
 from unit.peer.line.street import places, rot
 from unit.peer.replication.terrace import OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
@@ -97,6 +98,51 @@ def test_nothing_older_takes_the_place_of_a_wreck() -> None:
         await until_sound(first, place, seq=2)
 
     played(main, seed=12)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_a_piece_with_a_wreck_in_it_stays_as_long_as_others_may_have_what_lay_there() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first, second = terrace.homes[:2]
+        (place,) = await filled(terrace, 1)
+        holders = holders_of(terrace, first, place)
+        for home in holders:
+            terrace.net.cut(first.address, home.address)
+        piece = Arc(place, arc_of(first).last)
+        await until(lambda: first.living.settled(piece))
+        rot(first, [place], HEADER_BYTE)
+        if second in holders:
+            terrace.net.mend(first.address, second.address)
+            await second.store.remove([(second.spot(place), record_at(place).header.digest)])
+            await until(lambda: first.roster.is_believed_alive(second.node))
+        with pytest.raises(Refused, match="has rotted, and is being fetched"):
+            await first.living.give(Side.RIGHT, piece, why="balance")
+        assert arc_of(first).last == piece.last
+        for home in holders:
+            terrace.net.mend(first.address, home.address)
+        await until_sound(first, place)
+        await first.living.give(Side.RIGHT, piece, why="balance")
+        assert await is_sound(second, place)
+
+    played(main, seed=16)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_a_piece_with_a_wreck_that_nobody_has_any_more_is_let_go_of() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        piece = Arc(place, arc_of(first).last)
+        for home in holders_of(terrace, first, place):
+            await home.store.remove([(home.spot(place), record_at(place).header.digest)])
+        rot(first, [place], HEADER_BYTE)
+        await first.store.read([first.spot(place)])
+        await until(lambda: first.replication.healing.unhealed == 1, 120.0)
+        await until(lambda: first.living.settled(piece))
+        await first.living.give(Side.RIGHT, piece, why="balance")
+        assert arc_of(terrace.homes[1]).first == place
+
+    played(main, seed=17)
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")
