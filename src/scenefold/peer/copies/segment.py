@@ -52,12 +52,16 @@ class Segment:
         return self.configurations[-1] if self.configurations else None
 
     def active(self, me: Member) -> Configuration | None:
-        """The newest configuration, if it is this owner's own, and none of its holders was told otherwise since, by an owner in between."""
+        """The newest configuration, if this owner has made it since it took the piece: its holders may have heard of one in between."""
         newest = self.newest
         if newest is None or newest.members[0] != me:
             return None
-        holders = newest.members[1:]
-        return None if any(member in holders and newest.number < bound < GONE for member, bound in self.confirmed) else newest
+        bounds = dict(self.confirmed)
+        holders = [member for member in newest.members[1:] if bounds.get(member, 0) != GONE]
+        if any(bounds.get(member, 0) > newest.number for member in holders):
+            return None
+        # Whoever makes one has compared its holders; of a piece that comes in nobody is.
+        return newest if newest.number >= self.leaving or self.sound.issuperset(holders) else None
 
     def bound_of(self, member: Member) -> int:
         """The number below which a node certainly has no entry any more."""

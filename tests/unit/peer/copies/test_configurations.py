@@ -15,6 +15,7 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.configurations_note import decode_configurations, encode_configurations
+from scenefold.peer.copies.custody import Custody
 from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.segment import Segment
 from scenefold.wire import Member, pack_value, unpack_value
@@ -205,9 +206,59 @@ def test_who_was_told_by_an_owner_in_between_hears_that_it_holds_nothing_any_mor
     _, number, passed = mine.give(arc(0, 99))
     _, number, passed = tell(Configurations(Q).take(number, passed).place(ONE, [(arc(0, 99), (C, D))], 2), A, B).give(arc(0, 99))
     back = Configurations(P, mine.number).take(number, passed).place(ONE, [(arc(0, 99), (A, B))], 2)
-    assert only(back).active(P) is not None, "nobody of it has heard of another owner"
-    assert {word.holder: len(word.entries) for word in back.untold()} == {C: 0, D: 0, Q: 0}
+    assert only(back).active(P) is None, "A and B may have heard of another owner, and have not said so"
+    back = compare(tell(back)).activate(lambda _: [])
+    assert {word.holder: len(word.entries) for word in back.untold()} == {A: 1, B: 1, C: 0, D: 0, Q: 0}
     assert only(tell(back)).is_idle(P)
+
+
+class Kept:
+    """What holders keep of what they are told."""
+
+    def __init__(self, *holders: Member) -> None:
+        self.of = dict.fromkeys(holders, Custody())
+
+    def hear(self, found: Configurations) -> None:
+        for word in found.untold():
+            if word.holder in self.of:
+                self.of[word.holder] = self.of[word.holder].set(found.me, word.number, word.scope, word.entries)
+
+    def take_from(self, owner: Member) -> bool:
+        return all(custody.takes_from(owner, ONE, arc(0, 0).first) for custody in self.of.values())
+
+
+def filled(found: Configurations, kept: Kept) -> Configurations:
+    """All the way to a configuration of A and B, who hear of it and take what is written."""
+    found = found.place(ONE, [(arc(0, 99), (A, B))], 2)
+    kept.hear(found)
+    assert kept.take_from(found.me), "before they have heard of this owner nothing can be brought to them"
+    found = compare(tell(found)).activate(lambda _: [])
+    kept.hear(found)
+    return tell(found)
+
+
+def test_who_may_have_heard_of_an_owner_in_between_hears_who_owns_the_piece_again() -> None:
+    kept = Kept(A, B)
+    mine = filled(Configurations(P), kept)
+    _, number, passed = mine.give(arc(0, 99))
+    other = Configurations(Q).take(number, passed).place(ONE, [(arc(0, 99), (A, B))], 2)
+    # Their answers are lost.
+    kept.hear(other)
+    _, number, passed = other.give(arc(0, 99))
+    back = filled(Configurations(P, mine.number).take(number, passed), kept)
+    assert only(back).is_idle(P)
+    assert kept.take_from(P)
+
+
+def test_who_recovers_its_own_former_piece_tells_those_who_have_promised_to_take_nothing() -> None:
+    kept = Kept(A, B)
+    rest, _, _ = filled(Configurations(P), kept).give(arc(0, 99))
+    # Who was to have it is gone before it has told anybody.
+    kept.of = {holder: custody.promise(arc(0, 99), 1000) for holder, custody in kept.of.items()}
+    heard = {holder: custody.within(arc(0, 99)) for holder, custody in kept.of.items()}
+    back = filled(rest.adopt(arc(0, 99), heard, 1000), kept)
+    assert only(back).is_idle(P)
+    assert kept.take_from(P)
 
 
 def test_a_gap_is_adopted_with_all_that_was_met_there() -> None:
