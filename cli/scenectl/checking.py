@@ -41,7 +41,7 @@ def verify(folder: Path, /, *, signatures: bool = True, output: Output = PLAIN) 
 
     with Progress(quiet=output.json) as progress:
         checked = check_folder(folder, signatures=signatures, tell=_telling(progress))
-    emit(output, _document(folder, checked), "\n".join((_summary(checked), *_lines(checked.findings.listed), *_advice(folder, checked))))
+    emit(output, _document(folder, checked), "\n".join(_told(folder, checked)))
     return DONE if checked.findings.is_sound else DEGRADED
 
 
@@ -76,8 +76,8 @@ def repair(folder: Path, /, *, dry_run: Flag = False, signatures: bool = True, o
     }
     did = "would be mended" if dry_run else "mended"
     lines = [f"{len(repaired.done)} {did}.", *_lines(repaired.done)]
-    if not dry_run:
-        lines += [_summary(after), *_lines(after.findings.listed), *_advice(folder, after)]
+    # A dry run leaves all as it was, and what keeps it from mending is worth as much as what it would mend.
+    lines += _told(folder, after)
     emit(output, document, "\n".join(lines))
     return DONE if after.findings.is_sound else DEGRADED
 
@@ -86,6 +86,10 @@ def _telling(progress: Progress) -> Tell:
     from scenefold.client import ProgressState
 
     return lambda phase, done, total: progress(ProgressState(phase, done, total, ""))
+
+
+def _told(folder: Path, checked: Checked) -> list[str]:
+    return [_summary(checked), *_lines(checked.findings.listed), *_advice(folder, checked)]
 
 
 def _summary(checked: Checked) -> str:
@@ -110,7 +114,9 @@ def _advice(folder: Path, checked: Checked) -> list[str]:
     counts, lines = checked.findings.counts, []
     if counts[Helps.WIPE]:
         lines.append(f"{counts[Helps.WIPE]} cannot be mended: {WIPE}.")
-    if counts[Helps.MEND]:
+    if counts[Helps.MEND] and counts[Helps.WIPE]:
+        lines.append(f"{counts[Helps.MEND]} could be made anew, but for that: nothing is changed where something has to be wiped.")
+    elif counts[Helps.MEND]:
         lines.append(f"{counts[Helps.MEND]} can be made anew: scenectl node repair {folder}")
     if counts[Helps.FETCH]:
         lines.append(f"{counts[Helps.FETCH]} the node gets from other nodes once it runs, if they have it.")

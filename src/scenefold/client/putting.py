@@ -163,8 +163,8 @@ def _refused(access: SceneAccess, outcome: Delivered, wish: Wish) -> Refused:
     reason = RejectReason(outcome.reason)
     if reason is RejectReason.DAMAGED:
         return _damaged(access, outcome, wish)
-    words = reason.name.lower().replace("_", " ")
-    return Refused(reason, f"the record was refused: {words}", where=access.where(wish), remedy=_REMEDIES.get(reason, ""))
+    by, words = access.calls.address_of(outcome.node), reason.name.lower().replace("_", " ")
+    return Refused(reason, f"{by} refused the record: {words}", where=access.where(wish), remedy=_REMEDIES.get(reason, ""))
 
 
 def _damaged(access: SceneAccess, outcome: Delivered, wish: Wish) -> Refused:

@@ -216,6 +216,5 @@ def opening_fault(error: lmdb.Error, folder: Path) -> LocalFault:
         remedy = "give this user write permission, or choose another folder"
         return LocalFault("the data folder cannot be written", where=str(folder), remedy=remedy)
     if isinstance(error, lmdb.InvalidError | lmdb.CorruptedError | lmdb.VersionMismatchError):
-        remedy = "restore it from its copies on other nodes into an empty folder"
-        return LocalFault(f"{DATA_NAME} there is damaged, or no store", where=str(folder), remedy=remedy)
+        return LocalFault(f"{DATA_NAME} there is damaged, or no store", where=str(folder), remedy=WIPE)
     return LocalFault(f"the store cannot be opened: {error}", where=str(folder), remedy="choose another folder")

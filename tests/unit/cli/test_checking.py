@@ -31,7 +31,8 @@ async def test_what_is_damaged_is_named_with_what_helps(capsys: pytest.CaptureFi
     assert "2 damaged" in text and f"1 can be made anew: scenectl node repair {tmp_path}\n" in text
     assert f"  records, scene {SCENE.scene:08x}, space 10, " in text and "1 the node gets from other nodes once it runs" in text
     assert main(["node", "repair", str(tmp_path), "--dry-run"]) == 5
-    assert capsys.readouterr().out.startswith("1 would be mended.\n  statistics, scene ")
+    text = capsys.readouterr().out
+    assert text.startswith("1 would be mended.\n  statistics, scene ") and "1 the node gets from other nodes once it runs" in text
     assert main(["node", "repair", str(tmp_path)]) == 5
     text = capsys.readouterr().out
     assert text.startswith("1 mended.\n") and "1 damaged" in text and "node repair" not in text
@@ -61,6 +62,10 @@ async def test_what_cannot_be_mended_is_said_with_what_to_do(capsys: pytest.Capt
     assert main(["node", "repair", str(tmp_path)]) == 5
     text = capsys.readouterr().out
     assert text.startswith("0 mended.\n") and "1 cannot be mended: see to the disk, then wipe the folder" in text
+    assert "node repair" not in text and "1 could be made anew, but for that" in text
+    assert main(["node", "repair", str(tmp_path), "--dry-run"]) == 5
+    text = capsys.readouterr().out
+    assert text.startswith("0 would be mended.\n") and "holding, arc: " in text and "1 cannot be mended: see to the disk" in text
 
 
 @pytest.mark.parametrize("verb", ["verify", "repair"])

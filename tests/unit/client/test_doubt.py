@@ -64,7 +64,7 @@ async def test_without_a_lost_answer_a_refusal_is_one(autojump_clock: MockClock,
     nodes = FakeNodes()
     space = _scene(nodes).space(FILES)
     monkeypatch.setattr(nodes, "_put", refusing(reason))
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=r"127\.0\.0\.2 refused the record") as refused:
         await space.put(FIRST, b"mine")
     assert refused.value.reason == reason
 

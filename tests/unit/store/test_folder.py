@@ -28,12 +28,12 @@ async def identity_of(folder: Path) -> StoreIdentity:
         return store.identity
 
 
-async def fault(folder: Path, node: int = NODE) -> str:
+async def fault(folder: Path, remedy: str = "", node: int = NODE) -> str:
     with pytest.raises(LocalFault) as caught:
         async with open_store(world(), folder, node_id_of("127.0.0.3") if node != NODE else NODE):
             pass
     assert caught.value.where == str(folder)
-    assert caught.value.remedy
+    assert caught.value.remedy and remedy in caught.value.remedy
     return caught.value.what
 
 
@@ -125,7 +125,7 @@ async def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
 
 async def test_data_that_is_no_store(tmp_path: Path) -> None:
     (tmp_path / "data.mdb").write_bytes(b"a picture, perhaps" * 1000)
-    assert "damaged, or no store" in await fault(tmp_path)
+    assert "damaged, or no store" in await fault(tmp_path, "wipe the folder")
 
 
 @contextmanager

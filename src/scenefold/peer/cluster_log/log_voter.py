@@ -172,7 +172,7 @@ class Voter:
         wait_s = self._since(old.node) + T_WAIT_S - self._world.clock.now()
         if wait_s >= 0:
             raise Refused(RejectReason.BUSY, f"id in use: {address_of(old.node)} may hold a lease for {wait_s:.0f} s more")
-        reason = "its data folder was made anew"
+        reason = "it began anew, with an empty or an older data folder"
         await self._append(RemoveNode(old, reason), self._world.entropy.token(16), self._facts.voter)
 
     async def _append(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> int:

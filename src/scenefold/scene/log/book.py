@@ -129,7 +129,7 @@ class SceneLog:
         return tuple(space.public() for space in self.spaces.values())
 
     def _names(self) -> str:
-        return ", ".join(space.name or str(space.id) for space in self.spaces.values()) or "none"
+        return ", ".join(space.name or str(space.id) for space in self.spaces.values() if not space.parent) or "none"
 
     # -------------------------------------------------------------------------------------------------- entries
 
@@ -221,9 +221,10 @@ class SceneLog:
         return replace(self, spaces=_with(self.spaces, entry.space, _resolved(created)))
 
     def _shadow(self, shadow: LoggedSpace) -> LoggedSpace:
-        parent = self.spaces.get(shadow.parent)
-        if parent is None or parent.parent:
-            raise _ill_formed(f"space {shadow.id} cannot be a shadow of space {shadow.parent}")
+        parent = self._there(shadow.parent)
+        if parent.parent:
+            what = f"space {parent.id} is a shadow itself, and has none of its own"
+            raise _ill_formed(what, f"name space {parent.parent}, whose copies it holds")
         if _shape(parent) != _shape(shadow):
             raise _ill_formed(f"a shadow has the dimensions, curve, management and box of its parent, space {parent.id}")
         # It holds what its parent holds, so it lies where that lies.

@@ -150,6 +150,20 @@ def test_an_entry_that_does_not_fit_is_refused(entries: list[LogEntry]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("entries", "complaint", "remedy"),
+    [
+        ([TWICE, replace(LATER, parent=SpaceId(12))], "space 12 is a shadow itself", "space 11, whose copies it holds"),
+        ([SHADOW], "there is no space 11", ""),
+    ],
+)
+def test_who_wants_a_shadow_of_a_shadow_hears_whose_it_is(entries: list[LogEntry], complaint: str, remedy: str) -> None:
+    log = with_entries(*entries[:-1])
+    with pytest.raises(Refused, match=complaint) as refused:
+        log.apply(log.next_record(entries[-1], b"r" * 16, ORIGIN))
+    assert remedy in refused.value.remedy
+
+
+@pytest.mark.parametrize(
     ("entries", "complaint"),
     [
         ([Batch((space(copies=2), replace(SHADOW, offset=FIRST)))], "the offset of a shadow is not 0"),
@@ -252,6 +266,9 @@ def test_what_is_not_there_is_named_with_what_is() -> None:
         with_entries().named("hall")
     with pytest.raises(LocalFault, match="space 11"):
         with_entries().space(HALL)
+    with pytest.raises(LocalFault) as missing:
+        with_entries(TWICE).named("attic")
+    assert missing.value.remedy.endswith(", files, hall"), "of shadows there are many, and nobody may use them"
 
 
 def records_of(*entries: LogEntry) -> list[LogRecord]:
