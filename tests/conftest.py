@@ -23,8 +23,32 @@ from scenefold.world.sim.run import settle
 
 use_kernel_cache()
 
-# Fast ones first, so that a slip shows within seconds.
-ORDER = ("house", "unit", "study", "conformance", "render", "simulation", "integration")
+# Fast ones first, so that a slip shows within seconds. Those that take minutes come together: some compute, and others wait.
+ORDER = (("house",), ("unit",), ("study",), ("conformance",), ("render",), ("simulation", "integration"))
+# Of these the longest first, lest one of them runs alone at the end: a process of tests takes whole files, in this order.
+LONGEST = (
+    "simulation/test_every_step.py",
+    "integration/test_moving_processes.py",
+    "simulation/test_mutants.py",
+    "integration/test_hostile.py",
+    "integration/test_scenectl_membership.py",
+    "integration/test_render_still_ends.py",
+    "integration/test_enrolling.py",
+    "simulation/test_smoke.py",
+    "integration/test_purging_processes.py",
+    "integration/test_render_still.py",
+    "integration/test_cluster_processes.py",
+    "simulation/test_rotation.py",
+    "integration/test_rotating_processes.py",
+    "integration/test_bad_input.py",
+    "integration/test_copies_processes.py",
+    "integration/test_who_renders.py",
+    "simulation/test_client_boxes.py",
+    "integration/test_reading_processes.py",
+    "integration/test_scenectl_cluster.py",
+    "integration/test_nothing_in_the_clear.py",
+    "simulation/test_replay.py",
+)
 LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "exception": 40, "critical": 50, "fatal": 50}
 
 # Machines that run tests are slow at times; a deadline would only measure that.
@@ -35,12 +59,16 @@ hypothesis.settings.load_profile("default")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort by the folder below tests/, keeping the order within each."""
+    """Sort by the folder below tests/, and there by file for those that take long, keeping the order otherwise."""
     here = Path(__file__).parent
+    if gone := [name for name in LONGEST if not (here / name).is_file()]:
+        raise pytest.UsageError(f"{Path(__file__)}: of the longest files some are gone: {', '.join(gone)}")
+    folders = {folder: place for place, together in enumerate(ORDER) for folder in together}
+    files = {here / name: place for place, name in enumerate(LONGEST)}
 
-    def rank(item: pytest.Item) -> int:
+    def rank(item: pytest.Item) -> tuple[int, int]:
         folder = item.path.relative_to(here).parts[0] if item.path.is_relative_to(here) else ""
-        return ORDER.index(folder) if folder in ORDER else len(ORDER)
+        return folders.get(folder, len(ORDER)), files.get(item.path, len(LONGEST))
 
     items.sort(key=rank)
 
