@@ -7,12 +7,12 @@ Of spaces with copies it is asked first what need not be brought at all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import trio
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import STORE_READ_BATCH_MAX
 from scenefold.base.location import Arc, Location
@@ -184,14 +184,24 @@ class TakingHome:
         with trio.move_on_after(GATE_S_MAX if items else 0) as patience:
             async with parts.writing(list(map(home_of, items)), anywhere=any(item.object for item in items)):
                 patience.deadline = float("inf")
-                problems = [await self._why_not(item) for item in items]
+                awaited = await self._awaited(list(map(spot_of_item, items)))
+                problems = [await self._why_not(item, awaited) for item in items]
                 open_ones = [index for index, problem in enumerate(problems) if problem is None]
                 # All at once, so that they settle together.
                 for index, result in zip(open_ones, await parts.keeping.merge([puts[index] for index in open_ones]), strict=True):
                     problems[index] = self._judged(items[index], result)
         return problems
 
-    async def _why_not(self, item: HandItem) -> Refused | None:
+    async def _awaited(self, spots: Sequence[Spot]) -> set[Spot]:
+        """Where something has rotted past knowing, and those who have copies of it were not all heard: it may be newer than what is brought."""
+        parts = self._parts
+        headers = await parts.store.record_headers(spots)
+        unknown = [spot for spot, header in zip(spots, headers, strict=True) if header is None]
+        found = await parts.store.read(unknown) if unknown else []
+        wrecks = [spot for spot, record in zip(unknown, found, strict=True) if isinstance(record, DamagedData)]
+        return {spot for spot in wrecks if await parts.keeping.awaits(spot)}
+
+    async def _why_not(self, item: HandItem, awaited: Collection[Spot]) -> Refused | None:
         home = home_of(item)
         try:
             if not self._parts.keeper.holding.owns(home):
@@ -200,6 +210,8 @@ class TakingHome:
                 # It is asked for, among all else. Who brings it has to keep it until then.
                 raise Refused(RejectReason.NOT_READY, "not all is known yet that was acknowledged there")
             self._parts.require_lease()
+            if spot_of_item(item) in awaited:
+                raise Refused(RejectReason.BUSY, "what lay there has rotted, and is being fetched from those who have copies of it")
             await self._check_mode(item)
         except Refused as refusal:
             return refusal

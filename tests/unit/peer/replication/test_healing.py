@@ -9,11 +9,15 @@ import trio
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, wanted_place
 from scenefold.peer.line.ends import Side
 from scenefold.peer.replication import healing
 from scenefold.peer.replication.healing_sources import sources_of
+from scenefold.peer.replication.lane import item_of
 from scenefold.store import Put, Spot
+from scenefold.wire import HandRecords, PutManyReply
+from scenefold.world import Priority
 from unit.peer.line.street import places, rot
 from unit.peer.replication.terrace import OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
 from unit.peer.replication.test_comparing import arc_of, holders_of, is_settled, lies_with_all, played
@@ -95,6 +99,27 @@ def test_nothing_older_takes_the_place_of_a_wreck() -> None:
         await trio.sleep(20.0)
         assert not await is_sound(first, place), "an older version is there"
         terrace.net.mend(first.address, other.address)
+        await until_sound(first, place, seq=2)
+
+    played(main, seed=12)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_nor_does_an_older_one_that_somebody_brings_home() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1, seq=2)
+        holders = holders_of(terrace, first, place)
+        stranger = next(home for home in terrace.homes if home is not first and home not in holders)
+        for home in holders:
+            terrace.net.cut(first.address, home.address)
+        rot(first, [place], HEADER_BYTE)
+        brought = HandRecords((item_of(stranger.spot(place), record_at(place)),))
+        reply = await stranger.peers.ask(first.node, Priority.LOW, brought, PutManyReply, 30.0)
+        assert [outcome.reason for outcome in reply.outcomes] == [RejectReason.BUSY]
+        assert not await is_sound(first, place), "an older version is there"
+        for home in holders:
+            terrace.net.mend(first.address, home.address)
         await until_sound(first, place, seq=2)
 
     played(main, seed=12)
