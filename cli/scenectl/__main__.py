@@ -5,6 +5,7 @@ Small on purpose: whatever is imported before `main` runs is a time in which Ctr
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from collections.abc import Sequence
@@ -25,8 +26,12 @@ _SERVICES = (["node", "run"], ["node", "local"], ["cluster", "join"])
 def main() -> int:
     """Run the command of this process and return its exit code."""
     _leave_in_words(sys.argv[1:])
+    # What is imported stays: the collector of garbage need not look through it meanwhile.
+    gc.disable()
     from scenectl.program import main as run
 
+    gc.freeze()
+    gc.enable()
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         # From here on a verb may have something to end in order, and `run` says the same words.
         signal.signal(signal.SIGINT, signal.default_int_handler)
