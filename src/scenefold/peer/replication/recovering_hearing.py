@@ -30,6 +30,8 @@ from scenefold.world import Priority
 
 PAGE_RECORDS = 1024
 FETCH_RECORDS = 256
+FEWER = 4
+"""After an answer that did not come so many times fewer records are asked for at once."""
 LIST_S_MAX = 10.0
 """For a page, which a promise is made durable for."""
 FETCH_S_MAX = 10.0
@@ -53,6 +55,8 @@ class Hearing:
         self._turn = turn
         self._walk = Walk(teller, arc, roll.number)
         self._patience = Patience()
+        self._at_once = FETCH_RECORDS
+        """Fewer of one whose answers do not come in time: what is sound and on its way must not count as not held."""
         self.is_silent = False
         """Whether it did not answer when it was asked last."""
 
@@ -133,22 +137,23 @@ class Hearing:
         """As much as comes; what the node says that it has not. Refused if it cannot be kept here."""
         denied: set[RecordEntry] = set()
         with trio.move_on_after(BRING_S_MAX):
-            for start in range(0, len(wanted), FETCH_RECORDS):
-                batch = [_entry_of(held) for held in wanted[start : start + FETCH_RECORDS]]
-                while batch:
-                    try:
-                        request = FetchHeld(tuple(batch))
-                        reply = await self._parts.peers.ask(self._teller.node, Priority.LOW, request, HeldFetched, FETCH_S_MAX)
-                    except (Refused, Unreachable, PeerFault) as problem:
-                        _log.debug("%s does not deliver: %s", self._name, problem)
-                        return denied
-                    answered = len(reply.items) + len(reply.missing)
-                    if not 1 <= answered <= len(batch):
-                        return denied
-                    rotten = await self._take(reply.items)
-                    denied.update(batch[index] for index in reply.missing if index < len(batch))
-                    denied.update(rotten)
-                    batch = batch[answered:]
+            named = list(map(_entry_of, wanted))
+            while named:
+                batch = named[: self._at_once]
+                try:
+                    request = FetchHeld(tuple(batch))
+                    reply = await self._parts.peers.ask(self._teller.node, Priority.LOW, request, HeldFetched, FETCH_S_MAX)
+                except (Refused, Unreachable, PeerFault) as problem:
+                    _log.debug("%s does not deliver: %s", self._name, problem)
+                    self._at_once = max(1, len(batch) // FEWER)
+                    return denied
+                answered = len(reply.items) + len(reply.missing)
+                if not 1 <= answered <= len(batch):
+                    return denied
+                rotten = await self._take(reply.items)
+                denied.update(batch[index] for index in reply.missing if index < len(batch))
+                denied.update(rotten)
+                named = named[answered:]
         return denied
 
     async def _take(self, items: Sequence[HandItem]) -> list[RecordEntry]:

@@ -13,7 +13,7 @@ from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.ends import Side
-from scenefold.wire import ReturnRange
+from scenefold.wire import FetchHeld, Packet, ReturnRange
 from scenefold.world.sim import Point
 from unit.peer.line.street import rot
 from unit.peer.replication.heirs import Estate, Lies, held_of, inherit, places_of, spread, until
@@ -259,6 +259,30 @@ def test_who_never_comes_to_an_end_is_heard_no_further() -> None:
         assert await estate.adopted(arc) is heir
         await until(lambda: not heir.gaps, 200.0)
         assert heir.living.events["disbelieved"] == 1
+
+    inherit(story)
+
+
+def test_what_a_slow_node_has_is_asked_for_in_smaller_parts() -> None:
+    async def story(estate: Estate) -> None:
+        arc = arc_of(estate.owner)
+        heir, slow = estate.homes[2], estate.homes[3]
+        records = spread(arc, 40, space=SPACE)
+        await slow.keep(*records)
+        fetch, senders = slow.handlers._table[FetchHeld]
+
+        async def fetched(packet: FetchHeld, peer: str) -> Packet:
+            if len(packet.entries) > 4:
+                await trio.sleep(60.0)
+            answer: Packet = await fetch(packet, peer)
+            return answer
+
+        slow.handlers._table[FetchHeld] = fetched, senders
+        await estate.bury(1)
+        assert await estate.adopted(arc) is heir
+        await until(lambda: not heir.gaps, 200.0)
+        assert heir.places(SPACE) >= places_of(records)
+        assert not heir.living.events["named, not delivered"]
 
     inherit(story)
 
