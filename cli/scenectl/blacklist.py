@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 app = App(name="blacklist", help="Say which nodes must hold no copies of what a node owns.", help_format="plaintext")
 
 Names = Annotated[str, Parameter(negative="")]
+DryRun = Annotated[bool, Parameter(negative="", show_default=False)]
 
 
 @app.command
-def add(*prefixes: Names, node: AddressOption, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def add(*prefixes: Names, node: AddressOption, dry_run: DryRun = False, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Let other nodes hold no copies of what a node owns: those that would fail together with it.
 
     Copies that lie there move to others. For administrators.
@@ -33,12 +34,14 @@ def add(*prefixes: Names, node: AddressOption, output: ProfileOutput = DEFAULT_P
         IPv4 addresses of nodes, and prefixes such as 10.1.2.0/24, which cover every node whose address lies in them, also those that come later. What stands there already stays.
     node
         IPv4 address of the node whose blacklist it is. Its own address is on it always.
+    dry_run
+        Only say what would stand there, and which nodes may hold copies then.
     """
-    _show(node.text, _change(node.text, output, add=_read(prefixes)), output)
+    _order(node.text, output, dry_run=dry_run, add=_read(prefixes))
 
 
 @app.command(name="rm")
-def remove(*prefixes: Names, node: AddressOption, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def remove(*prefixes: Names, node: AddressOption, dry_run: DryRun = False, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Let other nodes hold copies of what a node owns again. For administrators.
 
     What the node is started with (`node run --blacklist`) comes back when it is started so again.
@@ -51,8 +54,10 @@ def remove(*prefixes: Names, node: AddressOption, output: ProfileOutput = DEFAUL
         Entries of the blacklist, as `scenectl node blacklist list` shows them.
     node
         IPv4 address of the node whose blacklist it is.
+    dry_run
+        Only say what would stand there, and which nodes may hold copies then.
     """
-    _show(node.text, _change(node.text, output, remove=_read(prefixes)), output)
+    _order(node.text, output, dry_run=dry_run, remove=_read(prefixes))
 
 
 @app.command(name="list")
@@ -66,7 +71,33 @@ def list_(node: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) ->
     node
         IPv4 address of the node.
     """
-    _show(node.text, _change(node.text, output), output)
+    found, _ = _ask(node.text, output)
+    _show(node.text, found, output)
+
+
+def _order(
+    address: str, output: ProfileOutput, *, dry_run: bool, add: Sequence[AddressPrefix] = (), remove: Sequence[AddressPrefix] = ()
+) -> None:
+    """Have the node change its blacklist, or only say what that would come to."""
+    from scenefold.base.errors import Refused, UsageFault
+    from scenefold.base.ids import node_id_of
+    from scenefold.base.limits import BLACKLIST_MAX
+
+    if max(len(add), len(remove)) > BLACKLIST_MAX:
+        what = f"{max(len(add), len(remove))} entries, where a blacklist has {BLACKLIST_MAX} at most"
+        raise UsageFault(what, where="scenectl node blacklist", remedy="name a prefix in place of many addresses")
+    if not dry_run:
+        found, _ = _ask(address, output, add=add, remove=remove)
+        _show(address, found, output)
+        return
+    from scenefold.peer.membership.blacklist import ordered
+
+    found, others = _ask(address, output)
+    try:
+        planned = ordered(found, add, remove, node_id_of(address))
+    except Refused as refusal:
+        raise Refused(refusal.reason, refusal.what, where=address, remedy=refusal.remedy) from None
+    _show_plan(address, planned, others, output)
 
 
 def _read(prefixes: Sequence[str]) -> list[AddressPrefix]:
@@ -83,20 +114,18 @@ def _read(prefixes: Sequence[str]) -> list[AddressPrefix]:
         raise UsageFault(str(problem), where="scenectl node blacklist", remedy=remedy) from None
 
 
-def _change(address: str, output: ProfileOutput, *, add: Sequence[AddressPrefix] = (), remove: Sequence[AddressPrefix] = ()) -> Blacklist:
+def _ask(
+    address: str, output: ProfileOutput, *, add: Sequence[AddressPrefix] = (), remove: Sequence[AddressPrefix] = ()
+) -> tuple[Blacklist, list[str]]:
+    """What the node says, and which others there are."""
     from scenectl.draining import check_known
     from scenectl.running import connected, run
-    from scenefold.base.errors import UsageFault
-    from scenefold.base.limits import BLACKLIST_MAX
 
-    if max(len(add), len(remove)) > BLACKLIST_MAX:
-        what = f"{max(len(add), len(remove))} entries, where a blacklist has {BLACKLIST_MAX} at most"
-        raise UsageFault(what, where="scenectl node blacklist", remedy="name a prefix in place of many addresses")
-
-    async def work() -> Blacklist:
+    async def work() -> tuple[Blacklist, list[str]]:
         async with connected(output.profile) as cluster:
             await check_known(cluster, address)
-            return await cluster.blacklist(address, add=add, remove=remove)
+            found = await cluster.blacklist(address, add=add, remove=remove)
+            return found, [owner.address for owner in await cluster.nodes() if owner.address != address]
 
     return run(work)
 
@@ -105,3 +134,24 @@ def _show(address: str, found: Blacklist, output: ProfileOutput) -> None:
     listed = list(map(str, found.prefixes))
     words = f"no copies of its data on {', '.join(listed)}" if listed else "every other node may hold copies of its data"
     emit(output, {"address": address, "version": found.version, "blacklist": listed}, f"Node {address}: {words}.")
+
+
+def _show_plan(address: str, planned: Blacklist, others: Sequence[str], output: ProfileOutput) -> None:
+    """`planned`: the blacklist as it would be; `others`: all nodes but the one whose it is."""
+    from scenefold.base.ids import node_id_of
+    from scenefold.base.prefixes import forbids
+
+    owner = node_id_of(address)
+    forbidden = [other for other in others if forbids(planned.prefixes, node_id_of(other), owner=owner)]
+    allowed = [other for other in others if other not in forbidden]
+    listed = list(map(str, planned.prefixes))
+    document = {"address": address, "dry_run": True, "blacklist": listed, "forbidden": forbidden, "allowed": allowed}
+    number = len(allowed) + 1
+    lines = [
+        f"Node {address} would have on its blacklist: {', '.join(listed) or 'nothing'}.",
+        f"Copies of its data could lie on {', '.join(allowed) or 'no other node'}"
+        + (f", and not on {', '.join(forbidden)}." if forbidden else "."),
+        f"So there could be {number} {'copies' if number > 1 else 'copy'} of each record at most, its own among them: "
+        "where a space needs more before a write counts, writes to what it owns would be refused.",
+    ]
+    emit(output, document, "\n".join(lines))

@@ -154,6 +154,11 @@ def test_a_blacklist_is_changed_while_its_node_runs_and_everybody_hears_of_it(pr
     owner, other = FOUNDERS
     before = blacklist("list", owner)
     assert before == {"address": owner, "version": before["version"], "blacklist": []}
+    planned = blacklist("add", "10.1.2.0/24", other, "--node", owner, "--dry-run")
+    wanted = {"address": owner, "dry_run": True, "blacklist": ["10.1.2.0/24", other], "forbidden": [other], "allowed": []}
+    assert planned == wanted and blacklist("list", owner) == before, "nothing was changed"
+    text = scenectl("node", "blacklist", "add", other, "--node", owner, "--dry-run", profile=profile).out.decode()
+    assert f"could lie on no other node, and not on {other}.\nSo there could be 1 copy of each record at most" in text
     added = blacklist("add", "10.1.2.0/24", other, "--node", owner)
     assert added == {"address": owner, "version": before["version"] + 1, "blacklist": ["10.1.2.0/24", other]}
     assert blacklist("add", other, "--node", owner) == added == blacklist("list", owner)
@@ -165,12 +170,40 @@ def test_a_blacklist_is_changed_while_its_node_runs_and_everybody_hears_of_it(pr
         (("rm", "10.1.2.0/25", "--node", owner), f"10.1.2.0/25: not on the blacklist of {owner}"),
         (("add", owner, "--node", owner), f"{owner} is the node's own address, which is on its blacklist always"),
         (("add", *(f"10.0.0.{number}" for number in range(1, 32)), "--node", owner), "a blacklist of 33 entries, where 32 are allowed"),
+        (("rm", "10.1.2.0/25", "--node", owner, "--dry-run"), f"10.1.2.0/25: not on the blacklist of {owner}"),
         (("list", "127.0.0.99"), "no node of this address is a member"),
     ):
         assert words in blacklist(*arguments, code=1)["error"]["what"]
     done = scenectl("node", "blacklist", "rm", "10.1.2.0/24", other, "--node", owner, profile=profile)
     assert done.out.decode().strip() == f"Node {owner}: every other node may hold copies of its data."
     assert blacklist("list", owner) == {"address": owner, "version": added["version"] + 1, "blacklist": []}
+
+
+def test_repair_and_scrub_are_paused_slowed_and_resumed_while_nodes_run(profile: str) -> None:
+    def upkeep(verb: str, *arguments: str, code: int = 0) -> Any:
+        done = scenectl("node", "upkeep", verb, *arguments, "--json", profile=profile)
+        assert done.code == code, done.err
+        return {node.pop("address"): node for node in done.json["nodes"]} if "nodes" in done.json else done.json
+
+    owner, other = FOUNDERS
+    before = upkeep("show", *FOUNDERS)
+    assert set(before) == set(FOUNDERS) and not any(node["paused"] for node in before.values())
+    assert upkeep("pause", owner, "--repair") == {owner: {**before[owner], "paused": ["repair"]}}
+    assert upkeep("pause", *FOUNDERS)[other]["paused"] == ["repair", "scrub"]
+    # Others may have come and gone.
+    silent = [node["address"] for node in scenectl("cluster", "health", "--json", profile=profile).json["nodes"] if not node["alive"]]
+    told = upkeep("show", code=5 if silent else 0)
+    assert [address for address, node in told.items() if not node["answers"]] == silent
+    assert all(told[founder]["paused"] == ["repair", "scrub"] for founder in FOUNDERS)
+    assert f"{owner}: repair and scrub paused" in scenectl("cluster", "health", profile=profile).out.decode()
+    assert upkeep("resume", owner, "--scrub")[owner]["paused"] == ["repair"]
+    upkeep("resume", *FOUNDERS)
+    slow = upkeep("rate", owner, "--transfer", "1000000", "--scrub", "50000")[owner]
+    assert (slow["transfer_bytes_per_s"], slow["scrub_bytes_per_s"]) == (1_000_000, 50_000)
+    upkeep("rate", owner, "--transfer", "0", "--scrub", "0")
+    assert upkeep("show", *FOUNDERS) == before
+    assert "no node of this address is a member" in upkeep("pause", "127.0.0.99", code=1)["error"]["what"]
+    assert "nothing to change" in upkeep("rate", owner, code=2)["error"]["what"]
 
 
 def test_the_node_that_decides_cannot_be_drained(profile: str) -> None:
