@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc
@@ -10,13 +10,19 @@ from scenefold.store.changes import RestartDigests
 from scenefold.store.digest_sums import Listing, read_listing, read_sums
 from scenefold.store.digest_tree import TreeDamaged
 from scenefold.store.held import HeldPage, read_held
-from scenefold.store.layout import SpaceAddress
+from scenefold.store.layout import SpaceAddress, Spot
+from scenefold.store.noticing import Noticed
 from scenefold.store.opened import OpenedStore
 from scenefold.store.versions import RangeSum
 
 
 class ComparingStore(OpenedStore):
-    """The part of the store that knows sums. All of it goes by the homes of records, wherever objects lie."""
+    """The part of the store that knows sums. All of it goes by the homes of records, wherever objects lie.
+
+    A record whose header has rotted is in no sum and no list. So it is noticed here: who compares would else find nothing amiss.
+    """
+
+    noticed: Noticed
 
     async def spaces(self) -> list[SpaceAddress]:
         """Where there are records as of the last commit, in order."""
@@ -28,15 +34,24 @@ class ComparingStore(OpenedStore):
         A damaged tree is made anew; until then what it does not have yet is counted, some 5 us a record.
         """
         try:
-            return await self._view(read_sums, (scene, space), arcs)
+            found = await self._view(read_sums, (scene, space), arcs)
         except TreeDamaged as damage:
             await self._writer.submit(RestartDigests(damage.space, str(damage)))
-            return await self._view(read_sums, (scene, space), arcs)
+            found = await self._view(read_sums, (scene, space), arcs)
+        self._notice(found.wrecks)
+        return found.sums
 
     async def listing(self, scene: SceneId, space: SpaceId, arc: Arc, limit: int) -> Listing:
         """The first `limit` >= 2 records with their homes in the arc, in the order of these, and which versions they are."""
         assert limit >= 2
-        return await self._view(read_listing, (scene, space), arc, limit)
+        found = await self._view(read_listing, (scene, space), arc, limit)
+        self._notice(held.spot for held in found.records if not held.version)
+        return found
+
+    def _notice(self, wrecks: Iterable[Spot]) -> None:
+        for spot in wrecks:
+            if not self.noticed.is_rotten(spot):
+                self.noticed.read(spot, "its header has changed on the disk")
 
     async def held(self, arc: Arc, after: bytes, limit: int) -> HeldPage:
         """The first `limit` >= 1 records of all spaces with their homes in the arc, behind the cursor `after` (b"": from the first on)."""

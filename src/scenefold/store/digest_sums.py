@@ -13,6 +13,9 @@ from scenefold.store.layout import SpaceAddress, Spot, sound_header, spot_of
 from scenefold.store.versions import RangeSum, stored_sum, version_of
 from scenefold.world.ports import ReadTransaction
 
+WRECKS_MAX = 256
+"""Of one look: the others are met by the next one."""
+
 
 class Held(NamedTuple):
     """A stored record: where it lies, where its home is, which version it is and what its header says; b"" for one whose header has rotted."""
@@ -33,24 +36,33 @@ class Listing(NamedTuple):
     complete: bool
 
 
-def read_sums(transaction: ReadTransaction, space: SpaceAddress, arcs: Sequence[Arc]) -> list[RangeSum]:
+class Sums(NamedTuple):
+    """Of each arc its sum. `wrecks`: records that were met on the way and are in none, as their header has rotted."""
+
+    sums: list[RangeSum]
+    wrecks: tuple[Spot, ...]
+
+
+def read_sums(transaction: ReadTransaction, space: SpaceAddress, arcs: Sequence[Arc]) -> Sums:
     """What lies in each arc, by homes: some ms an arc, however much there is. TreeDamaged if the tree is to be made anew."""
-    built, prefixes = built_to(transaction, space), _Prefixes(transaction, space)
+    wrecks: dict[Spot, None] = {}
+    built, prefixes = built_to(transaction, space), _Prefixes(transaction, space, wrecks)
     sums = []
     for arc in arcs:
         behind, last = _before(arc.first), bytes(arc.last)
         total = prefixes.up_to(min(last, built)).without(prefixes.up_to(min(behind, built)))
         # What the tree does not have yet is walked over, and nothing else is.
-        sums.append(total.and_also(*_walked(transaction, space, max(behind, built), last)))
-    return sums
+        sums.append(total.and_also(*_walked(transaction, space, max(behind, built), last, wrecks)))
+    return Sums(sums, tuple(wrecks))
 
 
 class _Prefixes:
     """Sums from the beginning of the line, each read once: arcs that meet have bounds in common."""
 
-    def __init__(self, transaction: ReadTransaction, space: SpaceAddress) -> None:
+    def __init__(self, transaction: ReadTransaction, space: SpaceAddress, wrecks: dict[Spot, None]) -> None:
         self._transaction = transaction
         self._space = space
+        self._wrecks = wrecks
         self._rows = Rows(transaction, space)
         self._known = {b"": RangeSum()}
 
@@ -68,15 +80,20 @@ class _Prefixes:
                 total, begin = total.and_also(row.records, row.sum), bound
             if begin == location:
                 return total
-        return total.and_also(*_walked(self._transaction, self._space, begin, location))
+        return total.and_also(*_walked(self._transaction, self._space, begin, location, self._wrecks))
 
 
-def _walked(transaction: ReadTransaction, space: SpaceAddress, begin: bytes, last: bytes) -> RangeSum:
+def _walked(transaction: ReadTransaction, space: SpaceAddress, begin: bytes, last: bytes, wrecks: dict[Spot, None]) -> RangeSum:
     """Of the records themselves: less than a bucket, or what the tree does not have yet."""
     if begin >= last:
         return RangeSum()
-    sums = [stored_sum(found.value) for found in by_home(transaction, space, begin, last)]
-    known = [one for one in sums if one is not None]
+    known = []
+    for found in by_home(transaction, space, begin, last):
+        one = stored_sum(found.value)
+        if one is not None:
+            known.append(one)
+        elif len(wrecks) < WRECKS_MAX:
+            wrecks[spot_of(found.key)] = None
     return RangeSum().and_also(len(known), sum(known))
 
 

@@ -10,8 +10,8 @@ from functools import partial
 from typing import Protocol
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SceneId
-from scenefold.base.location import Location
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.holdings import Lease, Owners
@@ -54,16 +54,21 @@ async def _of_nobody(_spot: Spot) -> bool:
     return False
 
 
+async def _nowhere(_scene: SceneId, _space: SpaceId, _arcs: Sequence[Arc]) -> bool:
+    return False
+
+
 @dataclass(slots=True)
 class Keeping:
     """What replication does for the line, which sets it.
 
     `merge`: how verified copies are taken into this node's own arc, so that those who hold copies get them, too. `awaits`: whether others may
-    still give what has rotted here so that its version is not known any more.
+    still give what has rotted here so that its version is not known any more; `awaits_within`: likewise of what is known to have rotted in these arcs.
     """
 
     merge: Merge
     awaits: Callable[[Spot], Awaitable[bool]] = _of_nobody
+    awaits_within: Callable[[SceneId, SpaceId, Sequence[Arc]], Awaitable[bool]] = _nowhere
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,7 +95,8 @@ class SpaceComparison:
                 await self._send_all(found.lacking)
         finally:
             self._progress.end(self)
-        return self._complete
+        # What lay there only others know, the holder perhaps not among them: it is not compared with what this owner has not.
+        return self._complete and not await self._parts.keeping.awaits_within(self._scene, self._space, self._arcs)
 
     # ------------------------------------------------------------------------------------------------- questions
 

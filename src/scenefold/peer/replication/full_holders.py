@@ -8,6 +8,7 @@ and come back as soon as that was no longer full.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 from scenefold.base.cover import without
 from scenefold.base.ids import NodeId
@@ -22,11 +23,18 @@ from scenefold.peer.replication.placing_wishes import Piece
 from scenefold.wire import Member
 from scenefold.world import Clock
 
-AGAIN_S = 600.0
-"""So long at least: what a node says of its disk is coarse, and each try copies what there was room for."""
+AGAIN_S_MIN, AGAIN_S_MAX = 30.0, 600.0
+"""So long at least, twice as long each time: what a node says of its disk is coarse, and each try copies what there was room for."""
+FORGOTTEN_S = 3 * AGAIN_S_MAX
+"""Who has not refused for so long begins anew."""
 
 Place = Callable[[Arc, Mapping[NodeId, Member]], list[Piece]]
 """What placement gives a piece of the arc if these may be taken."""
+
+
+class _Refusal(NamedTuple):
+    at: float
+    pause_s: float
 
 
 class FullHolders:
@@ -35,19 +43,29 @@ class FullHolders:
     def __init__(self, clock: Clock, roster: Roster) -> None:
         self._clock = clock
         self._roster = roster
-        self._refused_at: dict[Member, float] = {}
+        self._refusals: dict[Member, _Refusal] = {}
 
     def note(self, holder: Member) -> None:
         """It has just refused a copy, as its disk is full."""
-        self._refused_at[holder] = self._clock.now()
+        before, now = self._refusals.get(holder), self._clock.now()
+        if before is None or now > before.at + FORGOTTEN_S:
+            pause_s = AGAIN_S_MIN
+        elif now < before.at + before.pause_s:
+            # Of what was on its way already.
+            return
+        else:
+            pause_s = min(2 * before.pause_s, AGAIN_S_MAX)
+        self._refusals[holder] = _Refusal(now, pause_s)
 
     def among(self, members: Iterable[Member]) -> frozenset[Member]:
         """Who of them had no room lately, and does not say that there is some now."""
-        self._refused_at = {member: at for member, at in self._refused_at.items() if self._is_full(member.node, at)}
-        return frozenset(member for member in members if member in self._refused_at)
+        now = self._clock.now()
+        full = {member for member, refusal in self._refusals.items() if self._is_full(member.node, refusal, now)}
+        self._refusals = {member: one for member, one in self._refusals.items() if member in full or now <= one.at + FORGOTTEN_S}
+        return frozenset(full.intersection(members))
 
-    def _is_full(self, node: NodeId, refused_at: float) -> bool:
-        if self._clock.now() - refused_at < AGAIN_S:
+    def _is_full(self, node: NodeId, refusal: _Refusal, now: float) -> bool:
+        if now - refusal.at < refusal.pause_s:
             return True
         status = self._roster.status(node)
         used, capacity = (0, 0) if status is None else fill_of(status)

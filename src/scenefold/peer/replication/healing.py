@@ -18,6 +18,8 @@ from typing import NamedTuple
 import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
@@ -77,6 +79,7 @@ class Healing:
         self._wake = trio.Event()
         parts.store.tell_of_rot(self.rotten)
         parts.keeping.awaits = self._awaits
+        parts.keeping.awaits_within = self._awaits_within
 
     @property
     def waiting(self) -> int:
@@ -103,6 +106,14 @@ class Healing:
         self._unhealed.pop(spot, None)
         self.rotten(spot)
         return True
+
+    async def _awaits_within(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> bool:
+        """Likewise of any wreck that was met in these arcs."""
+        met = [
+            spot for spot in {**self._tries, **self._unhealed} if spot.place[:2] == (scene, space) and any(spot.home in arc for arc in arcs)
+        ]
+        headers = await self._parts.store.record_headers(met)
+        return any([await self._awaits(spot) for spot, header in zip(met, headers, strict=True) if header is None])
 
     async def run(self) -> None:
         """Heal until cancelled, one record after the other: where there are many, a disk dies, and others are in a hurry."""

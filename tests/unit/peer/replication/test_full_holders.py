@@ -14,7 +14,7 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.segment import Segment
-from scenefold.peer.replication.full_holders import AGAIN_S, FullHolders, around_full
+from scenefold.peer.replication.full_holders import AGAIN_S_MAX, AGAIN_S_MIN, FORGOTTEN_S, FullHolders, around_full
 from scenefold.peer.replication.placing_wishes import Piece
 from scenefold.store import Outcome, Put, PutResult
 from scenefold.wire import Configuration, Member
@@ -65,10 +65,21 @@ def test_it_is_asked_again_once_it_says_that_it_has_room_and_some_time_has_passe
     full.note(A)
     statuses[A.node] = said(0.2)
     assert full.among([A, B]) == {A}
-    now.at, statuses[A.node] = AGAIN_S, said(0.99)
+    now.at, statuses[A.node] = AGAIN_S_MIN, said(0.99)
     assert full.among([A, B]) == {A}
     statuses[A.node] = said(0.5)
     assert full.among([A, B]) == frozenset()
+    for pause_s in (60.0, 120.0, 240.0, 480.0, AGAIN_S_MAX, AGAIN_S_MAX):
+        for _ in range(3):
+            full.note(A)
+        now.at += pause_s - 1.0
+        assert full.among([A]) == {A}
+        now.at += 1.0
+        assert full.among([A]) == frozenset()
+    now.at += FORGOTTEN_S + 1.0
+    full.note(A)
+    now.at += AGAIN_S_MIN
+    assert full.among([A]) == frozenset()
 
 
 async def no_room(puts: Sequence[Put], _debtors: Sequence[Sequence[NodeId]] = ()) -> list[PutResult]:

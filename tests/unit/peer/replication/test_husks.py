@@ -21,7 +21,7 @@ from unit.peer.replication.heirs import until as until_heard
 from unit.peer.replication.holders import entrust
 from unit.peer.replication.terrace import OBJECTS, SPACE, Home, Terrace, item_of, object_record, record_at
 from unit.peer.replication.test_comparing import arc_of, holders_of, is_settled, lies_with_all, played
-from unit.peer.replication.test_healing import LAST_BYTE, filled, until_sound
+from unit.peer.replication.test_healing import HEADER_BYTE, LAST_BYTE, filled, until_sound
 from unit.peer.replication.test_placing import until
 
 SAID = pytest.mark.expect_log("damaged|rotten|changed|lost|does not deliver|connection was cut|had no owner any more|was reset")
@@ -68,6 +68,23 @@ def test_what_nobody_has_sound_holds_up_no_other_record_and_is_told_as_damaged()
             await until_sound(home, spots[2])
 
     played(main, seed=21)
+
+
+@SAID
+def test_who_is_to_hold_what_has_rotted_past_knowing_gets_it_before_it_counts() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        former, other = holders_of(terrace, first, place)
+        (spare,) = [home for home in terrace.homes if home not in (first, former, other)]
+        # Nobody has read it since: it is in no sum, and in no list.
+        rot(first, [place], HEADER_BYTE)
+        forbid(first, former)
+        await until(lambda: spare in holders_of(terrace, first, place) and is_settled(first))
+        assert await seq_at(spare, place) == 1
+        await until_sound(first, place)
+
+    played(main, seed=27)
 
 
 @SAID
