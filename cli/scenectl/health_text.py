@@ -23,6 +23,9 @@ def health_text(found: ClusterHealth) -> str:
         if node.report is not None and node.report.copies is not None and node.report.copies.healed
     ]
     for node in found.status.nodes:
+        if node.report is not None and node.report.paused:
+            notes.append(f"{node.address}: {' and '.join(node.report.paused)} paused, by an administrator's order")
+            notes.append(f"  -> scenectl node upkeep resume {node.address}")
         if node.report is not None and node.report.kept_apart.records:
             notes += [
                 _apart(node.address, node.report.kept_apart),

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
     from scenefold.client.suspects import SuspectReport
+    from scenefold.client.upkeep import Upkeep
     from scenefold.client.watching import Watch
     from scenefold.scene.log import EpochKeys, SceneKeys
     from scenefold.world.keyring import KeptScene, Keyring
@@ -62,6 +63,7 @@ _HOMES = {
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
     "scenefold.client.suspects": "SuspectReport",
+    "scenefold.client.upkeep": "Upkeep",
     "scenefold.client.watching": "Watch",
     "scenefold.scene.log": "EpochKeys SceneKeys",
     "scenefold.world.keyring": "KeptScene Keyring",
@@ -115,6 +117,7 @@ __all__ = [
     "Space",
     "Stored",
     "SuspectReport",
+    "Upkeep",
     "Watch",
     "card_for",
     "connect",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial, reduce
-from typing import TypeVar
+from typing import TypeVar, Unpack
 
 import trio
 
@@ -32,6 +32,7 @@ from scenefold.client.reports import DrainReport, NodeReport, read_drain_report,
 from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
+from scenefold.client.upkeep import Upkeep, UpkeepChanges, change_upkeep
 from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.scene.log import Decider
 from scenefold.wire import BlacklistChanged, ChangeBlacklist, DrainNode, RequestReport, RespondTable, Status
@@ -176,6 +177,10 @@ class Cluster:
         packet = ChangeBlacklist(tuple(add), tuple(remove), expected)
         reply = await self.calls.ask(address, packet, BlacklistChanged, priority=Priority.HIGH)
         return Blacklist(reply.version, reply.prefixes)
+
+    async def upkeep(self, address: str, **changes: Unpack[UpkeepChanges]) -> Upkeep:
+        """What of its upkeep a node has paused, and how fast it may go, after the change that is asked for, if any; for administrators, if any."""
+        return await change_upkeep(self.calls, address, **changes)
 
     async def look(self, first: NodeId | None = None) -> ClusterStatus:
         """One look at the cluster by the table of `first` (any node); what seems off may be so only because bounds move."""

@@ -6,7 +6,7 @@ Nodes count what they own, so that no record is counted twice. Who does not answ
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -139,7 +139,7 @@ def health_of(status: ClusterStatus) -> ClusterHealth:
     ]
     found += [Ailment(_TOO_FEW, few.address, few.text, few.to_do) for few in shortages(status.nodes)]
     for node in status.nodes:
-        found += _of_node(node, silent)
+        found += [_held_up(ailment, node) for ailment in _of_node(node, silent)]
     return ClusterHealth(status, tuple(sorted(found, key=lambda ailment: not ailment.degrades)))
 
 
@@ -155,6 +155,16 @@ _TO_DO = {
 _MENDS_ITSELF = frozenset({"handover"})
 _TOO_FEW = "too few nodes"
 _WAIT = "wait: what is missing is copied"
+
+
+_RESTS = frozenset({"under-copied", "mis-placed", "comparing", "placing", "forbidden"})
+"""What nobody mends while repair is paused."""
+
+
+def _held_up(ailment: Ailment, node: NodeState) -> Ailment:
+    if node.report is None or "repair" not in node.report.paused or ailment.kind not in _RESTS or not ailment.mends_itself:
+        return ailment
+    return replace(ailment, to_do=f"repair is paused there: scenectl node upkeep resume {node.address}", mends_itself=False)
 
 
 def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
@@ -250,8 +260,8 @@ def _node_document(node: NodeState) -> dict[str, Any]:
     copies = None if report is None or report.copies is None else report.copies.document()
     known = {"address": node.address, "alive": node.alive, "share": node.share, "copies": copies}
     if report is None:
-        return {**known, "damaged": None, "strays": None, "kept_apart": None, "scrub": None}
-    apart = report.kept_apart.document()
+        return {**known, "paused": None, "damaged": None, "strays": None, "kept_apart": None, "scrub": None}
+    apart, known["paused"] = report.kept_apart.document(), list(report.paused)
     return {**known, "damaged": report.damaged, "strays": report.strays, "kept_apart": apart, "scrub": _scrub_document(report.scrub)}
 
 

@@ -130,6 +130,8 @@ class NodeReport:
     """None: it says nothing of them."""
     kept_apart: KeptApart
     scrub: ScrubReport | None
+    paused: tuple[str, ...]
+    """What of its upkeep an administrator has paused: repair, scrub; a later node may say more."""
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -202,6 +204,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             copies=read_copies(found.get("copies")),
             kept_apart=_kept_apart(found.get("suspects", {})),
             scrub=_scrub(found["scrub"]) if found.get("scrub") else None,
+            paused=tuple(map(told_word, found.get("upkeep", {}).get("paused", ()))),
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:

@@ -28,6 +28,7 @@ from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Scrub
 from scenefold.peer.settings import NodeSettings
+from scenefold.peer.upkeep import OwnUpkeep
 from scenefold.store import Store
 from scenefold.world import Links, World
 from scenefold.world.facts import ClusterFacts
@@ -65,6 +66,8 @@ class NodeContext:
     draining: Draining
     scrub: Scrub
     """Reads all records again and again; whoever repairs listens to it."""
+    upkeep: OwnUpkeep
+    """What of that an administrator has paused, and how fast the rest may go."""
     suspects: Suspects
     """What this node has brought along from a former life, and nobody may bring home by himself."""
     gossip: Gossip

@@ -87,6 +87,7 @@ class Moment:
     signs: Sequence[Mapping[str, Any]] = ()
     copies: Mapping[str, Any] = field(default_factory=dict)
     suspects: Mapping[str, Any] = field(default_factory=dict)
+    upkeep: Mapping[str, Any] = field(default_factory=dict)
 
 
 def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory) -> dict[str, Any]:
@@ -128,6 +129,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "signs": list(moment.signs),
         "copies": dict(moment.copies),
         "suspects": dict(moment.suspects),
+        "upkeep": dict(moment.upkeep),
     }
 
 
@@ -231,6 +233,7 @@ class Reporting:
             signs=context.gossip.signs.documents(now),
             copies=copies,
             suspects=context.suspects.document(),
+            upkeep=context.upkeep.document(),
         )
         return report_of(moment, context.cluster_log.registry, context.roster, self._memory)
 

@@ -54,6 +54,7 @@ from scenefold.peer.scene_log.makers import check_decider
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Pace, Scrub
 from scenefold.peer.settings import NodeSettings
+from scenefold.peer.upkeep import OwnUpkeep
 from scenefold.store import Store
 from scenefold.world import Links, Priority, World
 from scenefold.world.facts import ClusterFacts
@@ -137,6 +138,7 @@ class PeerServices:
             lies_elsewhere=partial(lies_with_all_others, line.parts),
         )
         scrub = Scrub(world.clock, store, Pace(settings.scrub_days, settings.scrub_bytes_per_s))
+        upkeep = OwnUpkeep(store, line.parts.resting, line.parts.budget, scrub, may_order=may_order)
         self._blacklist = OwnBlacklist(store, own, settings.blacklisted, may_order=may_order)
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
@@ -162,6 +164,7 @@ class PeerServices:
             sharing,
             draining,
             self._blacklist,
+            upkeep,
             enrolling,
             members,
             public_keys,
@@ -208,6 +211,7 @@ class PeerServices:
             balancer=balancer,
             draining=draining,
             scrub=scrub,
+            upkeep=upkeep,
             suspects=suspects,
             gossip=gossip,
             range_datagrams=RangeDatagrams(world, own, facts.cluster_id, registry, data.ranges),
@@ -228,6 +232,7 @@ class PeerServices:
         await context.line.load()
         await context.draining.load()
         await self._blacklist.load()
+        await context.upkeep.load()
         async with trio.open_nursery() as nursery:
             await nursery.start(context.gossip.run)
             await nursery.start(context.range_datagrams.run)

@@ -212,6 +212,7 @@ if TYPE_CHECKING:
         SuspectsListed,
     )
     from scenefold.wire.table import RESERVED, ROWS
+    from scenefold.wire.upkeep_packets import ChangeUpkeep, UpkeepChanged
 
 _HOMES = {
     "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet request_id_of",
@@ -238,6 +239,7 @@ _HOMES = {
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
     "suspect_packets": "DiscardItem DiscardOrder DiscardSuspects FetchSuspects ListSuspects SUSPECTS_DISCARDED_MAX SuspectsDiscarded SuspectsFetched SuspectsListed",
     "table": "RESERVED ROWS",
+    "upkeep_packets": "ChangeUpkeep UpkeepChanged",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -277,6 +279,7 @@ __all__ = [
     "CancelJob",
     "Carrier",
     "ChangeBlacklist",
+    "ChangeUpkeep",
     "ClaimRange",
     "CollectPass",
     "CompareRange",
@@ -424,6 +427,7 @@ __all__ = [
     "TranslateSpace",
     "Trust",
     "UnsupportedPacket",
+    "UpkeepChanged",
     "Value",
     "Want",
     "WriterEntry",

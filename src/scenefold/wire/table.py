@@ -24,6 +24,7 @@ from scenefold.wire import (
     scene_log_packets,
     status_packets,
     suspect_packets,
+    upkeep_packets,
 )
 from scenefold.wire.common import MINI_STATUS, Row
 from scenefold.wire.containers import since_of
@@ -44,6 +45,7 @@ ROWS: dict[int, Row] = {
         copy_packets,
         purge_packets,
         suspect_packets,
+        upkeep_packets,
     )
     for row in family.ROWS
 }
@@ -84,7 +86,7 @@ STRUCTS = (
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 116))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 118))
 assert not any(since_of(kind) for struct in STRUCTS for _, kind in struct.fields), (
     "what stands inside packets has no fields of later versions"
 )

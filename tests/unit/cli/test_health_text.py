@@ -27,6 +27,12 @@ def test_what_is_wrong_is_followed_by_what_to_do() -> None:
     assert "40 of 100 records lie on fewer nodes than they should, up to 1 copy fewer\n  -> wait" in text
 
 
+def test_a_pause_is_told_also_of_a_healthy_cluster() -> None:
+    text = health_text(health(*nodes(upkeep={"paused": ["repair"]})))
+    assert "healthy" in text.splitlines()[0]
+    assert text.endswith(f"{ADDRESSES[0]}: repair paused, by an administrator's order\n  -> scenectl node upkeep resume {ADDRESSES[0]}")
+
+
 def test_a_silent_node_has_its_line_and_the_time_is_not_known() -> None:
     first, second, _ = nodes(copies(**LACKING))
     text = health_text(health(first, second, missing(ADDRESSES[2], arc(0.5, 1))))

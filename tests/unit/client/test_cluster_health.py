@@ -69,8 +69,8 @@ def test_a_silent_node_degrades_and_nobody_knows_for_how_long() -> None:
     assert kinds(found) == ["missing", "under-copied"]
     assert f"start {ADDRESSES[2]}" in found.ailments[1].to_do
     assert found.document()["nodes"][2] == {
-        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "damaged": None, "strays": None, "kept_apart": None,
-        "scrub": None,
+        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "paused": None, "damaged": None, "strays": None,
+        "kept_apart": None, "scrub": None,
     }  # fmt: skip
 
 
@@ -172,6 +172,20 @@ def test_what_has_rotted_degrades_until_it_is_healed() -> None:
     assert (given_up.corrupt, given_up.ailments[0].mends_itself) == (2, False)
     healed = health(*nodes(copies(rotten={"waiting": 0, "unhealed": 0, "healed": 2}), damaged=9))
     assert healed.condition is Condition.HEALTHY
+
+
+def test_a_pause_is_shown_and_nobody_believes_that_time_mends_what_waits_for_its_end() -> None:
+    paused = {"upkeep": {"paused": ["repair", "scrub"]}}
+    well = health(*nodes(**paused))
+    assert well.condition is Condition.HEALTHY
+    assert [one["paused"] for one in well.document()["nodes"]] == [["repair", "scrub"], [], []]
+    found = health(*nodes(copies(**LACKING, **FILLING), **paused))
+    assert (found.condition, found.seconds_to_health) == (Condition.DEGRADED, None)
+    assert not found.ailments[0].mends_itself and f"scenectl node upkeep resume {ADDRESSES[0]}" in found.ailments[0].to_do
+    scrub_alone = health(*nodes(copies(**LACKING, **FILLING), upkeep={"paused": ["scrub"]}))
+    assert scrub_alone.seconds_to_health == 3.0
+    settling = health(*nodes(copies(unsettled={"records": 3, "pieces": 0, "read": True}), **paused))
+    assert settling.ailments[0].mends_itself, "that goes on"
 
 
 def test_how_far_the_scrub_is_is_shown() -> None:

@@ -15,6 +15,8 @@ from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.membership.blacklist import decode_blacklist
 from scenefold.peer.scrub.note import NOTE as SCRUB
 from scenefold.peer.scrub.note import decode_round
+from scenefold.peer.upkeep import NOTE as UPKEEP
+from scenefold.peer.upkeep import decode_orders
 from scenefold.store import StoredHolding, StoreIdentity
 from scenefold.store.checking import EVERY_KEY, Finding, Helps, Sound
 from scenefold.store.checking.fixes import delete
@@ -22,7 +24,7 @@ from scenefold.store.layout import HOLDING, NOTES
 from scenefold.wire import MalformedPacket, Member, SceneLogPublic, unpack_log
 from scenefold.world import ReadTransaction
 
-SPARE = frozenset({SCRUB})
+SPARE = frozenset({SCRUB, UPKEEP})
 """Notes that a node can do without."""
 _READERS: tuple[tuple[str, Callable[[bytes], object]], ...] = (
     (r"cluster-log/\d{8}", unpack_log),
@@ -31,6 +33,7 @@ _READERS: tuple[tuple[str, Callable[[bytes], object]], ...] = (
     (r"cluster-log/life/[0-9a-f]{8}", unpack_granted),
     (r"blacklist", decode_blacklist),
     (SCRUB, decode_round),
+    (UPKEEP, decode_orders),
 )
 
 

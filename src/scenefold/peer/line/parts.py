@@ -22,6 +22,7 @@ from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.keeper import Keeper
 from scenefold.peer.line.knowing import Knowing
+from scenefold.peer.line.resting import Resting
 from scenefold.peer.line.settling import Settling
 from scenefold.peer.line.unsettled import Unsettled
 from scenefold.peer.membership.status import OwnStatus
@@ -93,6 +94,7 @@ class Parts:
     knowing: Knowing = field(default_factory=Knowing)
     carrying: Carrying = field(default_factory=Carrying)
     arrival: Arrival = field(default_factory=Arrival)
+    resting: Resting = field(default_factory=Resting)
     events: Counter[str] = field(default_factory=Counter)
 
     def require_lease(self) -> None:

@@ -66,7 +66,7 @@ class Comparing:
                 seen = self._parts.keeper.copies
                 if seen.configurations.segments:
                     self._look()
-                    for holder in jobs(seen.configurations, self._is_checked):
+                    for holder in self._jobs():
                         if holder not in self._working and self._is_there(holder):
                             self._working.add(holder)
                             nursery.start_soon(self._work, holder)
@@ -100,12 +100,15 @@ class Comparing:
         at = self._checked.get((holder, layout, arc))
         return at is not None and self._parts.world.clock.now() - at < AGAIN_S
 
+    def _jobs(self) -> dict[Member, Job]:
+        return jobs(self._parts.keeper.copies.configurations, self._is_checked, is_resting=self._parts.resting.repair)
+
     async def _work(self, holder: Member) -> None:
         """Until nothing is left to be done for this holder, or it is away."""
         pauses = Pauses(self._parts.world)
         try:
             while self._is_there(holder):
-                job = jobs(self._parts.keeper.copies.configurations, self._is_checked).get(holder)
+                job = self._jobs().get(holder)
                 if job is None:
                     return
                 try:
@@ -130,7 +133,7 @@ class Comparing:
         self._look()
         has_new_husks = False
         for scene, space in await self._spaces(job):
-            comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs)
+            comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs, can_rest=job.can_rest)
             if not await comparison.run():
                 raise Refused(RejectReason.BUSY, "some records have changed meanwhile")
             has_new_husks |= comparison.has_new_husks

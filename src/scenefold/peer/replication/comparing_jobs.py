@@ -15,23 +15,31 @@ from scenefold.wire import Member
 
 
 class Job(NamedTuple):
-    """Compare these entries with their holder, all of one layout. `is_routine`: he counts as complete already."""
+    """Compare these entries with their holder, all of one layout. `is_routine`: he counts as complete already.
+
+    `can_rest`: as many as a write needs are complete without him.
+    """
 
     holder: Member
     layout: Layout
     entries: tuple[Entry, ...]
     is_routine: bool
+    can_rest: bool
 
 
 class _Task(NamedTuple):
     is_routine: bool
     sound: int
     """How many complete copies there are beside the owner's."""
+    can_rest: bool
     entry: Entry
 
 
-def jobs(found: Configurations, is_checked: Callable[[Member, Layout, Arc], bool]) -> dict[Member, Job]:
-    """For each holder what is to be done first: where it is not complete, where there are the fewest complete copies."""
+def jobs(found: Configurations, is_checked: Callable[[Member, Layout, Arc], bool], *, is_resting: bool = False) -> dict[Member, Job]:
+    """For each holder what is to be done first: where it is not complete, where there are the fewest complete copies.
+
+    `is_resting`: only what cannot rest.
+    """
     tasks: dict[Member, list[_Task]] = {}
     for segment in found.segments:
         target = target_of(segment, found.me)
@@ -43,7 +51,11 @@ def jobs(found: Configurations, is_checked: Callable[[Member, Layout, Arc], bool
             is_sound = holder in segment.sound
             if not (is_sound and is_checked(holder, segment.layout, segment.arc)):
                 assert target is not None
-                tasks.setdefault(holder, []).append(_Task(is_sound, len(segment.sound.intersection(target[0])), entry))
+                holders, needed = target
+                sound = len(segment.sound.intersection(holders))
+                can_rest = 1 + sound >= min(needed, 1 + len(holders))
+                if not (is_resting and can_rest):
+                    tasks.setdefault(holder, []).append(_Task(is_sound, sound, can_rest, entry))
     return {holder: _first(holder, listed) for holder, listed in tasks.items()}
 
 
@@ -58,7 +70,7 @@ def waiting(found: Configurations) -> int:
 
 
 def _first(holder: Member, tasks: list[_Task]) -> Job:
-    first = min(tasks, key=lambda task: (task[:2], task.entry.layout, task.entry.arc.first))
-    alike = [task.entry for task in tasks if task[:2] == first[:2] and task.entry.layout == first.entry.layout]
+    first = min(tasks, key=lambda task: (task[:3], task.entry.layout, task.entry.arc.first))
+    alike = [task.entry for task in tasks if task[:3] == first[:3] and task.entry.layout == first.entry.layout]
     ordered = sorted(alike, key=lambda entry: entry.arc.first)
-    return Job(holder, first.entry.layout, tuple(ordered[:COMPARED_ARCS_MAX]), first.is_routine)
+    return Job(holder, first.entry.layout, tuple(ordered[:COMPARED_ARCS_MAX]), first.is_routine, first.can_rest)

@@ -67,8 +67,19 @@ class SpaceComparison:
     """Used from the Trio thread only."""
 
     def __init__(
-        self, parts: Parts, merge: Merge, progress: Progress, holder: Member, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]
+        self,
+        parts: Parts,
+        merge: Merge,
+        progress: Progress,
+        holder: Member,
+        scene: SceneId,
+        space: SpaceId,
+        arcs: Sequence[Arc],
+        *,
+        can_rest: bool = False,
     ) -> None:
+        """`can_rest`: break off, between two questions or parts, once this node is told to rest."""
+        self._can_rest = can_rest
         self._parts = parts
         self._merge = merge
         self._progress = progress
@@ -85,6 +96,7 @@ class SpaceComparison:
         is_first = True
         try:
             while (question := dialogue.question()) is not None:
+                self._check_rest()
                 # In this order: what is written later is owed to the holder.
                 own = await self._own(question)
                 found = dialogue.answer(own, await self._theirs(question))
@@ -97,6 +109,10 @@ class SpaceComparison:
             self._progress.end(self)
         # What lay there only others know, the holder perhaps not among them: it is not compared with what this owner has not.
         return self._complete and not await self._parts.keeping.awaits_within(self._scene, self._space, self._arcs)
+
+    def _check_rest(self) -> None:
+        if self._can_rest and self._parts.resting.repair:
+            raise Refused(RejectReason.BUSY, "repair is paused at this node")
 
     # ------------------------------------------------------------------------------------------------- questions
 
@@ -154,6 +170,7 @@ class SpaceComparison:
         async def fly() -> None:
             for batch in batches:
                 try:
+                    self._check_rest()
                     with self._parts.carrying.begun():
                         await self._send(batch)
                 except (Refused, Unreachable, PeerFault) as problem:

@@ -26,6 +26,8 @@ START_S = 600.0
 """A node that has just started has better things to do."""
 NOTE_S = 600.0
 """Between two notes of how far it has come: to read a little twice costs less than to write all the time."""
+LOOK_S = 60.0
+"""Who rests for longer looks so often whether the pace is another one by now."""
 BATCH_RECORDS = 32
 """Read at a time: 2 MiB of the largest records."""
 
@@ -71,6 +73,15 @@ class Scrub:
         self._may_go.set()
 
     @property
+    def bytes_per_s_max(self) -> int:
+        """However long a round then takes. May be set at any time."""
+        return self._pace.bytes_per_s_max
+
+    @bytes_per_s_max.setter
+    def bytes_per_s_max(self, rate: int) -> None:
+        self._pace = replace(self._pace, bytes_per_s_max=rate)
+
+    @property
     def is_paused(self) -> bool:
         return not self._may_go.is_set()
 
@@ -86,7 +97,10 @@ class Scrub:
         await self._load()
         while True:
             await self._may_go.wait()
-            await self._clock.sleep(await self._step())
+            pause_of = await self._step()
+            begun = self._clock.now()
+            while (left_s := begun + pause_of(self._pace) - self._clock.now()) > 0:
+                await self._clock.sleep(min(left_s, LOOK_S))
 
     async def _load(self) -> None:
         """Go on where an earlier life was; and ask at once for what is known to have rotted."""
@@ -102,8 +116,8 @@ class Scrub:
             self._round = replace(self._round, told=())
             await self._note()
 
-    async def _step(self) -> float:
-        """Read a batch; how long to rest."""
+    async def _step(self) -> Callable[[Pace], float]:
+        """Read a batch; how long to rest at some pace."""
         before = self._round
         page = await self._store.manifest(WHOLE_LINE, before.after, BATCH_RECORDS)
         read_bytes = sum(entry.size for entry in page.entries)
@@ -115,7 +129,7 @@ class Scrub:
         if is_round_over or self._clock.now() - self._noted_at >= NOTE_S:
             await self._note()
         total_bytes = (await self._store.statistics()).bytes
-        return self._pace.pause_s(read_bytes, total_bytes, is_round_over=is_round_over)
+        return lambda pace: pace.pause_s(read_bytes, total_bytes, is_round_over=is_round_over)
 
     async def _look_at(self, spots: Sequence[Spot]) -> int:
         """Read these; how many of them have rotted."""

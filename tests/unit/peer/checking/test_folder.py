@@ -133,6 +133,7 @@ async def test_a_record_of_which_a_later_header_says_something_else_is_left_alon
         (NOTES, "cluster-log/life/7f000002", "wipe"),
         (NOTES, "blacklist", "wipe"),
         (NOTES, NOTE, "mend"),
+        (NOTES, "upkeep", "mend"),
     ],
 )
 async def test_a_note_that_cannot_be_read_is_found_though_its_bytes_are_those_that_were_written(

@@ -87,6 +87,27 @@ def test_a_debt_is_made_at_once_and_waited_off_by_the_next() -> None:
     in_virtual_time(test)
 
 
+def test_another_rate_counts_at_once_and_also_for_those_who_wait() -> None:
+    async def test() -> None:
+        budget = a_budget()
+        assert await seconds_of(budget, int(BURST)) == 0
+        waited: list[float] = []
+
+        async def wait() -> None:
+            waited.append(await seconds_of(budget, 10**9))
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(wait)
+            await trio.sleep(100.0)
+            budget.bytes_per_s = 1e8
+        assert waited[0] == pytest.approx(100.0 + (10**9 - 100 * RATE) / 1e8, abs=6.0)
+        await trio.sleep(60.0)
+        budget.bytes_per_s = 10.0
+        assert await seconds_of(budget, 110) == pytest.approx(10.0), "what was saved up at a higher rate is a burst of the new one"
+
+    in_virtual_time(test)
+
+
 Step = tuple[float, int, bool]
 steps = some.lists(some.tuples(some.floats(0, 5), some.integers(0, 4 * int(BURST)), some.booleans()), min_size=1, max_size=12)
 

@@ -210,6 +210,17 @@ async def test_it_can_be_paused(autojump_clock: trio.testing.MockClock) -> None:
         assert shelf.read_at and not scrub.is_paused
 
 
+async def test_another_rate_counts_also_for_a_rest_that_has_begun(autojump_clock: trio.testing.MockClock) -> None:
+    shelf = Shelf(1000, 60_000)
+    async with scrubbing(shelf, Pace(0.0001, 1)) as scrub:
+        await trio.sleep(START_S + DAY_S)
+        assert len(shelf.read_at) == BATCH_RECORDS, "the rest would last for weeks"
+        scrub.bytes_per_s_max = 100_000
+        assert scrub.bytes_per_s_max == scrub.progress(len(shelf.keys) * 60_000).bytes_per_s == 100_000
+        await trio.sleep(200)
+        assert len(shelf.read_at) >= 3 * BATCH_RECORDS
+
+
 async def test_a_restart_goes_on_where_it_was(autojump_clock: trio.testing.MockClock) -> None:
     shelf, pace = Shelf(1000, 60_000), Pace(1, 16 * MIB)
     async with scrubbing(shelf, pace):
