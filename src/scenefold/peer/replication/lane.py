@@ -26,12 +26,12 @@ from scenefold.peer.copies.copies import Copies
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.unsettled import Pending
+from scenefold.peer.replication.batch_size import BatchSize
 from scenefold.store import Spot
 from scenefold.store.versions import version_of
 from scenefold.wire import CopiesStored, HandItem, Member, StoreCopies
 from scenefold.world import Priority, first_of
 
-BATCH_BYTES_MAX = 2 * 1024 * 1024
 BATCH_RECORDS_MAX = 1_024
 RECORD_BYTES = 256
 """About what a record costs beside its ciphertext."""
@@ -81,6 +81,7 @@ class Lane:
         self.node = node
         self.is_behind = False
         """Whether it is owed what is not here."""
+        self.size = BatchSize()
         self._parts = parts
         self._desk = desk
         self._pauses = Pauses(parts.world)
@@ -156,10 +157,12 @@ class Lane:
                 with self._parts.carrying.begun():
                     refused = await self._deliver(batch)
                 self._pauses.reset()
+                self.size.answered(in_time=True)
                 if refused:
                     nursery.start_soon(self._again, refused, copies)
             except (Refused, Unreachable, PeerFault) as problem:
                 _log.debug("%s does not take copies: %s", address_of(self.node), problem)
+                self.size.answered(in_time=not isinstance(problem, Unreachable))
                 self._return(batch)
                 await self._rest()
             finally:
@@ -184,7 +187,7 @@ class Lane:
         while self._queue and len(batch) < BATCH_RECORDS_MAX:
             pending = next(iter(self._queue))
             size += pending.size + RECORD_BYTES
-            if batch and size > BATCH_BYTES_MAX:
+            if batch and size > self.size.bytes:
                 break
             self._dequeue(pending)
             batch.append(pending)

@@ -18,7 +18,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
-from scenefold.peer.replication.lane import ASK_S_MAX, BATCH_BYTES_MAX, HEARD_S, RECORD_BYTES, Lane, item_of
+from scenefold.peer.replication.lane import ASK_S_MAX, HEARD_S, RECORD_BYTES, Lane, item_of
 from scenefold.store.debts import Debt
 from scenefold.store.versions import version_of
 from scenefold.wire import CopiesStored, HandItem, Member, StoreCopies
@@ -121,7 +121,7 @@ class Paying:
         for debt, record in zip(debts, records, strict=True):
             if isinstance(record, Record) and version_of(record.header_bytes) == debt.version:
                 item = item_of(debt.spot, record)
-                if found and size + len(item.ciphertext) + RECORD_BYTES > BATCH_BYTES_MAX:
+                if found and size + len(item.ciphertext) + RECORD_BYTES > self._lane.size.bytes:
                     left += await self._send(member, found, size)
                     found, size = [], 0
                 found.append((debt, item))
@@ -160,7 +160,12 @@ class Paying:
 
     async def _ask(self, member: Member, items: Sequence[HandItem]) -> Sequence[int]:
         packet = StoreCopies(self._parts.own.member, tuple(items))
-        reply = await self._parts.peers.ask(self._node, Priority.LOW, packet, CopiesStored, ASK_S_MAX)
+        try:
+            reply = await self._parts.peers.ask(self._node, Priority.LOW, packet, CopiesStored, ASK_S_MAX)
+        except Unreachable:
+            self._lane.size.answered(in_time=False)
+            raise
+        self._lane.size.answered(in_time=True)
         if len(reply.reasons) != len(items):
             raise PeerFault("a holder answered for another number of records", where=address_of(self._node))
         if self._ledger.member_at(self._node) != member:

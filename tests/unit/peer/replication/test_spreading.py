@@ -7,14 +7,18 @@ from dataclasses import replace
 import pytest
 import trio
 
+from scenefold.base.errors import Unreachable
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import object_of, wanted_place
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication import lane
+from scenefold.peer.replication.batch_size import BATCH_BYTES_MIN
 from scenefold.peer.replication.placing_wishes import Shortage
 from scenefold.store import Outcome, Put, PutResult
-from scenefold.wire import GetMany, PutOutcome, RecordKey
+from scenefold.wire import GetMany, Packet, PutOutcome, RecordKey, StoreCopies
+from scenefold.world import Priority
 from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, object_record, record_at
 from unit.peer.replication.writers import Row, as_bytes, compared, in_a_row, names, until
 
@@ -231,6 +235,26 @@ def test_what_does_not_fit_the_memory_is_paid_from_the_disk(monkeypatch: pytest.
         await until(lambda: all(row.copies_of(record) == 3 for record in records))
         await until(lambda: not row.owner.debts())
         assert row.owner.living.events["debts paid"] > 0
+
+    in_a_row(story)
+
+
+def test_over_a_slow_link_copies_come_in_smaller_packets() -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        ask = row.owner.peers.ask
+
+        async def slow(node: NodeId, priority: Priority, packet: Packet, answer: type[Packet], timeout: float) -> Packet:
+            if isinstance(packet, StoreCopies) and len(packet.items) * lane.RECORD_BYTES > 2 * BATCH_BYTES_MIN:
+                await trio.sleep(timeout)
+                raise Unreachable("no answer in time", where=address_of(node))
+            return await ask(node, priority, packet, answer, timeout)
+
+        row.owner.peers.ask = slow  # type: ignore[method-assign,assignment]
+        records = list(map(record_at, row.places(400)))
+        assert {outcome.reason for outcome in await row.put(*records)} == {RejectReason.NOT_READY}
+        await until(lambda: not row.owner.debts(), 200.0)
+        assert row.copies_of(records[0]) == row.copies_of(records[-1]) == 3
 
     in_a_row(story)
 
