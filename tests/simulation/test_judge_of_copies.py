@@ -9,13 +9,18 @@ from random import Random
 import pytest
 import trio
 
+from scenefold.base.location import Location
+from scenefold.client.calls import Calls
+from scenefold.client.proof import Proof
+from scenefold.client.scene import Scene
+from scenefold.peer.line.ends import Side
 from scenefold.peer.replication.healing import Healing
-from scenefold.simulation import laws
+from scenefold.simulation import laws, proof
 from scenefold.simulation.calm import unrest
 from scenefold.simulation.clients import keep_copies
 from scenefold.simulation.copies_calm import wrong_copies
 from scenefold.simulation.copying import KEPT, Copying
-from scenefold.simulation.disks import place_of
+from scenefold.simulation.disks import arc_of, place_of
 from scenefold.simulation.history import Place
 from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.whole import judge_stores
@@ -26,11 +31,11 @@ pytestmark = pytest.mark.usefixtures("silent")
 FOUNDERS = {0, 1, 2}
 
 
-def with_copies(look: Callable[[Rest, Place], Awaitable[None]]) -> None:
-    """Look at a cluster at rest in which a record of n0 has three copies."""
+def with_copies(look: Callable[[Rest, Place], Awaitable[None]], copies: int = 3) -> None:
+    """Look at a cluster at rest in which a record of n0 has so many copies."""
 
     async def play(rest: Rest) -> None:
-        await keep_copies(rest.scene, Copying(3, 2, 0), rest.cluster.watch)
+        await keep_copies(rest.scene, Copying(copies, 2, 0), rest.cluster.watch)
         await rest.scene.space(KEPT).put(rest.places[0], b"kept")
         while unrest(rest.cluster):  # noqa: ASYNC110 - disks tell nobody
             await trio.sleep(0.5)
@@ -80,6 +85,31 @@ def test_a_copy_that_is_missing_is_met_by_a_proof() -> None:
         assert laws_of(rest) == {laws.COPIED_AGAIN}
 
     with_copies(look)
+
+
+def test_copies_that_follow_a_bound_that_moves_during_a_proof_are_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def look(rest: Rest, _place: Place) -> None:
+        giver = rest.cluster.nodes[1]
+        prove, proofs = proof._proof, []
+
+        async def proof_with_a_move(calls: Calls, scene: Scene) -> Proof:
+            proofs.append(await prove(calls, scene))
+            if len(proofs) == 1:
+                # The copy's place, half a line away, is another node's from now on.
+                arc = arc_of(giver.disk)
+                assert arc is not None and giver.context is not None
+                line, piece = giver.context.line, replace(arc, first=Location.from_number(arc.first.number + arc.length // 4))
+                await trio.sleep(line._parts.settling.settles_in_s(piece))
+                await line.give(Side.RIGHT, piece, why="a test")
+            return proofs[-1]
+
+        monkeypatch.setattr(proof, "_proof", proof_with_a_move)
+        await prove_copies(rest.cluster, rest.scene)
+        assert not laws_of(rest)
+        assert not list(wrong_copies(rest.cluster, FOUNDERS))
+        assert len(proofs) > 2
+
+    with_copies(look, copies=2)
 
 
 def test_custody_that_no_owner_speaks_of_is_told() -> None:

@@ -19,8 +19,9 @@ from scenefold.client.proving_scenes import ShownScene
 from scenefold.client.reencryption import Pace
 from scenefold.client.scene import Scene
 from scenefold.simulation import laws
+from scenefold.simulation.calm import unrest
 from scenefold.simulation.cluster import Cluster
-from scenefold.simulation.copies_calm import line_of, wanted_slots
+from scenefold.simulation.copies_calm import Arcs, line_of, wanted_slots
 from scenefold.simulation.copying import KEPT, KEPT_OBJECTS
 from scenefold.simulation.disks import found_at, version_in
 from scenefold.simulation.history import Place, Version
@@ -31,13 +32,18 @@ from scenefold.world import open_links
 HEALED_S_MAX = 90.0
 """What is asked of others is asked again after pauses of some seconds."""
 LOOK_S = 1.0
+REST_S_MAX = 120.0
+REST_CHECKS = 3
+MOVES_MAX = 3
+"""Proofs that are made anew since a bound has moved; loads even out, so bounds come to rest."""
 TOLD_MAX = 3
 
 
 async def prove_copies(cluster: Cluster, scene: Scene) -> None:
-    """Twice, with time to heal between; what is wrong then is violated."""
+    """Twice, with time to heal between; what is wrong then is violated. A proof during which a bound moved says nothing: copies follow."""
     if not cluster.watch.keeping.rules:
         return
+    line = _line(cluster)
     async with open_links(cluster.net.world("user:prover")) as links:
         owners = [node.address for node in cluster.founding], [node.node_id for node in cluster.founding]
         calls = Calls(cluster.net.world("user:prover"), links, *owners)
@@ -48,7 +54,27 @@ async def prove_copies(cluster: Cluster, scene: Scene) -> None:
         for copy in list(_healable(cluster))[:TOLD_MAX]:
             words = f"{_name(copy.place)} has rotted on n{copy.slot} and is not healed, though others have it"
             cluster.watch.violated(laws.HEALED, words, location=copy.place.location, slots=(copy.slot,))
-        _judge(cluster, scene, await _proof(calls, scene))
+        proof = await _proof(calls, scene)
+        for _ in range(MOVES_MAX):
+            if _line(cluster) == line:
+                break
+            await _rest(cluster)
+            line = _line(cluster)
+            proof = await _proof(calls, scene)
+        _judge(cluster, scene, proof)
+
+
+def _line(cluster: Cluster) -> Arcs:
+    return line_of(cluster.running.values())
+
+
+async def _rest(cluster: Cluster) -> None:
+    """Return once everything lies where it belongs by now, or that takes too long."""
+    lasting = 0
+    with trio.move_on_after(REST_S_MAX):
+        while lasting < REST_CHECKS:
+            await trio.sleep(LOOK_S)
+            lasting = 0 if unrest(cluster) else lasting + 1
 
 
 async def _proof(calls: Calls, scene: Scene) -> Proof:
@@ -75,7 +101,7 @@ def _judge(cluster: Cluster, scene: Scene, proof: Proof) -> None:
 
 def _healable(cluster: Cluster) -> Iterator[RottenCopy]:
     """What lies rotten where it must be, of which another that must have it has that version or a newer one, and is sound."""
-    watch, line = cluster.watch, line_of(cluster.running.values())
+    watch, line = cluster.watch, _line(cluster)
     for copy in watch.rot.copies():
         if not watch.keeping.has(copy.place):
             continue
