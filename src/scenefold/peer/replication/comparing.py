@@ -133,7 +133,8 @@ class Comparing:
         self._look()
         has_new_husks = False
         for scene, space in await self._spaces(job):
-            comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs, can_rest=job.can_rest)
+            comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs)
+            comparison.can_rest = job.can_rest
             if not await comparison.run():
                 raise Refused(RejectReason.BUSY, "some records have changed meanwhile")
             has_new_husks |= comparison.has_new_husks

@@ -67,19 +67,8 @@ class SpaceComparison:
     """Used from the Trio thread only."""
 
     def __init__(
-        self,
-        parts: Parts,
-        merge: Merge,
-        progress: Progress,
-        holder: Member,
-        scene: SceneId,
-        space: SpaceId,
-        arcs: Sequence[Arc],
-        *,
-        can_rest: bool = False,
+        self, parts: Parts, merge: Merge, progress: Progress, holder: Member, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]
     ) -> None:
-        """`can_rest`: break off, between two questions or parts, once this node is told to rest."""
-        self._can_rest = can_rest
         self._parts = parts
         self._merge = merge
         self._progress = progress
@@ -87,6 +76,8 @@ class SpaceComparison:
         self._scene, self._space = scene, space
         self._arcs = arcs
         self._complete = True
+        self.can_rest = False
+        """Whether to break off, between two questions or batches, once this node is told to rest."""
         self.has_new_husks = False
         """Whether this owner has learnt of versions that nobody can be given: other holders have to learn of them too."""
 
@@ -111,7 +102,7 @@ class SpaceComparison:
         return self._complete and not await self._parts.keeping.awaits_within(self._scene, self._space, self._arcs)
 
     def _check_rest(self) -> None:
-        if self._can_rest and self._parts.resting.repair:
+        if self.can_rest and self._parts.resting.repair:
             raise Refused(RejectReason.BUSY, "repair is paused at this node")
 
     # ------------------------------------------------------------------------------------------------- questions
