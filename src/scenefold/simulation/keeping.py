@@ -55,8 +55,8 @@ class Keeping:
         self.members: frozenset[Holder] = frozenset()
         """Who is registered, as the voter last said."""
         self._fewest = 0
-        self._sizes: deque[tuple[float, int]] = deque()
-        """How many nodes the log had, by the second since which: the last one before RECENT_S, and all since."""
+        self._known: deque[tuple[float, frozenset[Holder]]] = deque()
+        """Whom the log had, by the second since which: the last one before RECENT_S, and all since."""
         self._disks = disks
         self._now = now
         self._owner_of = owner_of
@@ -70,6 +70,8 @@ class Keeping:
         """By slot: a machine that loses one disk after the other is one witness."""
         self._gone: set[Holder] = set()
         self._purged: dict[Place, set[Version]] = {}
+        self._lost_once: dict[Place, Version] = {}
+        """The highest version of each place that may have been lost."""
 
     def has(self, place: Place) -> bool:
         """Whether there are to be copies of what lies there."""
@@ -79,14 +81,24 @@ class Keeping:
         """The log says so. Where fewer nodes are left than a space asks for, all that there are is enough."""
         self.members = members
         self._fewest = min(self._fewest or len(members), len(members))
-        if not self._sizes or self._sizes[-1][1] != len(members):
-            self._sizes.append((self._now(), len(members)))
+        if not self._known or self._known[-1][1] != members:
+            self._known.append((self._now(), members))
 
     def needed(self, place: Place) -> int:
         """As any node may know it: some have not heard yet that the log has more nodes by now."""
-        while len(self._sizes) > 1 and self._sizes[1][0] < self._now() - RECENT_S:
-            self._sizes.popleft()
-        return min(self.rules[place.scene, place.space].needed, *(size for _, size in self._sizes)) if self._sizes else 1
+        return min([self.rules[place.scene, place.space].needed, *map(len, self._lately())]) if self._known else 1
+
+    def _lately(self) -> list[frozenset[Holder]]:
+        while len(self._known) > 1 and self._known[1][0] < self._now() - RECENT_S:
+            self._known.popleft()
+        return [members for _, members in self._known]
+
+    def _possible(self, owner: int | None) -> int:
+        """How many nodes may have what a node owns, as it may know it: what nobody was told of before may be told once all of these have it."""
+        if owner is None or not self.racks:
+            return min(map(len, self._lately()), default=1)
+        own = rack_of(owner, self.racks)
+        return min((1 + sum(rack_of(one.slot, self.racks) != own for one in members) for members in self._lately()), default=1)
 
     def purging(self, place: Place, version: Version) -> None:
         """A key holder is about to have this deletion purged: of it no copy needs to stay any more."""
@@ -126,9 +138,9 @@ class Keeping:
         """A client is told by an owner, or by enough holders, that this is there. What was told before may have lost disks since."""
         if not self.has(place) or not self._tell(place, version):
             return
-        held = self._held(place, version, ever=True)
-        if len(held) < self.needed(place):
-            words = f"{who} reads {_name(place, version)}, which lies on {_names(held)} only; {self.needed(place)} must have it"
+        held, needed = self._held(place, version, ever=True), min(self.needed(place), self._possible(self._owner_of(place.home)))
+        if len(held) < needed:
+            words = f"{who} reads {_name(place, version)}, which lies on {_names(held)} only; {needed} must have it"
             self._violated(laws.COPIED, words, place.location, tuple(sorted(held)))
 
     def _tell(self, place: Place, version: Version) -> bool:
@@ -170,6 +182,21 @@ class Keeping:
                 self._leaves(slot, place, told)
                 losses += self._lost(place)
         return losses
+
+    def arrived(self, slot: int) -> list[tuple[Place, Version]]:
+        """What has become durable on a disk, older than what was lost there: it was on its way meanwhile, and may count again."""
+        found = []
+        for key, before in self._disks[slot].replaced(RECORDS) if self._lost_once else ():
+            place = place_of(key)
+            lost, version = self._lost_once.get(place), found_at(self._disks[slot], place)
+            if (
+                lost is not None
+                and version is not None
+                and version.order < lost.order
+                and (before is None or version_in(before) != version)
+            ):
+                found.append((place, version))
+        return found
 
     def _leaves(self, slot: int, place: Place, version: Version) -> None:
         if any(place_of(key) == place for key in self._disks[slot].peek(SUSPECTS)):
@@ -226,7 +253,10 @@ class Keeping:
             self._lies.report(place, Manner.HELD, f"{_name(place, highest)} may be lost by that")
         if best is not None:
             self._witnesses[place] = {slot: Witness(min(one.version, best, key=_order), one.at_s) for slot, one in found.items()}
-        left = {version for version in there.values() if best is None or version.order >= best.order}
+        # A copy of which only the header is sound cannot be read, but tells its version.
+        rotten = {version for slot in self._disks if (version := found_at(self._disks[slot], place)) and slot not in there}
+        left = {version for version in {*there.values(), *rotten} if best is None or version.order >= best.order}
+        self._lost_once[place] = max(highest, self._lost_once.get(place, highest), key=_order)
         return [Lost(place, tuple(sorted(left, key=_order)), highest, best is None)]
 
     def _highest_gone(self, place: Place) -> Version | None:

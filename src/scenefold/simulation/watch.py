@@ -123,10 +123,7 @@ class Watch:
         self._lost(losses, f"n{slot} {why}")
         self.homecoming.replaced(slot, before, counting)
         self.homecoming.owes(losses, counting)
-        histories = self.recorder.histories
-        for place, version in sorted(self.records(slot).items()):
-            if before.get(place) != version:
-                histories.add(place, Return(histories.moment(), version))
+        self._may_count((place, version) for place, version in sorted(self.records(slot).items()) if before.get(place) != version)
         self._look_at_rot()
 
     def damaged(self, slot: int, key: bytes, before: Mapping[Place, Version]) -> None:
@@ -145,6 +142,10 @@ class Watch:
             best = None if rotten is None else max([rotten, *left], key=lambda version: version.order)
             self._lost([Lost(place, left, best)], f"damaged on n{slot}")
         self._look_at_rot()
+
+    def _may_count(self, versions: Iterable[tuple[Place, Version]]) -> None:
+        for place, version in versions:
+            self.recorder.histories.add(place, Return(self.recorder.histories.moment(), version))
 
     def _owner_of(self, location: Location) -> int | None:
         """The slot whose disk durably owns a place, or did last."""
@@ -166,9 +167,8 @@ class Watch:
             self.recorder.now_damaged(rotten)
 
     def _lost(self, losses: Iterable[Lost], why: str) -> None:
-        histories = self.recorder.histories
         for place, left, best, or_nothing in losses:
-            histories.add(place, Loss(histories.moment(), left, why, self._now(), best, or_nothing))
+            self.recorder.histories.add(place, Loss(self.recorder.histories.moment(), left, why, self._now(), best, or_nothing))
             names = ", ".join(version.digest.hex()[:6] for version in left) or "nothing"
             self.story.tell(self._now(), None, "may be lost, {}; disks still hold {}", why, names, location=place.location)
             self.counts["records at stake"] += 1
@@ -184,6 +184,7 @@ class Watch:
             self._holding_changed(slot, disk, before, holding)
         self.homecoming.committed(slot)
         self._lost(self.keeping.committed(slot), f"gone with a copy that leaves n{slot}")
+        self._may_count(self.keeping.arrived(slot))
         self._look_at_rot()
 
     def removed(self, slot: int, incarnation: bytes) -> None:
@@ -292,9 +293,8 @@ class Watch:
 
     def acknowledges(self, slot: int, place: Place, version: Version, location: Location) -> None:
         """A node is about to answer that a record is durable at a location."""
-        holder = Holder(slot, incarnation_of(self._disks[slot]) or b"")
-        has_rotted = any(copy.place == place for copy in self.rot.on(slot))
-        answer = Answer(slot, place, version, location, is_replaced=holder in self._replaced, has_rotted=has_rotted)
+        is_replaced = Holder(slot, incarnation_of(self._disks[slot]) or b"") in self._replaced
+        answer = Answer(slot, place, version, location, is_replaced=is_replaced, has_rotted=self.rot.is_at(slot, place))
         for law, words, slots in problems_of(answer, self._disks[slot], lambda: self.records(slot).get(place), self._running):
             self.violated(law, words, location=location, slots=slots)
         self.keeping.acknowledged(slot, place, version)

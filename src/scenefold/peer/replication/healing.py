@@ -9,7 +9,7 @@ What nobody can be asked for is left as it is, and not read again: it is known t
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
@@ -188,7 +188,7 @@ class Healing:
             return _Verdict.OVER
         else:
             # Nothing older than the newest that is named takes its place; who names it may have lost its bytes.
-            heard, have_all_answered = await self._heard(spot, sources), True
+            heard, have_all_answered = await self._heard(spot, sources)
             offers = [offer for offer in heard if offer.rank == heard[0].rank]
         for offer in offers:
             try:
@@ -221,19 +221,26 @@ class Healing:
                 offer = await self._ask(spot, member)
                 offers += [] if offer is None else [offer]
                 answered += 1
-        return sorted(offers, key=lambda offer: offer.rank, reverse=True), answered == len(members)
+        return _newest_first(offers), answered == len(members)
 
-    async def _heard(self, spot: Spot, sources: Sources) -> list[_Offer]:
-        """Of those by whom it is known what lay there, the newest first. Refused if that is nobody."""
-        heard: list[_Offer | None] = []
+    async def _heard(self, spot: Spot, sources: Sources) -> tuple[list[_Offer], bool]:
+        """What lay there or newer, of all who have it, the newest first; and whether all have answered. Refused if nobody knows what lay there."""
+        told: list[_Offer | None] = []
         for member in sources.sure:
             with suppress(Refused, Unreachable, PeerFault):
                 # Of a sure one that has nothing it has rotted as well.
-                heard.append(await self._ask(spot, member, must_know=not sources.is_own))
-        if not heard and not sources.all_of:
+                told.append(await self._ask(spot, member, must_know=not sources.is_own))
+        named = [offer for offer in told if offer is not None]
+        if named:
+            # Those who are sure may have lost its bytes; whoever else has that version has what lay there.
+            others, have_all_answered = await self._offers(spot, [member for member in sources.members if member not in sources.sure])
+            least = max(offer.rank for offer in named)
+            found = [offer for offer in (*named, *others) if offer.rank >= least]
+            return _newest_first(found), have_all_answered and len(told) == len(sources.sure)
+        if not told and not sources.all_of:
             raise Refused(RejectReason.NOT_READY, "nobody answers who is sure to have what lay there")
-        heard = heard or [await self._ask(spot, member) for member in sources.all_of]
-        return sorted((offer for offer in heard if offer is not None), key=lambda offer: offer.rank, reverse=True)
+        heard = [await self._ask(spot, member) for member in sources.all_of]
+        return _newest_first(offer for offer in heard if offer is not None), True
 
     async def _layout(self, spot: Spot) -> Layout | None:
         try:
@@ -278,6 +285,10 @@ class Healing:
                 if not parts.keeper.holding.owns(spot.home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
                 _require_room(await self._merge([put]))
+
+
+def _newest_first(offers: Iterable[_Offer]) -> list[_Offer]:
+    return sorted(offers, key=lambda offer: offer.rank, reverse=True)
 
 
 def _require_room(results: Sequence[PutResult | NotKept]) -> None:

@@ -39,6 +39,7 @@ def sources_of(copies: Copies, layout: Layout | None, spot: Spot, debtors: Colle
     asked = [member for member in named if member != me and segment.bound_of(member) != GONE]
     ordered = tuple(sorted(asked, key=lambda member: (member not in segment.sound, member.node, member.incarnation)))
     sure = tuple(member for member in ordered if member in segment.sound and member.node not in debtors)
-    # Where one node is enough, what lay here may have been nowhere else.
+    # Where one node is enough, what lay here may have been nowhere else, as if this disk had been lost; certainly so if all are owed it.
     is_elsewhere = bool(segment.configurations) and all(found.needed > 1 for found in segment.configurations)
-    return Sources(ordered, sure, ordered if is_elsewhere else (), is_own=True)
+    may_be_elsewhere = is_elsewhere or any(member.node not in debtors for member in ordered)
+    return Sources(ordered, sure, ordered if may_be_elsewhere else (), is_own=True)

@@ -126,6 +126,27 @@ def test_nor_does_an_older_one_that_somebody_brings_home() -> None:
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")
+def test_what_a_sure_one_has_lost_too_comes_from_whoever_else_has_that_version() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        sure, owed = holders_of(terrace, first, place)
+        for home in (sure, owed):
+            terrace.net.cut(first.address, home.address)
+        await first.store.put([Put(record_at(place, seq=2))], [[owed.node]])
+        for home in (sure, owed):
+            await home.store.merge([Put(record_at(place, seq=2))])
+        rot(sure, [place], LAST_BYTE)
+        rot(first, [place], HEADER_BYTE)
+        await first.store.read([first.spot(place)])
+        for home in (sure, owed):
+            terrace.net.mend(first.address, home.address)
+        await until_sound(first, place, seq=2)
+
+    played(main, seed=18)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
 def test_a_piece_with_a_wreck_in_it_stays_as_long_as_others_may_have_what_lay_there() -> None:
     async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
         first, second = terrace.homes[:2]
