@@ -1,6 +1,6 @@
 """Where fewer copies can be than spaces shall have: why, and what to do about it (specs/20-copies.md, Health). Pure.
 
-Where there are too few nodes all of them say so, and people hear it once. Where a blacklist forbids others, each that has one is named.
+Where there are too few nodes all of them say so, and people hear it once. Where a blacklist forbids others, each that has one is named, once.
 """
 
 from __future__ import annotations
@@ -51,14 +51,16 @@ class Shortage:
 
 
 def shortages_of(told: Iterable[tuple[str, CopiesReport]]) -> list[Shortage]:
-    """By address of the nodes that say so. Of everything first, and then but the worst."""
-    few: list[ShortageReport] = []
+    """By address of the nodes that say so: what is so everywhere first, and of each the worst alone."""
+    few: list[Shortage] = []
     forbidden: list[Shortage] = []
     for address, copies in told:
-        for shortage in copies.shortages:
-            if shortage.blacklist_of is None:
-                few.append(shortage)
-            else:
-                forbidden.append(Shortage(address, shortage))
-    worst = [Shortage("", max(few, key=lambda one: (one.forbids_writes, one.copies - one.possible)))] if few else []
-    return [*worst, *forbidden]
+        few += [Shortage("", shortage) for shortage in copies.shortages if shortage.blacklist_of is None]
+        forbidden += _worst(Shortage(address, shortage) for shortage in copies.shortages if shortage.blacklist_of is not None)
+    return [*_worst(few), *forbidden]
+
+
+def _worst(shortages: Iterable[Shortage]) -> list[Shortage]:
+    """Where spaces shall have different numbers of copies, there is one thing to do about all of them."""
+    worst = max(shortages, key=lambda one: (one.forbids_writes, one.missing), default=None)
+    return [] if worst is None else [worst]

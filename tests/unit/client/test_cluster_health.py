@@ -164,6 +164,16 @@ def test_the_status_tells_of_too_few_nodes_and_is_degraded_only_if_writes_are_re
     assert kinds(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**refusing)))) == ["too few nodes"], "once"
 
 
+def test_a_blacklist_that_forbids_too_much_is_told_once_at_its_worst() -> None:
+    """Spaces may have different numbers of copies; what there is to do about it is one thing."""
+    shortages = [
+        {"copies": copies, "needed": needed, "possible": 1, "blacklist_of": ADDRESSES[0]} for copies, needed in ((3, 2), (5, 1), (2, 2))
+    ]
+    found = health(*nodes(copies(shortages=shortages)))
+    assert kinds(found) == ["too few nodes"]
+    assert found.ailments[0].text.startswith("only 1 of 3 copies") and "writes, which need 2, are refused" in found.ailments[0].text
+
+
 def test_what_has_rotted_degrades_until_it_is_healed() -> None:
     found = health(*nodes(copies(rotten={"waiting": 2, "unhealed": 0, "healed": 0}), damaged=9))
     assert (found.condition, found.corrupt, kinds(found)) == (Condition.DEGRADED, 2, ["rotten"])
