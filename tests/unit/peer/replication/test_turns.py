@@ -19,7 +19,7 @@ from scenefold.store import Put
 from scenefold.wire import CopyState, GetCopies, GetMany, PutMany, RecordKey, SceneLogPublic
 from unit.peer.line.street import places
 from unit.peer.replication.terrace import HEADER, SCENE, THIRDS, THRICE, Home, Terrace, _space, record_at
-from unit.peer.replication.test_comparing import arc_of, is_settled, played
+from unit.peer.replication.test_comparing import arc_of, had_by, is_settled, played
 from unit.peer.replication.test_placing import until
 from unit.peer.replication.writers import offered
 
@@ -75,11 +75,12 @@ async def said(holder: Home, place: Location) -> int | None:
 
 def lies_as_it_should(terrace: Terrace, spots: Iterable[Location], copies: int) -> bool:
     """Whether each lies with its owner and those by its placement, and nowhere else."""
+    had = had_by(terrace)
     for place in spots:
         (owner,) = [home for home in terrace.homes if place in arc_of(home)]
         holders = holders_of(terrace, owner, place)
-        having = [home for home in terrace.homes if place in home.places()]
-        if len(holders) != copies - 1 or {home.node for home in having} != {home.node for home in (owner, *holders)}:
+        having = {node for node, lying in had.items() if place in lying}
+        if len(holders) != copies - 1 or having != {home.node for home in (owner, *holders)}:
             return False
     return True
 
@@ -105,8 +106,9 @@ def test_copies_are_as_many_as_the_header_says_and_none_goes_before_others_are_t
             learn(turned(number, needed, step), terrace.homes)
 
             def is_so(number: int = number, fewest: int = min(former, needed)) -> bool:
+                had = had_by(terrace).values()
                 for place in spots:
-                    having = sum(place in home.places() for home in terrace.homes)
+                    having = sum(place in lying for lying in had)
                     assert having >= fewest, "a copy went before others were there"
                 return lies_as_it_should(terrace, spots, number)
 
