@@ -22,7 +22,7 @@ from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
-from scenefold.peer.replication.holding_rules import require_meant, require_none_own, require_owner, require_sender
+from scenefold.peer.replication.holding_rules import require_let_go, require_meant, require_none_own, require_owner, require_sender
 from scenefold.store import Held
 from scenefold.store.held import HeldPage
 from scenefold.wire import CustodySet, HeldListed, HeldRecord, ListHeld, Packet, SceneTurn, SetCustody
@@ -60,6 +60,7 @@ class HoldingCustody:
         require_meant(parts, packet.holder)
         parts.arrival.require()
         await require_owner(parts, self._roster, packet.owner, scope)
+        await require_let_go(parts, self._roster, packet.owner, scope)
         await self._check_number(packet)
         if any(entry.whole and parts.own.member not in entry.members for entry in packet.entries):
             raise Refused(RejectReason.ILL_FORMED, "a whole copy is held by a member of its configuration")

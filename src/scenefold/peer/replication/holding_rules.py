@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.handlers import node_of
@@ -40,6 +40,34 @@ async def require_owner(parts: Parts, roster: Roster, owner: Member, scope: Arc)
     arc = roster.arcs().get(owner.node)
     if arc is None or not (arc.first <= scope.first and scope.last <= arc.last):
         raise _not_ready(f"{address_of(owner.node)} has not said yet that it owns the place")
+
+
+async def require_let_go(parts: Parts, roster: Roster, owner: Member, scope: Arc) -> None:
+    """Refused (16) as long as another one, for whom a part of the scope is held here, says of itself that it owns that.
+
+    Who claims what is not its own would else have this node hold it for nobody, and the owner would count on copies that are none.
+    """
+    for former in _still_claiming(parts, roster, owner, scope):
+        # Its word may be old: who gives a piece away says so at once.
+        await parts.claims.ask(former)
+    claiming = _still_claiming(parts, roster, owner, scope)
+    if claiming:
+        raise _not_ready(f"{address_of(claiming[0])} says that a part of the place is its own, and it is held for that node")
+
+
+def _still_claiming(parts: Parts, roster: Roster, owner: Member, scope: Arc) -> list[NodeId]:
+    registry, arcs = parts.cluster_log.registry, roster.arcs()
+    found = set()
+    for entry in parts.keeper.copies.custody.within(scope):
+        claim = arcs.get(entry.owner.node)
+        if (
+            entry.owner.node != owner.node
+            and registry.is_current(entry.owner)
+            and claim is not None
+            and claim.intersection(entry.arc) is not None
+        ):
+            found.add(entry.owner.node)
+    return sorted(found)
 
 
 def require_none_own(own: Arc | None, scope: Arc) -> None:

@@ -21,6 +21,7 @@ from scenefold.wire import StoreCopies
 from unit.peer.line.street import rot
 from unit.peer.replication.holders import arc_of, entrust, entry, listing, pages, play, send, some_places, tell, word
 from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, Terrace, item_of, object_record, record_at
+from unit.peer.replication.test_placing import until
 from unit.peer.scenes_made import STRANGER, sealed
 
 NOT_MINE, BEHIND, ILL, NOT_READY, WRONG, BUSY = (
@@ -73,6 +74,27 @@ def test_who_sets_custody_is_who_it_says_and_owns_the_place() -> None:
             await holder.asked(said)
         assert holder.copies == Copies.of(holder.member)
         assert (await holder.asked(said, owner.node)).reason == 0
+
+    play(story)
+
+
+def test_what_is_held_for_one_is_not_taken_over_by_who_only_claims_its_place() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, holder, other = await entrust(terrace)
+        assert owner.own is not None
+        assert other.own is not None
+        arc = arc_of(owner)
+        kept = holder.copies.custody
+        other.own.arc = arc
+        stolen = word(other, holder, 6, entry(6, arc, (other.member, holder.member)), scope=arc)
+        await until(lambda: holder.roster.arcs()[other.node] == arc)
+        refused = await holder.asked(stolen, other.node)
+        assert (refused.reason, holder.copies.custody) == (NOT_READY, kept)
+        assert "held for that node" in refused.text
+        assert await send(owner, holder, record_at(some_places(owner, 1)[0])) == (0,)
+        owner.own.arc = None
+        await until(lambda: holder.roster.arcs()[owner.node] is None)
+        assert (await holder.asked(stolen, other.node)).reason == 0
 
     play(story)
 

@@ -95,6 +95,7 @@ def test_sums_and_lists_are_those_of_what_lies_there_by_homes() -> None:
     play(story)
 
 
+@pytest.mark.expect_log("its header has changed")
 def test_a_copy_that_is_being_filled_is_not_whole_and_what_has_rotted_is_not_there() -> None:
     async def story(terrace: Terrace) -> None:
         owner, holder, _ = await entrust(terrace, whole=False)
