@@ -1,4 +1,4 @@
-"""`scenectl scene`: make scenes, list them, look into them, import files, say who may use them."""
+"""`scenectl scene`: make scenes, list them, look into them, import files, archive them, say who may use them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from scenectl.archives import export, import_archive
 from scenectl.copies import CopiesOption, MinCopiesOption, lacking_text
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from scenefold.client import FormerKeys, ImportReport, SceneInfo, SceneListing
 
 app = App(name="scene", help="Make scenes, fill them, and say who may use them.", help_format="plaintext")
-for verb in (grant, access, revoke, rotate_key, purge, strays):
+for verb in (export, import_archive, grant, access, revoke, rotate_key, purge, strays):
     app.command(verb)
 
 

@@ -21,6 +21,7 @@ DIGESTS = {
     "scenefold.peer.cluster_log.log_voter": "ids of entries that are proposed again",
     "scenefold.render.image_files": "names an image by its pixels",
     "scenefold.render.passes": "names a path by job and number",
+    "scenefold.scene.archive": "finds what was changed in a file that everybody may read",
     "scenefold.scene.importers.plan": "tells whether an import is the one that began",
     "scenefold.scene.log.first": "the id of a scene's first entry",
     "scenefold.scene.payloads.document": "names what is stored by its content",

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from scenefold.client.cluster_health import Ailment, ClusterHealth, Condition
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.copies import CopiesPlan
+    from scenefold.client.exporting import ExportReport
     from scenefold.client.former_keys import FormerKeys
     from scenefold.client.fresh import FreshItem, Stored, put_fresh
     from scenefold.client.grants import Access, role_named
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from scenefold.client.reencryption import Reencryption
     from scenefold.client.removals import RemovedNode
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
+    from scenefold.client.restoring import CheckedArchive, RestoreOptions, RestoreReport, check_archive
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
@@ -44,6 +46,7 @@ _HOMES = {
     "scenefold.client.cluster_health": "Ailment ClusterHealth Condition",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.copies": "CopiesPlan",
+    "scenefold.client.exporting": "ExportReport",
     "scenefold.client.former_keys": "FormerKeys",
     "scenefold.client.fresh": "FreshItem Stored put_fresh",
     "scenefold.client.grants": "Access role_named",
@@ -59,6 +62,7 @@ _HOMES = {
     "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.removals": "RemovedNode",
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
+    "scenefold.client.restoring": "CheckedArchive RestoreOptions RestoreReport check_archive",
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
@@ -83,6 +87,7 @@ __all__ = [
     "ABSENT",
     "Access",
     "Ailment",
+    "CheckedArchive",
     "Cluster",
     "ClusterHealth",
     "ClusterStatus",
@@ -91,6 +96,7 @@ __all__ = [
     "CopiesPlan",
     "DrainReport",
     "EpochKeys",
+    "ExportReport",
     "FormerKeys",
     "Found",
     "FreshItem",
@@ -109,6 +115,8 @@ __all__ = [
     "Rate",
     "Reencryption",
     "RemovedNode",
+    "RestoreOptions",
+    "RestoreReport",
     "Scene",
     "SceneInfo",
     "SceneKeys",
@@ -120,6 +128,7 @@ __all__ = [
     "Upkeep",
     "Watch",
     "card_for",
+    "check_archive",
     "connect",
     "create_cluster",
     "member_name",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
+from scenefold.client.exporting import ExportReport, export_scene
 from scenefold.client.former_keys import LOOK_S, FormerKeys, former_keys
 from scenefold.client.grants import Access, access_of, grant, revoke, rotate_key
 from scenefold.client.importing import ImportReport, prepare_import, store_import
@@ -160,6 +161,14 @@ class Scene:
     async def strays(self, *, restore: bool = False, discard: bool = False, progress: ProgressCallback | bool = False) -> SuspectReport:
         """What nodes keep apart that were away while deletions were purged: list it, and put it where nothing lies, or let it go; see `suspects`."""
         return await look_at_suspects(self.access, restore=restore, discard=discard, progress=callback_of(progress))
+
+    async def export(
+        self, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None, *, dry_run: bool = False
+    ) -> ExportReport:
+        """Write all that lives in this scene, in the clear, to a new file that needs no cluster (specs/24-archive.md): `Scenes.import_archive`
+        brings it back. The file is there when all of it is, and not before. `dry_run`: only count.
+        """
+        return await export_scene(self.access, Path(path), callback_of(progress), bytes_per_s, dry_run=dry_run)
 
     async def import_file(
         self, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None

@@ -20,6 +20,7 @@ from scenefold.client.grants import USER
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
+from scenefold.client.restoring import AS_IT_WAS, RestoreOptions, RestoreReport, check_archive, check_new, restore
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.scene_memory import Met, SceneMemory
@@ -166,6 +167,14 @@ class Scenes:
         """The second half of `import_file`, for a file that was read before there was a cluster."""
         scene = await self.open_or_create(name)
         return scene, await store_import(scene.access, prepared, progress, bytes_per_s)
+
+    async def import_archive(self, name: str, path: Path | str, options: RestoreOptions = AS_IT_WAS) -> tuple[Scene, RestoreReport]:
+        """Bring what `Scene.export` has written into a new scene of this name, made once the file is known to be good; see `restoring`."""
+        checked = await check_archive(self._calls.world, Path(path), options)
+        check_new(checked_name(name, "scene"), await self.kept_names(), options)
+        copies, least = checked.born_with
+        scene = await self.open_or_create(name, copies=copies, copies_min=least)
+        return scene, await restore(scene.access, checked, options)
 
     async def list(self) -> list[SceneListing]:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
