@@ -63,10 +63,10 @@ async def export_scene(
     begun = clock.now()
     scene = await _described(access)
     work = _Export(access, scene, Pace(bytes_per_s), progress, ExportReport(dry_run=dry_run))
-    if dry_run:
-        await work.count()
-    else:
-        archive = await run("import", NewArchive, path)
+    await work.count()
+    if not dry_run:
+        with trio.CancelScope(shield=True):
+            archive = await run("import", NewArchive, path)
         try:
             await work.write(archive)
             await run("import", archive.finish)
@@ -92,9 +92,10 @@ class _Export:
         self._scene = scene
         self._pace = pace
         self._progress = progress
+        self._total = 0
 
     async def count(self) -> None:
-        """How many records are listed. Which of them are deleted only who reads them can tell."""
+        """How many records are listed, for whoever wants to know how long it takes. Which are deleted only who reads them can tell."""
         for space in self._scene.order:
             before = self.report.listed
             async with aclosing(self._listed(space)) as listed:
@@ -106,6 +107,7 @@ class _Export:
     async def write(self, archive: NewArchive) -> None:
         """All records, in the order of the archive."""
         run = self._access.calls.world.workers.run
+        self._total, self.report.listed = self.report.listed, 0
         await run("import", archive.begin, self._scene)
         send, receive = trio.open_memory_channel[list[ArchivedRecord]](1)
 
@@ -129,8 +131,8 @@ class _Export:
                         records = await self._living(fresh)
                         if records:
                             await send.send(records)
-                        size = f"{report.bytes / 2**20:.1f} MiB"
-                        self._progress(ProgressState(PHASE, report.records, None, f"records, {size}, in space {space.name}"))
+                        size, total = f"{report.bytes / 2**20:.1f} MiB", max(self._total, report.listed)
+                        self._progress(ProgressState(PHASE, report.listed, total, f"records, {size}, in space {space.name}"))
                 report.spaces[space.name] = report.records - before
 
     async def _living(self, keys: Sequence[Key]) -> list[ArchivedRecord]:

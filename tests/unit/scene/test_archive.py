@@ -258,17 +258,20 @@ def test_one_process_at_a_time_writes_it_and_what_the_dead_left_is_begun_anew(tm
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
-def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+@pytest.mark.parametrize("at_end", [False, True], ids=["in the midst", "at the end"])
+def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, at_end: bool) -> None:
     place = tmp_path / "kitchen.tar"
     archive = NewArchive(place)
     archive.begin(SCENE)
 
-    def full(_handle: int) -> None:
+    def full(*_arguments: Any) -> None:
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(os, "fsync", full)
+    if not at_end:
+        monkeypatch.setattr(archive._tar, "addfile", full)
     with pytest.raises(LocalFault, match="cannot write the archive" if number == errno.EIO else "does not fit on the disk"):
-        archive.finish()
+        archive.finish() if at_end else archive.add(RECORDS[:1])
     archive.abandon()
     assert list(tmp_path.iterdir()) == []
 
