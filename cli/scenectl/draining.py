@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from scenectl.output import size_text
 from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 
@@ -42,6 +43,26 @@ async def leave(cluster: Cluster, address: str, progress: ProgressCallback) -> D
                 raise Unreachable("the node fell silent before it had left", where=address, remedy=remedy) from silence
     progress(ProgressState("drain", total, total, "records"))
     return replace(report, state="left", records=0, bytes=0, seconds_left=0.0, may_switch_off=True, obstacles=(), text="")
+
+
+def could_leave(report: DrainReport) -> bool:
+    """Whether nothing is known that would keep a node from leaving, were it told to now."""
+    return not report.cannot_leave and (report.room_bytes is None or report.room_bytes >= report.bytes)
+
+
+def plan_text(address: str, report: DrainReport) -> str:
+    """What an order to leave would do, or what keeps the node from it."""
+    if report.state == "left":
+        return f"Node {address} has left already."
+    if report.cannot_leave:
+        return f"Node {address} would refuse: {report.cannot_leave}."
+    state = "is on its way out already, and still has" if report.state == "draining" else "would hand over what it owns of"
+    text = f"Node {address} {state} {report.records:,} records, {size_text(report.bytes)}, copies among them. Nothing is changed."
+    if report.room_bytes is None:
+        return text
+    if report.room_bytes >= report.bytes:
+        return f"{text}\nIts neighbours have room for {size_text(report.room_bytes)}."
+    return f"{text}\nIts neighbours have room for {size_text(report.room_bytes)} at this moment: it might have to wait for more."
 
 
 async def check_known(cluster: Cluster, address: str) -> None:

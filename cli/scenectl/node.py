@@ -140,6 +140,7 @@ def drain(
     *,
     check: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     cancel: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Have a node hand everything over and leave the cluster; ends when it has left, and its process with it.
@@ -156,25 +157,30 @@ def drain(
         Only say whether the node may be switched off now without losing anything; exit code 5 if not.
     cancel
         Let a node stay that is on its way out.
+    dry_run
+        Say what would be moved, whether neighbours have room for it, and whether the node would refuse, and change nothing; exit code 5 if it could not leave now.
     """
-    from scenectl.draining import check_known, leave
+    from scenectl.draining import check_known, could_leave, leave, plan_text
     from scenectl.progress import Progress
     from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault
 
-    if check and cancel:
-        raise UsageFault("--check and --cancel exclude each other", where="scenectl node drain", remedy="give one of them")
+    if check + cancel + dry_run > 1:
+        raise UsageFault("--check, --cancel and --dry-run exclude each other", where="scenectl node drain", remedy="give one of them")
 
     async def ask() -> DrainReport:
         async with connected(output.profile) as cluster:
             await check_known(cluster, address.text)
-            if check or cancel:
-                return await cluster.drain(address.text, check_only=check, cancel=cancel)
+            if check or cancel or dry_run:
+                return await cluster.drain(address.text, check_only=not cancel, cancel=cancel)
             with Progress(quiet=output.json) as progress:
                 return await leave(cluster, address.text, progress)
 
     report = run(ask)
     document = {"address": address.text, **report.document()}
+    if dry_run:
+        emit(output, {**document, "dry_run": True}, plan_text(address.text, report))
+        return DONE if could_leave(report) else DEGRADED
     if check:
         words = "may be switched off" if report.may_switch_off else "must stay: " + "; ".join(report.obstacles)
         emit(output, document, f"Node {address} {words}.")

@@ -105,6 +105,8 @@ def test_a_spare_joins_is_listed_and_leaves(profile: str, tmp_path: Path) -> Non
         busy = scenectl("node", "drain", spare, "--check", "--json", profile=profile)
         assert busy.code == 5 and not busy.json["may_switch_off"]
         assert "owns a part of the line" in busy.json["obstacles"][0]
+        planned = scenectl("node", "drain", spare, "--dry-run", "--json", profile=profile)
+        assert planned.code == 0 and planned.json["state"] == "serving" and planned.json["room_bytes"] >= planned.json["bytes"] > 0
         left = scenectl("node", "drain", spare, "--json", profile=profile)
         assert left.code == 0, left.err
         assert left.json["state"] == "left" and left.json["may_switch_off"]
@@ -207,6 +209,8 @@ def test_repair_and_scrub_are_paused_slowed_and_resumed_while_nodes_run(profile:
 
 
 def test_the_node_that_decides_cannot_be_drained(profile: str) -> None:
+    planned = scenectl("node", "drain", FOUNDERS[0], "--dry-run", profile=profile)
+    assert planned.code == 5 and "would refuse" in planned.out.decode()
     refused = scenectl("node", "drain", FOUNDERS[0], profile=profile)
     assert refused.code == 4 and "cannot do without it" in refused.error and FOUNDERS[0] in refused.error
     check = scenectl("node", "drain", FOUNDERS[0], "--check", "--json", profile=profile)

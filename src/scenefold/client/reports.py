@@ -153,6 +153,10 @@ class DrainReport:
     may_switch_off: bool
     obstacles: tuple[str, ...]
     text: str
+    cannot_leave: str = ""
+    """Why it would refuse to leave; empty if it would not."""
+    room_bytes: int | None = None
+    """What those of its neighbours that can take something at this moment have room for; None if it does not say."""
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
@@ -164,6 +168,8 @@ class DrainReport:
             "may_switch_off": self.may_switch_off,
             "obstacles": list(self.obstacles),
             "text": self.text,
+            "cannot_leave": self.cannot_leave,
+            "room_bytes": self.room_bytes,
         }
 
 
@@ -223,6 +229,8 @@ def read_drain_report(packed: bytes, address: str) -> DrainReport:
             may_switch_off=bool(found["may_switch_off"]),
             obstacles=tuple(map(str, found["obstacles"])),
             text=str(found["text"]),
+            cannot_leave=str(found.get("cannot_leave", "")),
+            room_bytes=None if found.get("room_bytes") is None else told_count(found["room_bytes"]),
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:
         raise PeerFault(f"the node's report cannot be read: {type(problem).__name__} {problem}", where=address) from problem

@@ -6,12 +6,13 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from scenectl.draining import leave
+from scenectl.draining import could_leave, leave, plan_text
 from scenectl.errors import Interrupted, ending_of
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable, UsageFault
 from scenefold.base.reasons import RejectReason
@@ -96,6 +97,18 @@ def test_when_nobody_reads_any_more_it_ends_quietly(program: list[str]) -> None:
         os.close(reader)
         _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (141, b"")
+
+
+def test_a_plan_to_drain_says_what_would_move_and_what_keeps_it() -> None:
+    plan = DrainReport("serving", 5_000, 3 << 20, None, False, ("it owns a part of the line",), "", room_bytes=8 << 20)
+    assert could_leave(plan) and "5,000 records, 3.0 MiB" in plan_text("127.0.0.4", plan)
+    assert "room for 8.0 MiB." in plan_text("127.0.0.4", plan)
+    narrow = replace(plan, room_bytes=1 << 20)
+    assert not could_leave(narrow) and "might have to wait" in plan_text("127.0.0.4", narrow)
+    voter = replace(plan, cannot_leave="this node decides the cluster's log")
+    assert not could_leave(voter) and "would refuse: this node decides" in plan_text("127.0.0.4", voter)
+    early = replace(plan, room_bytes=None)
+    assert could_leave(early) and "room" not in plan_text("127.0.0.4", early)
 
 
 async def test_a_cancelled_drain_is_a_refusal() -> None:

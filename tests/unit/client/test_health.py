@@ -271,7 +271,8 @@ def test_whatever_one_node_reports_the_others_are_shown() -> None:
 def test_how_far_a_leaving_node_is_is_told_in_numbers(seconds: Any) -> None:
     said = {"state": "draining", "records": 1, "bytes": 9, "seconds_left": 3, "may_switch_off": False, "obstacles": [], "text": ""}
     assert read_drain_report(pack_value(said), ADDRESSES[0]).seconds_left == 3
-    for key in ("seconds_left", "records", "bytes"):
+    assert read_drain_report(pack_value(said), ADDRESSES[0]).room_bytes is None, "early nodes do not say"
+    for key in ("seconds_left", "records", "bytes", "room_bytes"):
         with pytest.raises(PeerFault, match="cannot be read"):
             read_drain_report(pack_value({**said, key: seconds}), ADDRESSES[0])
 

@@ -174,7 +174,7 @@ class Draining:
     async def report(self) -> dict[str, Any]:
         """How far it is, and what stands in the way of switching the node off now."""
         statistics = await self._store.statistics()
-        obstacles = await self._obstacles()
+        obstacles, never = await self._obstacles(), self._why_never()
         removal = self._log.registry.removal(self._own.incarnation)
         has_left = removal is not None and removal.reason == DRAINED
         state = "left" if has_left else "draining" if self._ordered.is_set() else "serving"
@@ -186,6 +186,8 @@ class Draining:
             "may_switch_off": not obstacles,
             "obstacles": obstacles,
             "text": self._waits_for,
+            "cannot_leave": "" if never is None else never.what,
+            "room_bytes": self._takers.room_bytes() if self._log.registry.is_current(self._own.member) else 0,
         }
 
     def _seconds_left(self, left: int) -> float | None:
@@ -197,10 +199,8 @@ class Draining:
 
     async def _obstacles(self) -> list[str]:
         """What would be lost, or be left undone, if the node were switched off now."""
-        found = []
         never = self._why_never()
-        if never is not None:
-            found.append(never.what)
+        found = [] if never is None else [never.what]
         if self._line.arc is not None:
             totals = await self._store.arc_totals(self._line.arc)
             found.append(f"it owns a part of the line, with {totals.records} records")

@@ -31,6 +31,10 @@ class Takers:
         """The bytes that each neighbour has room for, of those that can take something now."""
         return {side: room for side in Side if (room := self._room(side)) is not None}
 
+    def room_bytes(self) -> int:
+        """What they have room for together."""
+        return sum(max(0, room) for room in self.rooms().values())
+
     def why_none(self) -> str:
         """Why no neighbour takes anything, for people."""
         found = []

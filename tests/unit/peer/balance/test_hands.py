@@ -209,6 +209,7 @@ async def test_a_drained_node_leaves_when_everything_lies_elsewhere(autojump_clo
     async with running(street):
         before = await tell(leaving, CHECK)
         assert (before["state"], before["may_switch_off"], before["records"]) == ("serving", False, 60)
+        assert before["cannot_leave"] == "" and before["bytes"] <= before["room_bytes"] <= 2 * 64 * MIB
         told = await tell(leaving, ORDER)
         assert told["state"] == "draining"
         await until(street, lambda: not leaving.alive)
@@ -232,6 +233,7 @@ async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_let
         await trio.sleep(120)
         report = await tell(leaving, ORDER)
         assert report["state"] == "draining" and not report["may_switch_off"]
+        assert report["room_bytes"] < report["bytes"]
         assert report["text"] == "127.0.0.2 has no room for what lies here; 127.0.0.4 has no room for what lies here"
         assert leaving.arc is not None
         assert all(house.used <= house.capacity for house in street.houses)
