@@ -35,6 +35,11 @@ class Arrival:
         if not self.is_done:
             await self._news.wait()
 
+    async def then(self, run: Callable[[], Awaitable[None]]) -> None:
+        """What brings to others what lies here runs only then: this disk may be older than theirs, and they have forgotten what was purged."""
+        await self.done()
+        await run()
+
     def require(self) -> None:
         """Refused (16) before that."""
         if not self.is_done:

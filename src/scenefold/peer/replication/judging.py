@@ -204,8 +204,8 @@ class Judging:
 
     def _start(self, lane: Lane) -> None:
         if self._nursery is not None:
-            self._nursery.start_soon(lane.run)
-            self._nursery.start_soon(Paying(self._parts, self, lane).run)
+            self._nursery.start_soon(self._parts.arrival.then, lane.run)
+            self._nursery.start_soon(self._parts.arrival.then, Paying(self._parts, self, lane).run)
 
     # ------------------------------------------------------------------------------------- what lanes and payers ask
 

@@ -55,14 +55,15 @@ class Replication:
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Everything that goes on by itself, until cancelled."""
+        then = self._parts.arrival.then
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self._teaching.run)
             nursery.start_soon(self.placing.run)
-            nursery.start_soon(self.telling.run)
-            nursery.start_soon(self.comparing.run)
+            nursery.start_soon(then, self.telling.run)
+            nursery.start_soon(then, self.comparing.run)
             nursery.start_soon(self._activating.run)
             nursery.start_soon(self.healing.run)
             await nursery.start(self.spreading.run)
-            nursery.start_soon(self.recovering.run)
+            nursery.start_soon(then, self.recovering.run)
             task_status.started()
-            nursery.start_soon(self._looking.run)
+            nursery.start_soon(then, self._looking.run)
