@@ -136,6 +136,7 @@ class PeerServices:
             has_lease=lease.holds,
             may_order=may_order,
             lies_elsewhere=partial(lies_with_all_others, line.parts),
+            close=partial(setattr, line.parts.keeping, "closed"),
         )
         scrub = Scrub(world.clock, store, Pace(settings.scrub_days, settings.scrub_bytes_per_s))
         upkeep = OwnUpkeep(store, line.parts.resting, line.parts.budget, scrub, may_order=may_order)
@@ -143,8 +144,7 @@ class PeerServices:
         enrolment.join = joining.join
         enrolment.leaving = lambda: draining.is_leaving
         public_keys = PublicKeys(facts, registry, scenes)
-        seeds = settings.seeds or facts.seeds
-        gossip = Gossip(world, own, roster, cluster_log, facts, seeds)
+        gossip = Gossip(world, own, roster, cluster_log, facts, settings.seeds or facts.seeds)
         gossip.answering.key_answer = public_keys.answer
         claims.ask = gossip.probe
         probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
@@ -187,7 +187,7 @@ class PeerServices:
             suspects.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
-        self._is_seed = settings.address in seeds
+        self._is_seed = settings.address in gossip.seeds
         self.context = NodeContext(
             settings=settings,
             facts=facts,

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.copies_calm import is_held, wrong_copies
-from scenefold.simulation.disks import arc_of, has_open_handover, incarnation_of, keys_outside
+from scenefold.simulation.disks import arc_of, found_at, has_open_handover, incarnation_of, keys_outside, place_of
+from scenefold.simulation.history import Place
 from scenefold.simulation.lineage import tiling_problems
 from scenefold.store.layout import location_of
 
@@ -79,10 +80,21 @@ def _leftovers(cluster: Cluster, node: Node, members: set[int]) -> list[Unrest]:
     # A rotten record cannot be offered to anybody; it lies where it rotted.
     outside = keys_outside(node.disk, arc)
     strays = [key for key in outside if not (cluster.watch.rot.has(node.slot, key) or is_held(cluster, node.disk, key, members))]
+    if node.has_left:
+        # What came between its last look and its removal nobody counts on, if it was refused.
+        strays = [key for key in strays if not _lies_at_its_owner(cluster, node, place_of(key))]
     if strays:
         where = location_of(strays[0]).hex()[:8]
         wrong.append(Unrest(laws.CONVERGED, f"{len(strays)} strays lie on n{node.slot}, the first at {where}…", (node.slot,)))
     return wrong
+
+
+def _lies_at_its_owner(cluster: Cluster, node: Node, place: Place) -> bool:
+    """Of a space with copies: in that version, or a newer one."""
+    version = found_at(node.disk, place)
+    owners = (other for other in cluster.nodes.values() if (arc := arc_of(other.disk)) is not None and place.home in arc)
+    held = next((found_at(owner.disk, place) for owner in owners), None)
+    return cluster.watch.keeping.has(place) and version is not None and held is not None and held.order >= version.order
 
 
 def _tables(cluster: Cluster) -> list[Unrest]:

@@ -253,8 +253,8 @@ class Keeping:
             self._lies.report(place, Manner.HELD, f"{_name(place, highest)} may be lost by that")
         if best is not None:
             self._witnesses[place] = {slot: Witness(min(one.version, best, key=_order), one.at_s) for slot, one in found.items()}
-        # A copy of which only the header is sound cannot be read, but tells its version.
-        rotten = {version for slot in self._disks if (version := found_at(self._disks[slot], place)) and slot not in there}
+        # A copy that has rotted cannot be read, but what is left of it tells its version, or is what a writer expects.
+        rotten = {one.version for slot, one in found.items() if slot not in there and self._is_rotten(slot, place)}
         left = {version for version in {*there.values(), *rotten} if best is None or version.order >= best.order}
         self._lost_once[place] = max(highest, self._lost_once.get(place, highest), key=_order)
         return [Lost(place, tuple(sorted(left, key=_order)), highest, best is None)]

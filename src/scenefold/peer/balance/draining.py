@@ -21,6 +21,7 @@ from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance.emptying import Portion, next_portion
+from scenefold.peer.balance.indispensable import why_never
 from scenefold.peer.balance.pieces import Scales, piece_of
 from scenefold.peer.balance.seams import Log, MovesBounds
 from scenefold.peer.balance.takers import Takers
@@ -44,6 +45,10 @@ _log = logging.getLogger("scenefold.peer.draining")
 
 async def _never() -> bool:
     return False
+
+
+def _ignored(_is_closed: bool) -> None:
+    """Where nobody has copies kept here."""
 
 
 class NodeDrained(Exception):
@@ -74,10 +79,11 @@ class Draining:
         has_lease: Callable[[], bool] = lambda: True,
         may_order: Callable[[str], bool] = lambda _user: True,
         lies_elsewhere: Callable[[], Awaitable[bool]] = _never,
+        close: Callable[[bool], None] = _ignored,
     ) -> None:
         """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
 
-        `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
+        `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
         """
         self._world = world
         self._store = store
@@ -88,6 +94,7 @@ class Draining:
         self._has_lease = has_lease
         self._may_order = may_order
         self._lies_elsewhere = lies_elsewhere
+        self._close = close
         self._is_elsewhere = False
         self._ordered = trio.Event()
         self._leaving = False
@@ -143,31 +150,10 @@ class Draining:
         self._ordered = trio.Event()
         self._begun = None
         self._line.refuses = ""
+        self._close(False)
 
     def _why_never(self) -> Refused | None:
-        """Why this node cannot leave at all."""
-        if self._own.me in self._log.registry.voters:
-            return Refused(
-                RejectReason.NOT_AUTHORISED,
-                "this node decides the cluster's log, and the cluster cannot do without it",
-                remedy="drain any other node",
-            )
-        issuers = self._log.registry.issuers
-        if self._own.me in issuers and not any(self._log.registry.stands(node) for node in issuers - {self._own.me}):
-            return Refused(
-                RejectReason.NOT_AUTHORISED,
-                "this is the only trusted node that has the authority's key, and without one nobody can join",
-                remedy="trust another one first: scenectl cluster trust ADDRESS",
-            )
-        scenes = self._decides()
-        if scenes:
-            names = ", ".join(f"{scene:08x}" for scene in scenes[:4]) + (" and others" if len(scenes) > 4 else "")
-            return Refused(
-                RejectReason.NOT_AUTHORISED,
-                f"this node alone keeps the log of scene {names}",
-                remedy="keep this node: for now a scene's log cannot move to another one",
-            )
-        return None
+        return why_never(self._own.me, self._log.registry, self._decides())
 
     # ----------------------------------------------------------------------------------------------------- report
 
@@ -231,12 +217,19 @@ class Draining:
             if await self._give_some(self._line.arc):
                 return
         else:
-            self._is_elsewhere = await self._lies_elsewhere()
-            obstacles = await self._obstacles()
+            obstacles = await self._obstacles_left()
+            if not obstacles:
+                # What has come since that look is found by another one, and nothing more comes.
+                self._close(True)
+                obstacles = await self._obstacles_left()
             self._waits_for = "; ".join(obstacles)
             if not obstacles and await self._leave():
                 return
         await self._world.clock.sleep(LOOK_S)
+
+    async def _obstacles_left(self) -> list[str]:
+        self._is_elsewhere = await self._lies_elsewhere()
+        return await self._obstacles()
 
     async def _give_some(self, arc: Arc) -> bool:
         """Give the next piece to the neighbour with more room; whether that worked."""

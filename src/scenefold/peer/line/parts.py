@@ -69,6 +69,8 @@ class Keeping:
 
     merge: Merge
     awaits: Callable[[Spot], Awaitable[bool]] = _of_nobody
+    closed: bool = False
+    """Whether this node is about to leave, and takes no copies any more: nobody may count on what comes after its last look at its disk."""
     awaits_within: Callable[[SceneId, SpaceId, Sequence[Arc]], Awaitable[bool]] = _nowhere
 
 

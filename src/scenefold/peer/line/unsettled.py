@@ -51,7 +51,7 @@ class Pending:
     item: HandItem | None = None
     """None: it is to be read from the disk when it is sent."""
     is_write: bool = True
-    """A client's, which counts by what its space asks for. Anything else may be told once all have it that may hold it, if they are fewer."""
+    """A client's that waits, which counts by what its space asks for. Anything else may be told once all have it that may hold it, if they are fewer."""
     is_stored: bool = False
     """Until then it is on no disk, this node's own among them: it is neither sent nor judged."""
     judged: object = None

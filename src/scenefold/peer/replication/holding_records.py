@@ -119,6 +119,8 @@ class HoldingRecords:
         return bool(self._parts.keeper.copies.custody.arcs(layout))
 
     def _refused(self, owner: Member, item: HandItem, layout: Layout | None) -> Refused | None:
+        if self._parts.keeping.closed:
+            return Refused(RejectReason.BUSY, "this node is leaving, and holds nothing more")
         if layout is None:
             return Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "the space is unknown to the holder")
         custody, home = self._parts.keeper.copies.custody, home_of(item)

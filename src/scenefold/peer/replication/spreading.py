@@ -277,8 +277,9 @@ class Spreading:
         return await self._settled.place(wait.about, until) if wait.about else all(map(self._judging.counts, wait.pendings))
 
     def _given_up(self, pending: Pending) -> NotKept:
-        # Its bytes are read again when somebody takes them.
-        pending.item = None
+        # Its bytes are read again when somebody takes them. Its client was told that nobody knows; so it is like what a start finds unsettled.
+        pending.item, pending.is_write = None, False
+        self._judging.send(pending)
         self._parts.events["not settled in time"] += 1
         rule = self._judging.rule_at(pending.layout, pending.spot)
         missing = [] if rule is None else [target.node for target in rule.targets if target not in pending.have]

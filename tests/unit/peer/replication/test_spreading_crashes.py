@@ -284,6 +284,24 @@ def test_in_a_degraded_space_what_all_have_who_may_hold_it_is_told_and_not_ackno
     in_a_row(story)
 
 
+def test_a_write_that_was_given_up_is_like_one_from_before_a_crash() -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        (place,) = row.places(1)
+        row.cut_off(1, 2)
+        record = row.next_at(place)
+        (outcome,) = await row.put(record)
+        assert outcome.reason == RejectReason.NOT_READY
+        row.mend(1, 2)
+        await row.hold()
+        await until(lambda: row.is_settled)
+        assert (await row.read(place)).records == (as_bytes(record),)
+        (again,) = await row.put(record)
+        assert again.reason, "fewer have it than its space asks for"
+
+    in_a_row(story)
+
+
 def test_the_same_again_after_a_crash_is_acknowledged_once_enough_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
     async def story(row: Row) -> None:
         # Only the first debt is looked at soon.
