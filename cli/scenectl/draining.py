@@ -62,7 +62,7 @@ def plan_text(address: str, report: DrainReport) -> str:
         return text
     if report.room_bytes >= report.bytes:
         return f"{text}\nIts neighbours have room for {size_text(report.room_bytes)}."
-    return f"{text}\nIts neighbours have room for {size_text(report.room_bytes)} at this moment: it might have to wait for more."
+    return f"{text}\nIts neighbours have room for {size_text(report.room_bytes)}: it might have to wait for more."
 
 
 async def check_known(cluster: Cluster, address: str) -> None:

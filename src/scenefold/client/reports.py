@@ -156,7 +156,7 @@ class DrainReport:
     cannot_leave: str = ""
     """Why it would refuse to leave; empty if it would not."""
     room_bytes: int | None = None
-    """What those of its neighbours that can take something at this moment have room for; None if it does not say."""
+    """What its neighbours have room for, those that it hears; None if it does not say."""
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""

@@ -32,8 +32,10 @@ class Takers:
         return {side: room for side in Side if (room := self._room(side)) is not None}
 
     def room_bytes(self) -> int:
-        """What they have room for together."""
-        return sum(max(0, room) for room in self.rooms().values())
+        """What those that are heard have room for together, whether or not they could take something at this moment."""
+        nodes = [node for side in Side if (node := self._neighbour(side)) is not None and self._roster.is_believed_alive(node)]
+        statuses = [status for node in nodes if (status := self._roster.status(node)) is not None]
+        return sum(max(0, room_of(*fill_of(status))) for status in statuses)
 
     def why_none(self) -> str:
         """Why no neighbour takes anything, for people."""
