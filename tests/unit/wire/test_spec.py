@@ -25,7 +25,8 @@ def fields(described: tuple[tuple[str, object], ...]) -> str:
 def test_packets() -> None:
     laws = {number: f" (and {row.law})" if row.law else "" for number, row in ROWS.items()}
     assert cells(r"\d+") == [
-        [str(number), f"{row.name} (since {row.since})" if row.since > 1 else row.name, str(row.carrier), fields(row.fields) + laws[number]] for number, row in sorted(ROWS.items())
+        [str(number), f"{row.name} (since {row.since})" if row.since > 1 else row.name, str(row.carrier), fields(row.fields) + laws[number]]
+        for number, row in sorted(ROWS.items())
     ]
 
 
