@@ -135,8 +135,9 @@ class Keeping:
             self._violated(laws.COPIED, words, place.location, (slot, *sorted(held)))
 
     def read(self, who: str, place: Place, version: Version) -> None:
-        """A client is told by an owner, or by enough holders, that this is there. What was told before may have lost disks since."""
-        if not self.has(place) or not self._tell(place, version):
+        """A client is told by an owner, or by enough holders, that this is there. What was told before may have lost disks since, or all."""
+        lost = self._lost_once.get(place)
+        if not self.has(place) or (lost is not None and version.order <= lost.order) or not self._tell(place, version):
             return
         held, needed = self._held(place, version, ever=True), min(self.needed(place), self._possible(self._owner_of(place.home)))
         if len(held) < needed:

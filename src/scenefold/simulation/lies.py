@@ -86,6 +86,8 @@ class Lies:
         self.told = Counter[str]()
         """How many, by manner."""
         self.reported = Counter[str]()
+        self.intruded: set[tuple[int, int]] = set()
+        """Nodes that took custody from who had no right to give it, and under which number: nobody is there to end that."""
         """How many had an effect that nobody could prevent, by manner."""
         self._moment = moment
         self._tell = tell

@@ -291,6 +291,8 @@ class LyingCopies:
                 return
             is_ahead = was_own and number >= first_number(context.cluster_log.registry.position + 1)
             is_wrong = is_ahead or not (was_own or self._believe(holder, arc))
+            if answer.reason == 0:
+                self._liar.lies.intruded.add((holder, number))
             if answer.reason == 0 and is_wrong and not self._lie(holder):
                 self._watch.violated(laws.VERIFIED, f"a node holds {words}", slots=(self._slot,))
 

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Protocol
 
+import trio
+
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
@@ -25,6 +27,8 @@ from scenefold.wire import CopiesStored, HandItem, Member, StoreCopies
 from scenefold.world import Priority
 
 PAGE = 256
+AGAIN_S = 60.0
+"""Between two looks at whether something is owed that nobody speaks of."""
 READ_BATCH = 32
 """Records read at a time: 2 MiB of the largest."""
 
@@ -71,7 +75,7 @@ class Paying:
         unsettled = self._parts.unsettled
         await unsettled.until(lambda: unsettled.is_read)
         while True:
-            await self._lane.behind()
+            await self._something_due()
             while not self._may_walk():
                 await self._parts.world.clock.sleep(HEARD_S)
             self._lane.is_behind = False
@@ -85,6 +89,15 @@ class Paying:
                 await self._pauses.wait()
             else:
                 self._pauses.reset()
+
+    async def _something_due(self) -> None:
+        """Return once the lane has left something; or in a while if anything is owed: that it was paid a full disk may not have written."""
+        while True:
+            with trio.move_on_after(AGAIN_S):
+                await self._lane.behind()
+                return
+            if self._parts.store.owed.get(self._node):
+                return
 
     def _may_walk(self) -> bool:
         # Of one that is no member any more debts are forgotten.

@@ -284,6 +284,27 @@ def test_in_a_degraded_space_what_all_have_who_may_hold_it_is_told_and_not_ackno
     in_a_row(story)
 
 
+def test_that_something_was_paid_may_be_forgotten_and_is_told_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        record = row.next_at(row.places(1)[0])
+        paid = row.owner.store.paid
+
+        async def forgotten(_items: object) -> None:
+            """As on a full disk."""
+
+        monkeypatch.setattr(row.owner.store, "paid", forgotten)
+        row.cut_off(2)
+        await row.tried(record)
+        row.mend(2)
+        await until(lambda: row.copies_of(record) == 3)
+        assert row.owner.debts()
+        monkeypatch.setattr(row.owner.store, "paid", paid)
+        await until(lambda: not row.owner.debts(), 3 * paying.AGAIN_S)
+
+    in_a_row(story)
+
+
 def test_a_write_that_was_given_up_is_like_one_from_before_a_crash() -> None:
     async def story(row: Row) -> None:
         await row.hold(1, 2)
