@@ -60,9 +60,8 @@ def read_debt_of(transaction: ReadTransaction, spot: Spot) -> Debt | None:
     return found
 
 
-def read_debts_of(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[tuple[NodeId, ...]]:
-    debts = [read_debt_of(transaction, spot) for spot in spots]
-    return [() if debt is None else debt.nodes for debt in debts]
+def read_debts_of(transaction: ReadTransaction, spots: Sequence[Spot]) -> list[Debt | None]:
+    return [read_debt_of(transaction, spot) for spot in spots]
 
 
 def read_debts(transaction: ReadTransaction, after: bytes | None, limit: int) -> DebtPage:

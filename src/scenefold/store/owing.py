@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenefold.base.ids import NodeId
-from scenefold.store.debts import DebtPage, read_debts, read_debts_of
+from scenefold.store.debts import Debt, DebtPage, read_debts, read_debts_of
 from scenefold.store.layout import Spot
 from scenefold.store.opened import OpenedStore
 from scenefold.store.record_changes import PayDebts
@@ -21,6 +21,10 @@ class OwingStore(OpenedStore):
 
     async def debtors_of(self, spots: Sequence[Spot]) -> list[tuple[NodeId, ...]]:
         """Who is still to get what lies at each spot; nobody if nothing lies there."""
+        return [() if debt is None else debt.nodes for debt in await self.debts_of(spots)]
+
+    async def debts_of(self, spots: Sequence[Spot]) -> list[Debt | None]:
+        """Likewise, and of which version that is; None where nothing is owed."""
         return await self._view(read_debts_of, spots)
 
     async def paid(self, items: Sequence[tuple[Spot, bytes, NodeId]]) -> None:

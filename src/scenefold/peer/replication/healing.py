@@ -2,6 +2,7 @@
 
 A record whose header is left is known: that version, or a newer one, from whomever. Of a wreck nobody knows which version it was, and
 it may have counted for an acknowledgement: so an owner hears all who may have it, and a holder its owner, before anything takes its place.
+If it is owed to somebody the debt says which version it was. Once all have answered and nobody could give it, nothing is owed any more.
 
 What nobody can be asked for is left as it is, and not read again: it is known to be rotten until something is written over it.
 """
@@ -9,11 +10,9 @@ What nobody can be asked for is left as it is, and not read again: it is known t
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import Enum
-from typing import NamedTuple
 
 import trio
 
@@ -22,16 +21,18 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import RecordPlace
-from scenefold.peer.copies.versions import Rank, rank_of, told_version
+from scenefold.crypto import RecordPlace, version_of
+from scenefold.peer.copies.versions import rank_of, told_version
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.receiving import verified
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication.comparing_space import Merge
+from scenefold.peer.replication.healing_asking import ASK_S_MAX, Asking, Offer
 from scenefold.peer.replication.healing_sources import Sources, sources_of
 from scenefold.store import Put, PutResult, Spot
-from scenefold.wire import ArcSum, CompareRange, FetchHeld, HeldFetched, ListedRecord, Member, RangeCompared, RecordEntry, Span
+from scenefold.store.debts import Debt
+from scenefold.wire import FetchHeld, HeldFetched, RecordEntry
 from scenefold.world import Priority
 
 QUEUE_MAX = 4_096
@@ -43,17 +44,9 @@ AGAIN_S = 300.0
 AGAIN_MAX = 256
 DENIED_TRIES_MAX = 3
 """Where all have answered, and nobody could give it: they may just have been writing it."""
-ASK_S_MAX = 10.0
 GATE_S_MAX = 2.0
-_FEW = 2
 
 _log = logging.getLogger("scenefold.peer.replication")
-
-
-class _Offer(NamedTuple):
-    rank: Rank
-    member: Member
-    listed: ListedRecord
 
 
 class _Verdict(Enum):
@@ -74,8 +67,11 @@ class Healing:
         """`merge`: into this node's own arc."""
         self._parts = parts
         self._merge = merge
+        self._asking = Asking(parts)
         self._tries: dict[Spot, int] = {}
         self._unhealed: dict[Spot, None] = {}
+        self._lost: dict[Spot, Debt] = {}
+        """What was owed of what was given up."""
         self._wake = trio.Event()
         parts.store.tell_of_rot(self.rotten)
         parts.keeping.awaits = self._awaits
@@ -143,11 +139,19 @@ class Healing:
         tries_max = DENIED_TRIES_MAX if verdict is _Verdict.DENIED else TRIES_MAX
         if verdict is _Verdict.OVER or self._tries[spot] >= tries_max:
             if verdict is _Verdict.DENIED:
-                self._parts.store.noticed.give_up(spot)
+                await self._lose(spot)
             if verdict is not _Verdict.OVER:
                 self._parts.events["not healed"] += 1
                 self._give_up(spot)
             del self._tries[spot]
+
+    async def _lose(self, spot: Spot) -> None:
+        """All have answered: what is owed of it cannot be paid, and is owed no longer from here on (paying.py). Who lacks it is remembered."""
+        debt = await self._debt(spot)
+        self._parts.store.noticed.give_up(spot)
+        self._lost.pop(spot, None)
+        if debt is not None and len(self._lost) < QUEUE_MAX:
+            self._lost[spot] = debt
 
     async def _look_again(self) -> None:
         """At what was given up, the longest time ago first. None of it is read for that."""
@@ -163,6 +167,7 @@ class Healing:
     def _forget_healed(self) -> None:
         noticed = self._parts.store.noticed
         self._unhealed = {spot: None for spot in self._unhealed if noticed.is_rotten(spot)}
+        self._lost = {spot: debt for spot, debt in self._lost.items() if noticed.is_given_up(spot)}
 
     def _give_up(self, spot: Spot) -> None:
         if len(self._unhealed) < QUEUE_MAX:
@@ -177,10 +182,11 @@ class Healing:
             return _Verdict.OVER
         if not await self._is_rotten(spot):
             return _Verdict.OVER
+        debt: Debt | None = None
         (header,) = await parts.store.record_headers([spot])
         if header is not None:
             known = rank_of(told_version(header))
-            offers, have_all_answered = await self._offers(spot, sources.members)
+            offers, have_all_answered = await self._asking.offers(spot, sources.members)
             offers = [offer for offer in offers if offer.rank >= known]
         elif not isinstance((await parts.store.read([spot]))[0], DamagedData):
             # It was deleted.
@@ -188,11 +194,12 @@ class Healing:
             return _Verdict.OVER
         else:
             # Nothing older than the newest that is named takes its place; who names it may have lost its bytes.
-            heard, have_all_answered = await self._heard(spot, sources)
-            offers = [offer for offer in heard if offer.rank == heard[0].rank]
+            debt = await self._debt(spot) if sources.is_own else None
+            heard, have_all_answered, debt = await self._asking.heard(spot, sources, debt)
+            offers = [offer for offer in heard if debt is not None or offer.rank == heard[0].rank]
         for offer in offers:
             try:
-                is_healed = await self._take(spot, offer, sources)
+                is_healed = await self._take(spot, offer, sources, debt)
             except (Refused, Unreachable, PeerFault) as problem:
                 _log.debug("a record that has rotted is not healed by one that has it: %s", problem)
                 have_all_answered = False
@@ -208,39 +215,16 @@ class Healing:
         return store.noticed.is_rotten(spot) or isinstance((await store.read([spot]))[0], DamagedData)
 
     async def _sources(self, spot: Spot) -> Sources | None:
-        (debtors,) = await self._parts.store.debtors_of([spot])
-        layout = await self._layout(spot)
+        debt, layout = await self._debt(spot), await self._layout(spot)
+        debtors = () if debt is None else debt.nodes
         return sources_of(self._parts.keeper.copies, layout, spot, debtors, owns=self._parts.keeper.holding.owns(spot.home))
 
-    async def _offers(self, spot: Spot, members: Sequence[Member]) -> tuple[list[_Offer], bool]:
-        """Of those who answer, the newest first; whether all of them did."""
-        offers: list[_Offer] = []
-        answered = 0
-        for member in members:
-            with suppress(Refused, Unreachable, PeerFault):
-                offer = await self._ask(spot, member)
-                offers += [] if offer is None else [offer]
-                answered += 1
-        return _newest_first(offers), answered == len(members)
-
-    async def _heard(self, spot: Spot, sources: Sources) -> tuple[list[_Offer], bool]:
-        """What lay there or newer, of all who have it, the newest first; and whether all have answered. Refused if nobody knows what lay there."""
-        told: list[_Offer | None] = []
-        for member in sources.sure:
-            with suppress(Refused, Unreachable, PeerFault):
-                # Of a sure one that has nothing it has rotted as well.
-                told.append(await self._ask(spot, member, must_know=not sources.is_own))
-        named = [offer for offer in told if offer is not None]
-        if named:
-            # Those who are sure may have lost its bytes; whoever else has that version has what lay there.
-            others, have_all_answered = await self._offers(spot, [member for member in sources.members if member not in sources.sure])
-            least = max(offer.rank for offer in named)
-            found = [offer for offer in (*named, *others) if offer.rank >= least]
-            return _newest_first(found), have_all_answered and len(told) == len(sources.sure)
-        if not told and not sources.all_of:
-            raise Refused(RejectReason.NOT_READY, "nobody answers who is sure to have what lay there")
-        heard = [await self._ask(spot, member) for member in sources.all_of]
-        return _newest_first(offer for offer in heard if offer is not None), True
+    async def _debt(self, spot: Spot) -> Debt | None:
+        """What is owed of it, or was when it was given up: which version lay there, and who lacks it."""
+        if spot in self._lost and self._parts.store.noticed.is_given_up(spot):
+            return self._lost[spot]
+        (debt,) = await self._parts.store.debts_of([spot])
+        return debt
 
     async def _layout(self, spot: Spot) -> Layout | None:
         try:
@@ -248,17 +232,7 @@ class Healing:
         except Refused:
             return None
 
-    async def _ask(self, spot: Spot, member: Member, *, must_know: bool = False) -> _Offer | None:
-        """What a member has there. Refused if it `must_know`, and does not say that it has all."""
-        request = CompareRange(spot.place.scene, spot.place.space, (Span(spot.home, spot.home),), _FEW)
-        reply = await self._parts.peers.ask(member.node, Priority.LOW, request, RangeCompared, ASK_S_MAX)
-        (told,) = reply.sums if len(reply.sums) == 1 else (ArcSum(0, bytes(32), None, whole=False),)
-        if told.records is None or (must_know and not told.whole):
-            raise Refused(RejectReason.NOT_READY, "who should know does not say what lies there")
-        found = next((listed for listed in told.records if listed.object == spot.object), None)
-        return None if found is None else _Offer(rank_of(found.version), member, found)
-
-    async def _take(self, spot: Spot, offer: _Offer, sources: Sources) -> bool:
+    async def _take(self, spot: Spot, offer: Offer, sources: Sources, debt: Debt | None) -> bool:
         """Whether the record is sound now; it is not if all that came is a husk. Refused if nothing came, or there is no room for it."""
         parts, place = self._parts, spot.place
         entry = RecordEntry(place.scene, place.space, offer.listed.location, spot.object, offer.listed.version.digest)
@@ -268,6 +242,8 @@ class Healing:
         if not items:
             raise Refused(RejectReason.NOT_READY, "who has it gives another version by now")
         parts.budget.charge(sum(len(item.ciphertext) for item in items))
+        if debt is not None and version_of(items[0].header) != debt.version:
+            return False
         for verdict in await verified(parts, items[:1]):
             if isinstance(verdict, Put):
                 await self._put(replace(verdict, at=place.location if spot.object else None), spot, sources)
@@ -285,10 +261,6 @@ class Healing:
                 if not parts.keeper.holding.owns(spot.home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
                 _require_room(await self._merge([put]))
-
-
-def _newest_first(offers: Iterable[_Offer]) -> list[_Offer]:
-    return sorted(offers, key=lambda offer: offer.rank, reverse=True)
 
 
 def _require_room(results: Sequence[PutResult | NotKept]) -> None:

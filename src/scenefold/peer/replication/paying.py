@@ -144,16 +144,16 @@ class Paying:
     async def _tell_of(self, member: Member, rotten: Sequence[Debt]) -> int:
         """What cannot be read here cannot be paid. Whoever lacks it gets what is left, and hears of it if somebody heals it here.
 
-        Who keeps something older is owed the record until nobody is left who might have it. Neither counts as having it.
+        Who keeps something older is owed the record until nobody is left who might have it, and so is whoever lacks what not even its header
+        is left of. None of them counts as having it.
         """
         store = self._parts.store
         husks = await store.remains([debt.spot for debt in rotten])
         left = [(debt, husk) for debt, husk in zip(rotten, husks, strict=True) if husk is not None]
         told = [(debt, item_of(debt.spot, husk)) for debt, husk in left if version_of(husk.header_bytes) == debt.version]
-        if not told:
-            return len(rotten)
-        reasons = await self._ask(member, [item for _, item in told])
-        over = [
+        over = [debt for debt, husk in zip(rotten, husks, strict=True) if husk is None and store.noticed.is_given_up(debt.spot)]
+        reasons = await self._ask(member, [item for _, item in told]) if told else ()
+        over += [
             debt
             for (debt, _), reason in zip(told, reasons, strict=True)
             if reason == 0 or (reason == RejectReason.DAMAGED and store.noticed.is_given_up(debt.spot))

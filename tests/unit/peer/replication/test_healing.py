@@ -147,6 +147,40 @@ def test_what_a_sure_one_has_lost_too_comes_from_whoever_else_has_that_version()
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")
+def test_who_is_owed_what_lay_at_a_wreck_gives_it_back_if_it_got_it_nevertheless() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        late, other = holders_of(terrace, first, place)
+        await first.store.put([Put(record_at(place, seq=2))], [[late.node, other.node]])
+        await late.store.merge([Put(record_at(place, seq=2))])
+        terrace.net.cut(first.address, other.address)
+        rot(first, [place], HEADER_BYTE)
+        await first.store.read([first.spot(place)])
+        await until_sound(first, place, seq=2)
+
+    played(main, seed=18)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_a_wreck_is_not_given_up_because_one_has_lost_it_as_long_as_another_may_have_it() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        one, other = holders_of(terrace, first, place)
+        await one.store.remove([(one.spot(place), record_at(place).header.digest)])
+        terrace.net.cut(first.address, other.address)
+        rot(first, [place], HEADER_BYTE)
+        await first.store.read([first.spot(place)])
+        await trio.sleep(60.0)
+        assert not first.store.noticed.is_given_up(first.spot(place))
+        terrace.net.mend(first.address, other.address)
+        await until_sound(first, place)
+
+    played(main, seed=19)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
 def test_a_piece_with_a_wreck_in_it_stays_as_long_as_others_may_have_what_lay_there() -> None:
     async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
         first, second = terrace.homes[:2]

@@ -13,6 +13,7 @@ from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, wanted_place
 from scenefold.peer.line.ends import Side
+from scenefold.peer.replication import healing
 from scenefold.store import Put
 from scenefold.wire import FetchHeld, HandRecords, RecordEntry, StoreCopies
 from unit.peer.line.street import places, rot
@@ -129,6 +130,34 @@ def test_what_is_owed_and_nobody_has_is_owed_no_longer() -> None:
             await until_sound(home, nothing, seq=2)
 
     played(main, seed=26)
+
+
+@SAID
+def test_what_is_owed_of_a_wreck_and_nobody_has_is_owed_no_longer_and_nothing_older_takes_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(healing, "AGAIN_S", 30.0)
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        late, other = holders_of(terrace, first, place)
+        await first.store.put([Put(record_at(place, seq=2))], [[late.node]])
+        await other.store.merge([Put(record_at(place, seq=2))])
+        for home in (first, other):
+            rot(home, [place], HEADER_BYTE)
+            await home.store.read([home.spot(place)])
+        first.replication.spreading._judging.owes(late.node)
+        await until(lambda: not any(first.store.owed.values()), 120.0)
+        # It is asked for again, and still nobody is believed who lacked it.
+        await trio.sleep(90.0)
+        assert await seq_at(late, place) == 1
+        assert isinstance(await seq_at(first, place), DamagedData)
+        await first.replication.spreading.put([Put(record_at(place, seq=2))], first.scenes)
+        for home in (first, late, other):
+            await until_sound(home, place, seq=2)
+
+    played(main, seed=27)
 
 
 @SAID
