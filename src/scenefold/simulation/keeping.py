@@ -10,7 +10,7 @@ Versions that never lay on enough disks to be told are excused by nothing, and n
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from scenefold.base.location import Location
@@ -21,6 +21,7 @@ from scenefold.simulation.disks import Disk, found_at, incarnation_of, place_of,
 from scenefold.simulation.history import Place, Version
 from scenefold.simulation.lies import Lies, Manner
 from scenefold.simulation.lineage import Holder
+from scenefold.simulation.naming import is_newer, name_of, names_of, order_of
 from scenefold.store.layout import RECORDS, SUSPECTS
 
 RECENT_S = 60.0
@@ -127,22 +128,31 @@ class Keeping:
         if not self.has(place):
             return
         self._tell(place, version)
+        if self._was_lost(place, version):
+            # It has rotted between the commit and the answer.
+            return
         held = self._held(place, version)
         allowed = self._allowed(slot, held)
         if len(allowed) < self.needed(place):
-            beside = "" if allowed == held else f", and n{slot} forbids {_names(held - allowed)}"
-            words = f"n{slot} acknowledges {_name(place, version)} with {_names(allowed)} only{beside}; {self.needed(place)} must have it"
+            beside = "" if allowed == held else f", and n{slot} forbids {names_of(held - allowed)}"
+            words = (
+                f"n{slot} acknowledges {name_of(place, version)} with {names_of(allowed)} only{beside}; {self.needed(place)} must have it"
+            )
             self._violated(laws.COPIED, words, place.location, (slot, *sorted(held)))
 
     def read(self, who: str, place: Place, version: Version) -> None:
         """A client is told by an owner, or by enough holders, that this is there. What was told before may have lost disks since, or all."""
-        lost = self._lost_once.get(place)
-        if not self.has(place) or (lost is not None and version.order <= lost.order) or not self._tell(place, version):
+        if not self.has(place) or self._was_lost(place, version) or not self._tell(place, version):
             return
         held, needed = self._held(place, version, ever=True), min(self.needed(place), self._possible(self._owner_of(place.home)))
         if len(held) < needed:
-            words = f"{who} reads {_name(place, version)}, which lies on {_names(held)} only; {needed} must have it"
+            words = f"{who} reads {name_of(place, version)}, which lies on {names_of(held)} only; {needed} must have it"
             self._violated(laws.COPIED, words, place.location, tuple(sorted(held)))
+
+    def _was_lost(self, place: Place, version: Version) -> bool:
+        """This version, or a newer one, as far as it may have counted before."""
+        lost = self._lost_once.get(place)
+        return lost is not None and version.order <= lost.order
 
     def _tell(self, place: Place, version: Version) -> bool:
         """Whether this was not told before."""
@@ -154,7 +164,7 @@ class Keeping:
 
     def _held(self, place: Place, version: Version, *, ever: bool = False) -> set[int]:
         """The disks that have this or something newer, those that had it a while ago, or ever, and are gone, and those of liars."""
-        found = {slot for slot, disk in self._disks.items() if _is_newer(found_at(disk, place), version)} | self._liars.get(place, set())
+        found = {slot for slot, disk in self._disks.items() if is_newer(found_at(disk, place), version)} | self._liars.get(place, set())
         since = self._now() - RECENT_S
         witnesses = self._witnesses.get(place, {}).items()
         return found | {
@@ -179,7 +189,7 @@ class Keeping:
         for key, before in self._disks[slot].replaced(RECORDS):
             if before is None or (told := self._told.get(place := place_of(key))) is None or told in self._purged.get(place, ()):
                 continue
-            if _is_newer(version_in(before), told) and not _is_newer(found_at(self._disks[slot], place), told):
+            if is_newer(version_in(before), told) and not is_newer(found_at(self._disks[slot], place), told):
                 self._leaves(slot, place, told)
                 losses += self._lost(place)
         return losses
@@ -207,8 +217,10 @@ class Keeping:
         allowed = self._allowed(owner, held)
         if len(allowed) < self.needed(place) or owner not in (None, *held):
             beside = "" if owner in (None, *held) else f", and not on n{owner}, which owns the place"
-            beside += "" if allowed == held else f", and on {_names(held - allowed)}, which n{owner} forbids"
-            words = f"{_name(place, version)} leaves n{slot}, and lies on {_names(allowed)} only{beside}; {self.needed(place)} must have it"
+            beside += "" if allowed == held else f", and on {names_of(held - allowed)}, which n{owner} forbids"
+            words = (
+                f"{name_of(place, version)} leaves n{slot}, and lies on {names_of(allowed)} only{beside}; {self.needed(place)} must have it"
+            )
             if owner is not None and self.is_liar(owner, place):
                 self._lies.report(place, Manner.HELD, words)
                 return
@@ -233,7 +245,7 @@ class Keeping:
         for place, version in versions.items():
             found = self._witnesses.setdefault(place, {})
             before = found.get(slot)
-            highest = version if before is None else max(before.version, version, key=_order)
+            highest = version if before is None else max(before.version, version, key=order_of)
             found[slot] = Witness(highest, self._now())
         return [lost for place in sorted(versions) for lost in self._lost(place)]
 
@@ -244,28 +256,28 @@ class Keeping:
             return []
         there = {slot: version for slot in self._disks if (version := self._sound(slot, place)) is not None}
         alive = [version for slot, version in there.items() if self._counts(slot) and not self.is_liar(slot, place)]
-        best = max(alive, default=None, key=_order)
-        if _is_newer(best, highest):
+        best = max(alive, default=None, key=order_of)
+        if is_newer(best, highest):
             return []
         # What is written from here on needs witnesses of its own; of what is left these are some as well.
         self._told.pop(place, None)
         found = self._witnesses.pop(place, {})
         if self.is_lied_about(place):
-            self._lies.report(place, Manner.HELD, f"{_name(place, highest)} may be lost by that")
+            self._lies.report(place, Manner.HELD, f"{name_of(place, highest)} may be lost by that")
         if best is not None:
-            self._witnesses[place] = {slot: Witness(min(one.version, best, key=_order), one.at_s) for slot, one in found.items()}
+            self._witnesses[place] = {slot: Witness(min(one.version, best, key=order_of), one.at_s) for slot, one in found.items()}
         # A copy that has rotted cannot be read, but what is left of it tells its version, or is what a writer expects.
         rotten = {one.version for slot, one in found.items() if slot not in there and self._is_rotten(slot, place)}
         left = {version for version in {*there.values(), *rotten} if best is None or version.order >= best.order}
-        self._lost_once[place] = max(highest, self._lost_once.get(place, highest), key=_order)
-        return [Lost(place, tuple(sorted(left, key=_order)), highest, best is None)]
+        self._lost_once[place] = max(highest, self._lost_once.get(place, highest), key=order_of)
+        return [Lost(place, tuple(sorted(left, key=order_of)), highest, best is None)]
 
     def _highest_gone(self, place: Place) -> Version | None:
         """The highest version that may have been told by what its witnesses had: on enough disks, which did not all stand in one rack."""
         needed = min(self.rules[place.scene, place.space].needed, self._fewest or 1)
         witnesses, liars, told = self._witnesses.get(place, {}), self._liars.get(place, set()), self._told.get(place)
         versions = {witness.version for witness in witnesses.values()} | ({told} if told is not None and liars else set())
-        for version in sorted(versions, key=_order, reverse=True):
+        for version in sorted(versions, key=order_of, reverse=True):
             slots = liars | {slot for slot, witness in witnesses.items() if witness.version.order >= version.order}
             standing = {rack_of(slot, self.racks) if self.racks else slot for slot in slots}
             if len(slots) >= needed and len(standing) >= min(needed, 2):
@@ -279,20 +291,3 @@ class Keeping:
         """Whether a disk's node is asked what lies there."""
         holder = Holder(slot, incarnation_of(self._disks[slot]) or b"")
         return holder in self.members and holder not in self._gone
-
-
-def _order(version: Version) -> tuple[int, int, int, int, bytes]:
-    return version.order
-
-
-def _is_newer(version: Version | None, than: Version) -> bool:
-    """This version, or a newer one."""
-    return version is not None and version.order >= than.order
-
-
-def _name(place: Place, version: Version) -> str:
-    return f"{version.digest.hex()[:6]} of {place.location.hex()[:8]}… in space {place.space}"
-
-
-def _names(slots: Iterable[int]) -> str:
-    return ", ".join(f"n{slot}" for slot in sorted(slots)) or "no disk"

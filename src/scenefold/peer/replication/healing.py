@@ -197,17 +197,27 @@ class Healing:
             debt = await self._debt(spot) if sources.is_own else None
             heard, have_all_answered, debt = await self._asking.heard(spot, sources, debt)
             offers = [offer for offer in heard if debt is not None or offer.rank == heard[0].rank]
+        have_all_answered &= await self._take_one(spot, offers, sources, debt)
+        if debt is not None and have_all_answered and self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX:
+            # Nobody ever had it but this node, or as many have lost it as may cost an acknowledged record. Of what is left the newest counts.
+            newest = [offer for offer in offers if offer.rank == offers[0].rank]
+            have_all_answered &= await self._take_one(spot, newest, sources, None)
+        if not await self._is_rotten(spot):
+            parts.events["healed"] += 1
+            return _Verdict.OVER
+        return _Verdict.DENIED if have_all_answered else _Verdict.NOT_NOW
+
+    async def _take_one(self, spot: Spot, offers: Sequence[Offer], sources: Sources, debt: Debt | None) -> bool:
+        """Heal it by the first that is whole; False if one of those before, or of all, did not answer."""
+        have_all_answered = True
         for offer in offers:
             try:
-                is_healed = await self._take(spot, offer, sources, debt)
+                if await self._take(spot, offer, sources, debt):
+                    break
             except (Refused, Unreachable, PeerFault) as problem:
                 _log.debug("a record that has rotted is not healed by one that has it: %s", problem)
                 have_all_answered = False
-                continue
-            if is_healed:
-                parts.events["healed"] += 1
-                return _Verdict.OVER
-        return _Verdict.DENIED if have_all_answered else _Verdict.NOT_NOW
+        return have_all_answered
 
     async def _is_rotten(self, spot: Spot) -> bool:
         """What is known to be rotten is not read once more."""

@@ -163,6 +163,27 @@ def test_who_is_owed_what_lay_at_a_wreck_gives_it_back_if_it_got_it_nevertheless
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")
+def test_what_nobody_else_ever_had_gives_way_to_the_newest_that_others_have() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        holders = holders_of(terrace, first, place)
+        for home in holders:
+            terrace.net.cut(first.address, home.address)
+        await first.store.put([Put(record_at(place, seq=2))], [[home.node for home in holders]])
+        rot(first, [place], HEADER_BYTE)
+        await first.store.read([first.spot(place)])
+        terrace.net.mend(first.address, holders[0].address)
+        await trio.sleep(30.0)
+        assert not await is_sound(first, place), "the other one may have it"
+        terrace.net.mend(first.address, holders[1].address)
+        await until_sound(first, place, seq=1)
+        await until(lambda: not any(first.store.owed.values()), 120.0)
+
+    played(main, seed=20)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
 def test_a_wreck_is_not_given_up_because_one_has_lost_it_as_long_as_another_may_have_it() -> None:
     async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
         first = terrace.homes[0]
