@@ -89,5 +89,4 @@ async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_
             await living.cluster.drain(spare)
             await living.at_rest(left_over)
         await kept.check()
-        left = await living.cluster.health()
-        assert left.shortage is not None and left.shortage.told.possible == 1
+        await until(living, lambda health: health.shortage is not None and health.shortage.told.possible == 1)

@@ -197,7 +197,7 @@ def test_copies_that_cannot_be(profile: str, hall: str) -> None:
     assert "takes no shadow" not in space(profile, *shadow, "crypt").refusal(1)
     assert "is not 0" in space(profile, *shadow, "crypt", "--offset", "0").refusal(1)
     assert "with this offset already" in space(profile, *shadow, "crypt", "--offset", "80").refusal(1)
-    assert "cannot be a shadow" in space(profile, *shadow, "crypt copy 1").refusal(1)
+    assert "is a shadow itself, and has none of its own" in space(profile, *shadow, "crypt copy 1").refusal(1)
     assert "one copy itself" in space(profile, *shadow, "crypt", "--copies", "2").refusal(2)
     long = "é" * 32
     assert made(profile, long, "--copies", "2")

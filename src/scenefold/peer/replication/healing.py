@@ -198,8 +198,8 @@ class Healing:
             heard, have_all_answered, debt = await self._asking.heard(spot, sources, debt)
             offers = [offer for offer in heard if debt is not None or offer.rank == heard[0].rank]
         have_all_answered &= await self._take_one(spot, offers, sources, debt)
-        if debt is not None and have_all_answered and self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX:
-            # Nobody ever had it but this node, or as many have lost it as may cost an acknowledged record. Of what is left the newest counts.
+        if debt is not None and have_all_answered and sources.is_nowhere_else and self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX:
+            # It was never acknowledged, and nobody got it since: the newest that they have is what counted before.
             newest = [offer for offer in offers if offer.rank == offers[0].rank]
             have_all_answered &= await self._take_one(spot, newest, sources, None)
         if not await self._is_rotten(spot):

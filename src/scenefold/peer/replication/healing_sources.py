@@ -20,6 +20,8 @@ class Sources(NamedTuple):
     sure: tuple[Member, ...]
     all_of: tuple[Member, ...]
     is_own: bool
+    is_nowhere_else: bool = False
+    """Whether so many are owed what lay there that it was never acknowledged."""
 
 
 def sources_of(copies: Copies, layout: Layout | None, spot: Spot, debtors: Collection[NodeId], *, owns: bool) -> Sources | None:
@@ -42,4 +44,8 @@ def sources_of(copies: Copies, layout: Layout | None, spot: Spot, debtors: Colle
     # Where one node is enough, what lay here may have been nowhere else, as if this disk had been lost; certainly so if all are owed it.
     is_elsewhere = bool(segment.configurations) and all(found.needed > 1 for found in segment.configurations)
     may_be_elsewhere = is_elsewhere or any(member.node not in debtors for member in ordered)
-    return Sources(ordered, sure, ordered if may_be_elsewhere else (), is_own=True)
+    owed = set(debtors)
+    is_nowhere_else = bool(segment.configurations) and all(
+        sum(member.node not in owed for member in found.members) < found.needed for found in segment.configurations
+    )
+    return Sources(ordered, sure, ordered if may_be_elsewhere else (), is_own=True, is_nowhere_else=is_nowhere_else)

@@ -99,8 +99,9 @@ class Scrub:
             await self._may_go.wait()
             pause_of = await self._step()
             begun = self._clock.now()
-            while (left_s := begun + pause_of(self._pace) - self._clock.now()) > 0:
-                await self._clock.sleep(min(left_s, LOOK_S))
+            while (left_s := begun + pause_of(self._pace) - self._clock.now()) > LOOK_S:
+                await self._clock.sleep(LOOK_S)
+            await self._clock.sleep(max(0.0, left_s))
 
     async def _load(self) -> None:
         """Go on where an earlier life was; and ask at once for what is known to have rotted."""
