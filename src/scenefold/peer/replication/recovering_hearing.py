@@ -21,11 +21,11 @@ from scenefold.peer.copies.entries import Entry
 from scenefold.peer.copies.versions import rank_of, told_version
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.receiving import keep_durably, verified
-from scenefold.peer.records.verification import home_of
+from scenefold.peer.records.verification import epochs_of, home_of
 from scenefold.peer.replication.recovering_roll import Roll
 from scenefold.peer.replication.recovering_walk import Patience, Walk, spot_of_held
 from scenefold.store import Put
-from scenefold.wire import FetchHeld, HandItem, HeldFetched, HeldListed, HeldRecord, ListHeld, Member, RecordEntry
+from scenefold.wire import FetchHeld, HandItem, HeldFetched, HeldListed, HeldRecord, ListHeld, Member, RecordEntry, SceneTurn
 from scenefold.world import Priority
 
 PAGE_RECORDS = 1024
@@ -162,6 +162,7 @@ class Hearing:
         What is left of that waits until all were heard: somebody else may have it sound, or something older.
         """
         inside = [item for item in items if home_of(item) in self._arc]
+        await self._learn_scenes(inside)
         verdicts = await verified(self._parts, inside, or_husks=True)
         # An object comes to lie at its home: that is in the arc, wherever it lay.
         puts = [
@@ -182,6 +183,18 @@ class Hearing:
         else:
             await self._parts.budget.take(size_bytes)
         return [RecordEntry(item.scene, item.space, item.location, item.object, husk.record.header.digest) for item, husk in husks]
+
+    async def _learn_scenes(self, items: Sequence[HandItem]) -> None:
+        """Have the headers by which these can be judged. Who keeps a record knew its header; who decides the scene may have lost it since."""
+        for scene, epoch in epochs_of(items).items():
+            try:
+                await self._parts.knowing.learn(self._teller, [SceneTurn(scene, epoch)])
+            except PeerFault as problem:
+                _log.debug("%s does not show by what its records can be judged: %s", self._name, problem)
+            except (Refused, Unreachable) as problem:
+                # It is silent, or nothing can be kept here; else the others are asked.
+                _log.debug("the header of scene %08x is not had from %s: %s", scene, self._name, problem)
+                return
 
     @property
     def _name(self) -> str:

@@ -13,13 +13,14 @@ from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.ends import Side
+from scenefold.peer.records.verification import KnownScene
 from scenefold.wire import FetchHeld, Packet, ReturnRange
 from scenefold.world.sim import Point
-from unit.peer.line.street import rot
+from unit.peer.line.street import places, rot
 from unit.peer.replication.heirs import Estate, Lies, held_of, inherit, places_of, spread, until
 from unit.peer.replication.holders import arc_of
-from unit.peer.replication.terrace import HEADER, OBJECTS, item_of, object_record, record_at
-from unit.peer.scenes_made import SPACE
+from unit.peer.replication.terrace import HEADER, OBJECTS, THRICE, item_of, object_record, record_at
+from unit.peer.scenes_made import SPACE, later_header, sealed
 
 pytestmark = pytest.mark.usefixtures("only_errors")
 
@@ -282,6 +283,30 @@ def test_what_a_slow_node_has_is_asked_for_in_smaller_parts() -> None:
         assert await estate.adopted(arc) is heir
         await until(lambda: not heir.gaps, 200.0)
         assert heir.places(SPACE) >= places_of(records)
+        assert not heir.living.events["named, not delivered"]
+
+    inherit(story)
+
+
+@pytest.mark.parametrize("forgotten", ["all of it", "the newest"])
+def test_a_header_that_only_the_teller_has_is_had_from_the_teller(forgotten: str) -> None:
+    """Who decides the scene was put back to a backup, or is gone: what was acknowledged since counts as held all the same."""
+
+    async def story(estate: Estate) -> None:
+        arc = await estate.entrust(2, 3)
+        later = later_header(HEADER)
+        records = [sealed(later, location=place, space=THRICE, nonce=place.number.to_bytes(20, "big")[:12]) for place in places(arc, 3)]
+        for number, home in enumerate(estate.homes):
+            if number == 3:
+                home.scenes[HEADER.scene] = KnownScene.of(later)
+            elif forgotten == "all of it":
+                home.scenes.clear()
+        await estate.homes[3].keep(*records)
+        await estate.bury(1)
+        heir = await estate.adopted(arc)
+        assert heir is estate.homes[2]
+        await until(lambda: not heir.gaps)
+        assert heir.places() >= places_of(records)
         assert not heir.living.events["named, not delivered"]
 
     inherit(story)
