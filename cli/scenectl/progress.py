@@ -45,6 +45,9 @@ class Progress:
         self._begun: dict[str, _Begun] = {}
         self._line_at = -LINE_INTERVAL_S
         self._line = ""
+        self._phase = ""
+        self._has_ended = False
+        self._held = ""
 
     def __enter__(self) -> Self:
         if not self._quiet and self._stream.isatty():
@@ -67,6 +70,7 @@ class Progress:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if self._bars is not None:
             self._bars.stop()
+        self._print_held()
 
     def __call__(self, state: ProgressState) -> None:
         if self._quiet:
@@ -97,11 +101,24 @@ class Progress:
         bars.update(task, completed=state.done, total=state.total, unit=printable(state.unit), left=left)
 
     def _print_line(self, state: ProgressState, left: str) -> None:
+        """What says that all is done comes at once; who says so again and again is heard once a second, and for the last time at the end."""
+        if state.phase != self._phase:
+            self._print_held()
+            self._phase, self._has_ended = state.phase, False
+        self._held = ""
         finished = state.total is not None and state.done >= state.total
         now = self._now()
         line = f"{state.phase}: {state.done}" + (f" of {state.total}" if state.total is not None else "")
         line = f"{line} {state.unit}".rstrip()
-        if line == self._line or (now - self._line_at < LINE_INTERVAL_S and not finished):
+        if line == self._line:
             return
-        self._line, self._line_at = line, now
+        if now - self._line_at < LINE_INTERVAL_S and (self._has_ended or not finished):
+            self._held = line if finished else ""
+            return
+        self._line, self._line_at, self._has_ended = line, now, finished
         note(f"{line}, {left}" if left else line, self._stream)
+
+    def _print_held(self) -> None:
+        if self._held:
+            note(self._held, self._stream)
+        self._held = ""

@@ -139,7 +139,8 @@ class Proving:
 
     def _tell(self) -> None:
         proof, done = self._proof, self._proof.records + len(self._suspects)
-        total = None if self._total is None else max(self._total, done)
+        # That these are all is known at the end alone: what seems off is looked at again, and there may be more than nodes have counted.
+        total = done if proof.ended else self._total if self._total is None or self._total > done else None
         self._progress(ProgressState("prove", done, total, f"records, {proof.bytes / 2**20:.1f} MiB read"))
 
     # ------------------------------------------------------------------------------------------------ what each node has

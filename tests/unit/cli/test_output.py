@@ -57,6 +57,20 @@ def test_plain_progress_says_how_long_it_takes_by_the_pace_of_its_phase() -> Non
     ]
 
 
+def test_who_says_often_that_all_is_done_is_heard_once_a_second_and_for_the_last_time_at_the_end() -> None:
+    clock, stream = [0.0], io.StringIO()
+    with Progress(stream=stream, now=lambda: clock[0]) as progress:
+        for step in range(7):
+            clock[0] = step * 0.4
+            progress(ProgressState("prove", 44, 44, f"records, {step} MiB"))
+        progress(ProgressState("export", 1, 2, "records"))
+        clock[0] += 1.0
+        for step in range(3):
+            progress(ProgressState("export", 2, 2, f"records, {step} MiB"))
+    told = ["prove: 44 of 44 records, 0 MiB", "prove: 44 of 44 records, 3 MiB", "prove: 44 of 44 records, 6 MiB"]
+    assert stream.getvalue().splitlines() == [*told, "export: 2 of 2 records, 0 MiB", "export: 2 of 2 records, 2 MiB"]
+
+
 def test_on_a_terminal_there_are_bars() -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

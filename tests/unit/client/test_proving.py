@@ -50,7 +50,10 @@ async def proved(nodes: ProvedNodes, shown: ShownScene = SHOWN, *, silent: tuple
     calls = nodes.calls()
     told: list[ProgressState] = []
     reads = NodeReads(calls, Pace(rate), list(map(node_id_of, silent)))
-    proof = await Proving(calls, [shown], reads, told.append, total=None).run()
+    proof = await Proving(calls, [shown], reads, told.append, total=len(ITEMS)).run()
+    assert [(state.done, state.total) for state in told if state.total is not None and state.done >= state.total] == [
+        (proof.records, proof.records)
+    ]
     assert told[-1].done == proof.records
     assert proof.document()["sound"] == proof.is_sound
     return proof
