@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 LOOK_S_MAX = 86_400.0
 
+DryRun = Annotated[bool, Parameter(negative="", show_default=False)]
+
 
 def grant(
     scene: SceneName,
@@ -113,6 +115,7 @@ def revoke(
     *,
     later: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     rate: float | None = None,
+    dry_run: DryRun = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """End somebody's access to a scene, and seal everything in it anew while others read and write. Only owners of the scene can; the last owner stays.
@@ -131,20 +134,25 @@ def revoke(
         Leave what lies there under the key that the member may have kept, until somebody calls `scene rotate-key --resume`.
     rate
         MiB of records that are looked at in a second, at most; by default as fast as it goes.
+    dry_run
+        Look at all records, say who would be left and what would be sealed anew, and change nothing.
     """
     from scenectl.progress import Progress
     from scenectl.running import connected, run
     from scenefold.client import member_name
 
-    name, speed, gone = member_name(who.text), bytes_per_s(rate), f"{shown_member(who.text)} has no access to {scene} any more"
+    has = "would have" if dry_run else "has"
+    name, speed, gone = member_name(who.text), bytes_per_s(rate), f"{shown_member(who.text)} {has} no access to {scene} any more"
     revoked: list[Access] = []
 
     async def do(progress: Progress) -> Reencryption | None:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
-            revoked.append(await opened.revoke(name))
+            revoked.append(await opened.revoke(name, dry_run=dry_run))
             if later:
                 return None
+            if dry_run:
+                return await opened.look_what_is_to_seal(progress, speed, new_key=True)
             note(f"{gone}. What lies there is being sealed anew; this may be interrupted: {_resuming(scene)} goes on.")
             return await opened.reencrypt(progress, speed)
 
@@ -152,12 +160,12 @@ def revoke(
         with Progress(quiet=output.json) as progress:
             report = run(do, progress)
     except BaseException as error:
-        if revoked:
+        if revoked and not dry_run:
             _say_what_is_left(error, f"{gone}, but not all of its records are sealed anew", scene)
         raise
     (left,) = revoked
-    document = {"scene": scene, **left.document(), "sealed_anew": None if report is None else report.document()}
-    told = _how_to_go_on(scene, "Its records stay under a key that the member may have kept.") if report is None else _sealed(scene, report)
+    document = {"scene": scene, "dry_run": dry_run, **left.document(), "sealed_anew": None if report is None else report.document()}
+    told = _left_as_it_is(scene, is_dry=dry_run) if report is None else _sealed(scene, report)
     emit(output, document, f"{gone}.\n{_members(left)}\n{told}")
     return DONE if report is None or report.is_complete else DEGRADED
 
@@ -168,7 +176,7 @@ def rotate_key(
     *,
     resume: Annotated[bool, Parameter(show_default=False)] = False,
     rate: float | None = None,
-    dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    dry_run: DryRun = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Change a scene's key, and seal everything in it anew while others read and write.
@@ -229,6 +237,12 @@ def _resuming(scene: str) -> str:
 
 def _how_to_go_on(scene: str, why: str = "") -> str:
     return f"{why} {_resuming(scene)} seals them anew, which any writer may do.".lstrip()
+
+
+def _left_as_it_is(scene: str, *, is_dry: bool) -> str:
+    if is_dry:
+        return "Its records would stay under a key that the member may have. Nothing is changed."
+    return _how_to_go_on(scene, "Its records stay under a key that the member may have kept.")
 
 
 def _sealed(scene: str, report: Reencryption) -> str:

@@ -118,6 +118,15 @@ def test_a_revocation_seals_anew_what_lies_there_and_says_so_if_it_is_ended(peop
     assert owner("scene", "rotate-key", "attic", "--resume", "--json").json["complete"]
     assert left() == ["none", "none"]
 
+    for more, to_renew in (((), 2), (("--later",), None)):
+        planned = owner("scene", "revoke", "attic", "user:ben", "--dry-run", "--json", *more).json
+        sealed = planned["sealed_anew"]
+        assert ([member["name"] for member in planned["members"]], planned["key_epoch"], planned["dry_run"]) == (["user:owner"], 2, True)
+        assert (sealed and sealed["to_renew"]) == to_renew
+    words = owner("scene", "revoke", "attic", "user:ben", "--dry-run").out.decode()
+    assert "user:ben would have no access to attic any more" in words and "2 of 2 records" in words and "Nothing is changed" in words
+    assert "user:ben" in owner("scene", "access", "attic", "--look", "0.1").out.decode()
+
     report = owner("scene", "revoke", "attic", "user:ben", "--json").json["sealed_anew"]
     assert (report["key_epoch"], report["renewed"], report["complete"]) == (2, 2, True)
     assert left() == ["none", "none"]

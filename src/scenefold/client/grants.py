@@ -7,9 +7,10 @@ header that goes with it; whoever is granted something needs to do nothing but o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from scenefold.base.errors import LocalFault, UsageFault
+from scenefold.base.errors import LocalFault, Refused, UsageFault
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import grant_of
 from scenefold.crypto import Card
@@ -74,11 +75,23 @@ async def revoke(access: SceneAccess, name: str) -> Access:
 
     LocalFault if there is no such member, or it is the last owner.
     """
+    return _access((await access.change_log(partial(_revocation, access, name))).state)
 
-    def entry(log: SceneLog) -> Batch:
-        return Batch((Revoke(log.grants.named(name).key), _next_epoch(access, log)))
 
-    return _access((await access.change_log(entry)).state)
+async def plan_revoke(access: SceneAccess, name: str) -> Access:
+    """What `revoke` would leave, if nobody changes anything meanwhile; LocalFault where it would be one. Nothing is changed."""
+    read = await access.read_log()
+    await access.check_owner()
+    log = read.state
+    try:
+        request_id = access.calls.world.entropy.token(16)
+        return _access(log.apply(log.next_record(_revocation(access, name, log), request_id, read.header.origin)))
+    except Refused as refusal:
+        raise LocalFault(refusal.what, where=f"scene {access.name}", remedy=refusal.remedy) from refusal
+
+
+def _revocation(access: SceneAccess, name: str, log: SceneLog) -> Batch:
+    return Batch((Revoke(log.grants.named(name).key), _next_epoch(access, log)))
 
 
 async def rotate_key(access: SceneAccess) -> Access:

@@ -11,7 +11,7 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.client.access import SceneAccess
 from scenefold.client.exporting import ExportReport, export_scene
 from scenefold.client.former_keys import LOOK_S, FormerKeys, former_keys
-from scenefold.client.grants import Access, access_of, grant, revoke, rotate_key
+from scenefold.client.grants import Access, access_of, grant, plan_revoke, revoke, rotate_key
 from scenefold.client.importing import ImportReport, prepare_import, store_import
 from scenefold.client.new_space import SpaceOptions, new_space
 from scenefold.client.positions import logged_spaces
@@ -121,9 +121,9 @@ class Scene:
         """Let the holder of a verified card use this scene; see `grants.grant`. An owner's to do, as are the next two."""
         return await grant(self.access, card, role)
 
-    async def revoke(self, name: str) -> Access:
-        """End a member's access; the scene gets a new key."""
-        return await revoke(self.access, name)
+    async def revoke(self, name: str, *, dry_run: bool = False) -> Access:
+        """End a member's access; the scene gets a new key. `dry_run`: only say what that would leave."""
+        return await (plan_revoke if dry_run else revoke)(self.access, name)
 
     async def rotate_key(self) -> Access:
         """Seal what is written from now on under a new key. `reencrypt` does the same for what is there."""

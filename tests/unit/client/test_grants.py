@@ -166,6 +166,26 @@ async def test_whoever_was_revoked_keeps_what_he_had_and_no_more(autojump_clock:
     assert await ada.space(GEOMETRY).get(PLACES[1]) == b"secret", "granted again"
 
 
+async def test_a_revocation_that_is_only_tried_says_what_it_would_leave_and_changes_nothing(
+    autojump_clock: MockClock, studio: Studio
+) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.WRITER)
+    before = studio.nodes.headers[scene.id]
+    planned = await scene.revoke("user:ada", dry_run=True)
+    assert ([member.name for member in planned.members], planned.key_epoch) == (["user:owner"], 1)
+    with pytest.raises(LocalFault, match="user:ben has no access"):
+        await scene.revoke("user:ben", dry_run=True)
+    with pytest.raises(LocalFault, match="at least one owner"):
+        await scene.revoke("user:owner", dry_run=True)
+    ada = await studio.kitchen(2)
+    with pytest.raises(LocalFault, match="only an owner"):
+        await ada.revoke("user:owner", dry_run=True)
+    await ada.space(GEOMETRY).put(PLACES[0], b"still")
+    assert studio.nodes.headers[scene.id] == before
+    assert await scene.revoke("user:ada") == planned
+
+
 async def test_what_a_former_writer_signs_all_the_same_is_refused(autojump_clock: MockClock, studio: Studio) -> None:
     scene = await studio.scenes(1).create("kitchen")
     await scene.grant(card_of(2), Role.WRITER)
