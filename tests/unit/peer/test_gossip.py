@@ -363,7 +363,7 @@ async def test_who_is_claimed_against_tells_all_where_its_arc_is(autojump_clock:
             await until(lambda: third.said_at(victim.own.me) > third.said_at(liar.own.me))
 
 
-@pytest.mark.expect_log("somebody else signs statuses with the key of this node")
+@pytest.mark.expect_log("somebody else has its key")
 async def test_who_hears_its_own_key_speak_has_the_last_word(autojump_clock: trio.testing.MockClock) -> None:
     async with village(4) as them:
         for index in range(3):

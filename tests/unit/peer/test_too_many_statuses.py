@@ -38,7 +38,7 @@ async def test_a_sender_has_so_many_statuses_verified_and_others_are_heard(
         assert node_at(2) not in them.of(0).roster.unheard()
 
 
-@pytest.mark.expect_log("statuses are dropped unread|somebody else signs")
+@pytest.mark.expect_log("statuses are dropped unread|somebody else has its key")
 async def test_statuses_in_our_own_name_count_too(autojump_clock: trio.testing.MockClock) -> None:
     async with village(2) as them:
         await them.start(0)

@@ -71,6 +71,7 @@ class Joining:
         self._place = place if isinstance(place, Location) else None
         self._is_random = place == "random"
         self._request: bytes | None = None
+        self._said: NodeId | None = None
         self._quiet = QuietLog(_log, logging.INFO)
 
     # ------------------------------------------------------------------------------------------------ registering
@@ -81,7 +82,10 @@ class Joining:
         left_of = self.choose()
         # One request for all tries: should an answer be lost, the next try learns that it was committed.
         self._request = self._request or self._world.entropy.token(16)
-        _log.info("joining left of %s", address_of(left_of))
+        if left_of != self._said:
+            # It is tried each second, while the lease of an earlier incarnation lasts.
+            self._said = left_of
+            _log.info("joining left of %s", address_of(left_of))
         await self._log.propose(registration(self._own, left_of), self._request)
 
     def choose(self) -> NodeId:

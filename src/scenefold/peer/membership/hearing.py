@@ -168,7 +168,9 @@ class Hearing:
         own.follow(status.lamport)
         self.is_contested = True
         self.signs.note(Sign.OWN_KEY, address_of(sender), self._world.clock.now())
-        self.drop(address_of(sender), "myself", "somebody else signs statuses with the key of this node")
+        # After a restore from a backup these are our own of before, and the voter says so in a moment.
+        text = "statuses of this node are heard that it has not made: unless it begins anew now, as an older copy of itself, somebody else has its key"
+        self.drop(address_of(sender), "myself", f"{text}, and that has to be revoked")
 
     def log_grew(self) -> None:
         """The roster has taken a newer log: what was early may be judged now."""
