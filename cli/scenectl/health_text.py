@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from scenectl.cluster_text import arc_text
-from scenectl.output import size_text, table
+from scenectl.output import and_text, size_text, table
 
 if TYPE_CHECKING:
     from scenefold.client import ClusterHealth, NodeState, Proof
@@ -24,7 +24,7 @@ def health_text(found: ClusterHealth) -> str:
     ]
     for node in found.status.nodes:
         if node.report is not None and node.report.paused:
-            notes.append(f"{node.address}: {' and '.join(node.report.paused)} paused, by an administrator's order")
+            notes.append(f"{node.address}: {and_text(node.report.paused)} paused, by an administrator's order")
             notes.append(f"  -> scenectl node upkeep resume {node.address}")
         if node.report is not None and node.report.kept_apart.records:
             notes += [

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 app = App(name="node", help="Run nodes, let them leave, and look at what they have stored.", help_format="plaintext")
 app.command("scenectl.blacklist:app", name="blacklist", help="Say which nodes must hold no copies of what a node owns.")
-app.command("scenectl.upkeep:app", name="upkeep", help="Pause what nodes do by themselves to keep records whole, or bound its speed.")
+app.command("scenectl.upkeep:app", name="upkeep", help="Pause what nodes do by themselves with records, or bound its speed.")
 app.command("scenectl.checking:verify", name="verify")
 app.command("scenectl.checking:repair", name="repair")
 

@@ -111,6 +111,11 @@ def size_text(count: float) -> str:
     return f"{count:.1f} TiB"
 
 
+def and_text(words: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return " and ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
+
+
 def time_text(seconds: float) -> str:
     """A time that something takes, for people: 12 s, 7 min, 2.5 h."""
     whole = max(1, round(seconds))

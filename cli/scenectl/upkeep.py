@@ -1,4 +1,4 @@
-"""`scenectl node upkeep`: repair and scrub are paused, go on, and are slowed down, at one node or at all."""
+"""`scenectl node upkeep`: repair, scrub and balance are paused, go on, and are slowed down, at one node or at all."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from scenefold.client import Upkeep
     from scenefold.client.upkeep import UpkeepChanges
 
-app = App(name="upkeep", help="Pause what nodes do by themselves to keep records whole, or bound its speed.", help_format="plaintext")
+app = App(name="upkeep", help="Pause what nodes do by themselves with records, or bound its speed.", help_format="plaintext")
 
-Flag = Annotated[bool, Parameter(negative="", show_default=False)]
-Nodes = Annotated[AddressOption, Parameter(negative="")]
+Repair = Annotated[bool, Parameter(negative="", show_default=False, help="Comparing copies with others, and bringing what these lack.")]
+Scrub = Annotated[bool, Parameter(negative="", show_default=False, help="Reading all records again.")]
+Balance = Annotated[bool, Parameter(negative="", show_default=False, help="Giving records to neighbours that have more room.")]
+Nodes = Annotated[AddressOption, Parameter(negative="", help="IPv4 addresses of nodes; by default all.")]
 Rate = Annotated[int, whole(0, 2**63 - 1)]
 
 
@@ -26,51 +28,32 @@ def show(*nodes: Nodes, output: ProfileOutput = DEFAULT_PROFILE) -> int:
     """Show what is paused, and how fast nodes may move and read. Exit code 5 if a node does not answer.
 
     Example: scenectl node upkeep show --profile studio
-
-    Parameters
-    ----------
-    nodes
-        IPv4 addresses of nodes; by default all.
     """
     return _tell(nodes, {}, output)
 
 
 @app.command
-def pause(*nodes: Nodes, repair: Flag = False, scrub: Flag = False, output: ProfileOutput = DEFAULT_PROFILE) -> int:
-    """Let nodes rest, also over restarts, until they are told to go on; by default from both. For administrators.
+def pause(
+    *nodes: Nodes, repair: Repair = False, scrub: Scrub = False, balance: Balance = False, output: ProfileOutput = DEFAULT_PROFILE
+) -> int:
+    """Let nodes rest, also over restarts, until they are told to go on; by default from all of it. For administrators.
 
-    What lies on fewer nodes than a write needs is repaired all the same, as is what has rotted. `cluster health` names what is paused. Exit code 5 if a node does not answer.
+    What lies on fewer nodes than a write needs is repaired all the same, as is what has rotted; newcomers get their part, and who leaves hands over everything. `cluster health` names what is paused. Exit code 5 if a node does not answer.
 
     Example: scenectl node upkeep pause 192.168.1.14 --repair --profile studio
-
-    Parameters
-    ----------
-    nodes
-        IPv4 addresses of nodes; by default all.
-    repair
-        Comparing copies with other nodes, and bringing what these lack.
-    scrub
-        Reading all records again.
     """
-    return _tell(nodes, {"pause": _duties(repair, scrub)}, output)
+    return _tell(nodes, {"pause": _duties(repair=repair, scrub=scrub, balance=balance)}, output)
 
 
 @app.command
-def resume(*nodes: Nodes, repair: Flag = False, scrub: Flag = False, output: ProfileOutput = DEFAULT_PROFILE) -> int:
-    """Let nodes go on with what was paused; by default with both. For administrators.
+def resume(
+    *nodes: Nodes, repair: Repair = False, scrub: Scrub = False, balance: Balance = False, output: ProfileOutput = DEFAULT_PROFILE
+) -> int:
+    """Let nodes go on with what was paused; by default with all of it. For administrators.
 
     Example: scenectl node upkeep resume --profile studio
-
-    Parameters
-    ----------
-    nodes
-        IPv4 addresses of nodes; by default all.
-    repair
-        Comparing copies with other nodes, and bringing what these lack.
-    scrub
-        Reading all records again.
     """
-    return _tell(nodes, {"resume": _duties(repair, scrub)}, output)
+    return _tell(nodes, {"resume": _duties(repair=repair, scrub=scrub, balance=balance)}, output)
 
 
 @app.command
@@ -81,8 +64,6 @@ def rate(*nodes: Nodes, transfer: Rate | None = None, scrub: Rate | None = None,
 
     Parameters
     ----------
-    nodes
-        IPv4 addresses of nodes; by default all.
     transfer
         Bytes a second that a node may use to move data: repair, draining, and evening out its load.
     scrub
@@ -95,8 +76,7 @@ def rate(*nodes: Nodes, transfer: Rate | None = None, scrub: Rate | None = None,
     return _tell(nodes, {"transfer_bytes_per_s": transfer, "scrub_bytes_per_s": scrub}, output)
 
 
-def _duties(repair: bool, scrub: bool) -> tuple[str, ...]:
-    named = {"repair": repair, "scrub": scrub}
+def _duties(**named: bool) -> tuple[str, ...]:
     return tuple(name for name, is_meant in named.items() if is_meant or not any(named.values()))
 
 

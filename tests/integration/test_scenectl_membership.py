@@ -186,7 +186,7 @@ def test_a_blacklist_is_changed_while_its_node_runs_and_everybody_hears_of_it(pr
     assert blacklist("list", owner) == {"address": owner, "version": added["version"] + 1, "blacklist": []}
 
 
-def test_repair_and_scrub_are_paused_slowed_and_resumed_while_nodes_run(profile: str) -> None:
+def test_what_nodes_do_by_themselves_is_paused_slowed_and_resumed_while_nodes_run(profile: str) -> None:
     def upkeep(verb: str, *arguments: str, code: int = 0) -> Any:
         done = scenectl("node", "upkeep", verb, *arguments, "--json", profile=profile)
         assert done.code == code, done.err
@@ -196,14 +196,14 @@ def test_repair_and_scrub_are_paused_slowed_and_resumed_while_nodes_run(profile:
     before = upkeep("show", *FOUNDERS)
     assert set(before) == set(FOUNDERS) and not any(node["paused"] for node in before.values())
     assert upkeep("pause", owner, "--repair") == {owner: {**before[owner], "paused": ["repair"]}}
-    assert upkeep("pause", *FOUNDERS)[other]["paused"] == ["repair", "scrub"]
+    assert upkeep("pause", *FOUNDERS)[other]["paused"] == ["repair", "scrub", "balance"]
     # Others may have come and gone.
     silent = [node["address"] for node in scenectl("cluster", "health", "--json", profile=profile).json["nodes"] if not node["alive"]]
     told = upkeep("show", code=5 if silent else 0)
     assert [address for address, node in told.items() if not node["answers"]] == silent
-    assert all(told[founder]["paused"] == ["repair", "scrub"] for founder in FOUNDERS)
-    assert f"{owner}: repair and scrub paused" in scenectl("cluster", "health", profile=profile).out.decode()
-    assert upkeep("resume", owner, "--scrub")[owner]["paused"] == ["repair"]
+    assert all(told[founder]["paused"] == ["repair", "scrub", "balance"] for founder in FOUNDERS)
+    assert f"{owner}: repair, scrub and balance paused" in scenectl("cluster", "health", profile=profile).out.decode()
+    assert upkeep("resume", owner, "--scrub", "--balance")[owner]["paused"] == ["repair"]
     upkeep("resume", *FOUNDERS)
     slow = upkeep("rate", owner, "--transfer", "1000000", "--scrub", "50000")[owner]
     assert (slow["transfer_bytes_per_s"], slow["scrub_bytes_per_s"]) == (1_000_000, 50_000)

@@ -1,4 +1,4 @@
-"""What a node does by itself to keep records whole, and an administrator may pause or slow down (specs/21-verify.md, Upkeep)."""
+"""What a node does by itself with records, and an administrator may pause or slow down (specs/21-verify.md, Upkeep)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any, TypedDict, Unpack
 from scenefold.base.errors import UsageFault
 from scenefold.client.calls import Calls
 from scenefold.wire import ChangeUpkeep, UpkeepChanged
-from scenefold.wire.upkeep_packets import REPAIR, SCRUB
+from scenefold.wire.upkeep_packets import BALANCE, REPAIR, SCRUB
 from scenefold.world import Priority
 
-DUTIES = {"repair": REPAIR, "scrub": SCRUB}
+DUTIES = {"repair": REPAIR, "scrub": SCRUB, "balance": BALANCE}
 RATE_MAX = (1 << 63) - 1
 
 
@@ -32,7 +32,7 @@ class Upkeep:
 
 
 class UpkeepChanges(TypedDict, total=False):
-    """What is to be changed. Duties by name, "repair" and "scrub"; a rate of 0: what the node was started with."""
+    """What is to be changed. Duties by name, "repair", "scrub" and "balance"; a rate of 0: what the node was started with."""
 
     pause: Collection[str]
     resume: Collection[str]

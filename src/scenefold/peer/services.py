@@ -118,7 +118,7 @@ class PeerServices:
         self._arriving = Arriving(line.parts, scenes, lease.held)
         data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
-        balancer = Balancer(world, store, line, roster, cluster_log, own, paused=not settings.balance)
+        balancer = Balancer(world, store, line, roster, cluster_log, own, line.parts.resting, is_off=not settings.balance)
         keeper = line.parts.keeper
         self._load = OwnLoad(
             world.clock, store, lambda: line.arc, lambda: keeper.copies.custody, settings.capacity_bytes, lambda: bool(line.refuses)

@@ -1,4 +1,4 @@
-"""Repair and scrub rest, go on, and keep to other rates, by an administrator's order: durable, with ChangeUpkeep (116) (specs/21-verify.md, Upkeep).
+"""Repair, scrub and balance rest, go on, and keep to other rates, by an administrator's order: durable, with ChangeUpkeep (116) (specs/21-verify.md, Upkeep).
 
 What is ordered outlives a restart, whatever the node is started with: who has paused something because a disk is dying must not find it
 running after a power cut. So a report always says what rests.
@@ -21,13 +21,13 @@ from scenefold.peer.line.budget import Budget
 from scenefold.peer.line.resting import Resting
 from scenefold.peer.scrub import Scrub
 from scenefold.wire import ChangeUpkeep, MalformedPacket, UpkeepChanged, pack_value, unpack_value
-from scenefold.wire.upkeep_packets import ALL_DUTIES, REPAIR, SCRUB
+from scenefold.wire.upkeep_packets import ALL_DUTIES, BALANCE, REPAIR, SCRUB
 
 NOTE = "upkeep"
 _VERSION = 1
 _KEYS = {"paused", "scrub", "transfer", "v"}
 _NUMBER_MAX = (1 << 63) - 1
-DUTIES = {"repair": REPAIR, "scrub": SCRUB}
+DUTIES = {"repair": REPAIR, "scrub": SCRUB, "balance": BALANCE}
 """Their names, as a report has them."""
 
 _log = logging.getLogger("scenefold.peer.upkeep")
@@ -102,7 +102,7 @@ class OwnUpkeep:
 
     def _follow(self, orders: Orders) -> None:
         self._orders = orders
-        self._resting.repair = bool(orders.paused & REPAIR)
+        self._resting.repair, self._resting.balance = bool(orders.paused & REPAIR), bool(orders.paused & BALANCE)
         if orders.paused & SCRUB:
             self._scrub.pause()
         else:

@@ -1,4 +1,4 @@
-"""What a node does by itself to keep records whole: an administrator's orders to rest, to go on, and to be slower (specs/21-verify.md, Upkeep)."""
+"""What a node does by itself with records: an administrator's orders to rest, to go on, and to be slower (specs/21-verify.md, Upkeep)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from scenefold.wire.kinds import Maybe, Uint
 
 REPAIR = 1
 SCRUB = 2
-ALL_DUTIES = REPAIR | SCRUB
-"""Bits of the two duties."""
+BALANCE = 4
+ALL_DUTIES = REPAIR | SCRUB | BALANCE
+"""Bits of the three duties."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,11 @@ def test_a_pause_is_told_also_of_a_healthy_cluster() -> None:
     assert text.endswith(f"{ADDRESSES[0]}: repair paused, by an administrator's order\n  -> scenectl node upkeep resume {ADDRESSES[0]}")
 
 
+def test_all_that_is_paused_is_named() -> None:
+    for paused, words in ((["repair", "balance"], "repair and balance"), (["repair", "scrub", "balance"], "repair, scrub and balance")):
+        assert f"{ADDRESSES[0]}: {words} paused, by" in health_text(health(*nodes(upkeep={"paused": paused})))
+
+
 def test_a_silent_node_has_its_line_and_the_time_is_not_known() -> None:
     first, second, _ = nodes(copies(**LACKING))
     text = health_text(health(first, second, missing(ADDRESSES[2], arc(0.5, 1))))

@@ -43,6 +43,8 @@ VERBS = [
     "scene list",
     "scene info",
     "scene import",
+    "scene export",
+    "scene import-archive",
     "scene grant",
     "scene access",
     "scene revoke",

@@ -17,7 +17,7 @@ from scenefold.peer.line.resting import Resting
 from scenefold.peer.scrub import Pace, Scrub
 from scenefold.peer.upkeep import NOTE, Orders, OwnUpkeep, decode_orders, encode_orders
 from scenefold.wire import ChangeUpkeep, UpkeepChanged, pack_value
-from scenefold.wire.upkeep_packets import ALL_DUTIES, REPAIR, SCRUB
+from scenefold.wire.upkeep_packets import ALL_DUTIES, BALANCE, REPAIR, SCRUB
 from unit.peer.logs_made import folded, found, node
 from unit.peer.scrub.test_scrub import TrioTime
 from unit.peer.test_blacklist import ADMINISTRATOR, Notes
@@ -43,8 +43,8 @@ class House:
         return reply
 
     @property
-    def rests(self) -> tuple[bool, bool]:
-        return self.resting.repair, self.scrub.is_paused
+    def rests(self) -> tuple[bool, bool, bool]:
+        return self.resting.repair, self.scrub.is_paused, self.resting.balance
 
 
 async def started(notes: Notes) -> House:
@@ -55,7 +55,7 @@ async def started(notes: Notes) -> House:
 
 async def test_a_node_that_was_told_nothing_rests_from_nothing() -> None:
     house = await started(Notes())
-    assert house.rests == (False, False)
+    assert house.rests == (False, False, False)
     assert house.upkeep.document() == {"paused": [], "transfer_bytes_per_s": TRANSFER, "scrub_bytes_per_s": SPEED}
 
 
@@ -63,12 +63,13 @@ async def test_what_is_paused_stays_so_over_a_restart_until_it_is_resumed() -> N
     notes = Notes()
     assert await (await started(notes)).tell(of=REPAIR, paused=REPAIR) == UpkeepChanged(REPAIR, TRANSFER, SPEED)
     house = await started(notes)
-    assert house.rests == (True, False)
+    assert house.rests == (True, False, False)
     await house.tell(of=SCRUB, paused=SCRUB)
-    assert house.rests == (True, True)
-    assert house.upkeep.document()["paused"] == ["repair", "scrub"]
-    await house.tell(of=REPAIR)
-    assert house.rests == (await started(notes)).rests == (False, True)
+    await house.tell(of=BALANCE, paused=BALANCE)
+    assert house.rests == (True, True, True)
+    assert house.upkeep.document()["paused"] == ["repair", "scrub", "balance"]
+    await house.tell(of=REPAIR | BALANCE, paused=BALANCE)
+    assert house.rests == (await started(notes)).rests == (False, True, True)
 
 
 async def test_rates_count_at_once_and_over_a_restart_and_0_is_what_it_was_started_with() -> None:
@@ -92,7 +93,7 @@ async def test_only_administrators_change_anything_and_every_user_may_look() -> 
     assert await house.tell("user:eve") == UpkeepChanged(0, TRANSFER, SPEED)
     with pytest.raises(Refused):
         await house.tell(f"node:{node(0)}")
-    assert (house.rests, notes.writes) == ((False, False), 0)
+    assert (house.rests, notes.writes) == ((False, False, False), 0)
 
 
 async def test_a_full_disk_changes_nothing() -> None:
@@ -101,16 +102,16 @@ async def test_a_full_disk_changes_nothing() -> None:
     notes.is_full = True
     with pytest.raises(Refused, match="full"):
         await house.tell(of=ALL_DUTIES, paused=ALL_DUTIES)
-    assert house.rests == (False, False) and house.upkeep.document()["paused"] == []
+    assert house.rests == (False, False, False) and house.upkeep.document()["paused"] == []
 
 
 async def test_two_orders_at_once_are_both_carried_out() -> None:
     notes = Notes()
     house = await started(notes)
     async with trio.open_nursery() as nursery:
-        for duty in (REPAIR, SCRUB):
+        for duty in (REPAIR, BALANCE):
             nursery.start_soon(lambda bit: house.tell(of=bit, paused=bit), duty)
-    assert house.rests == (await started(notes)).rests == (True, True)
+    assert house.rests == (await started(notes)).rests == (True, False, True)
 
 
 DUTIES = st.integers(0, ALL_DUTIES)
@@ -123,7 +124,7 @@ def test_of_each_duty_and_rate_the_last_word_counts(orders: list[ChangeUpkeep]) 
     for order in orders:
         found = found.changed(order)
     assert decode_orders(encode_orders(found)) == found
-    for bit in (REPAIR, SCRUB):
+    for bit in (REPAIR, SCRUB, BALANCE):
         words = [bool(order.paused & bit) for order in orders if order.of & bit]
         assert bool(found.paused & bit) == (words[-1] if words else False)
     for name in ("transfer", "scrub"):
@@ -136,7 +137,7 @@ def test_of_each_duty_and_rate_the_last_word_counts(orders: list[ChangeUpkeep]) 
     [
         b"",
         pack_value({"v": 2, "paused": 0, "transfer": 0, "scrub": 0}),
-        pack_value({"v": 1, "paused": 4, "transfer": 0, "scrub": 0}),
+        pack_value({"v": 1, "paused": 8, "transfer": 0, "scrub": 0}),
         pack_value({"v": 1, "paused": True, "transfer": 0, "scrub": 0}),
         pack_value({"v": 1, "paused": 0, "transfer": -1, "scrub": 0}),
         pack_value({"v": 1, "paused": 0, "transfer": 0}),

@@ -21,6 +21,7 @@ from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
+from scenefold.peer.line.resting import Resting
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import TELL_S, OwnStatus
 from scenefold.world import QuietLog, World
@@ -60,18 +61,29 @@ class Given:
 
 
 class Balancer:
-    """Used from the Trio thread only. `paused` may be set at any time; what is under way ends as it would."""
+    """Used from the Trio thread only. It may be paused at any time; what is under way ends as it would."""
 
     def __init__(
-        self, world: World, store: Scales, line: MovesBounds, roster: Roster, log: HasRegistry, own: OwnStatus, *, paused: bool = False
+        self,
+        world: World,
+        store: Scales,
+        line: MovesBounds,
+        roster: Roster,
+        log: HasRegistry,
+        own: OwnStatus,
+        resting: Resting,
+        *,
+        is_off: bool = False,
     ) -> None:
+        """`resting`: whether it is paused. `is_off`: it gives nothing as long as this process runs, whatever `resting` says."""
         self._world = world
         self._store = store
         self._line = line
         self._roster = roster
         self._log = log
         self._own = own
-        self.paused = paused
+        self._resting = resting
+        self._is_off = is_off
         self.given = Given()
         self._news = News(own.me, RELAY_S)
         self._sides = {side: _SideState() for side in Side}
@@ -91,7 +103,7 @@ class Balancer:
     def report(self) -> dict[str, Any]:
         """For people: what was given, and what is to be."""
         return {
-            "paused": self.paused,
+            "paused": self._is_paused(),
             "handovers": self.given.handovers,
             "records": self.given.records,
             "bytes": self.given.bytes,
@@ -112,9 +124,12 @@ class Balancer:
             if state.peer != neighbours[side]:
                 self._sides[side] = _SideState(state.under_way, peer=neighbours[side])
         self._wanted = gives([self._fill(node, now) for node in nodes], me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
-        if self.paused or self._line.refuses:
+        if self._is_paused() or self._line.refuses:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]
+
+    def _is_paused(self) -> bool:
+        return self._is_off or self._resting.balance
 
     def _may(self, side: Side, now: float) -> bool:
         state = self._sides[side]

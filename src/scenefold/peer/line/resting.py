@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Resting:
-    """Set by upkeep.py alone. `repair`: holders that more than needed are complete without get nothing for now."""
+    """Set by upkeep.py alone. `repair`: holders that more than needed are complete without get nothing for now. `balance`: nothing is given to neighbours."""
 
     repair: bool = False
+    balance: bool = False

@@ -23,6 +23,7 @@ from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.ends import Side, touches, without
+from scenefold.peer.line.resting import Resting
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.store.statistics import Counts
 from scenefold.store.walking import Entry, Manifest, Rightful, Weighed
@@ -78,7 +79,8 @@ class House:
         self.world = cast(World, SimpleNamespace(clock=TrioClock(), entropy=Dice(self.number)))
         self.handlers = Handlers(lambda: street.registry, self.own.mini, lambda mini: None)
         store, line, roster, log = cast(Any, self), self, cast(Any, self), street
-        self.balancer = Balancer(self.world, store, line, roster, log, self.own)
+        self.resting = Resting()
+        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting)
         self.sharing = Sharing(store, line, log, self.own, roster)
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
         self.draining = Draining(

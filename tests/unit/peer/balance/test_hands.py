@@ -73,13 +73,13 @@ async def test_a_loaded_end_is_shared_by_all(autojump_clock: trio.testing.MockCl
 async def test_a_paused_balancer_says_what_it_would_do(autojump_clock: trio.testing.MockClock) -> None:
     street = Street([64 * MIB] * 2)
     street.houses[0].fill_evenly(40, 50 * KIB)
-    street.houses[0].balancer.paused = True
+    street.houses[0].resting.balance = True
     async with running(street):
         await trio.sleep(20)
         report = street.houses[0].balancer.report()
         assert street.handovers == 0
         assert report["to_give"] == {"right": 1000 * KIB}
-        street.houses[0].balancer.paused = False
+        street.houses[0].resting.balance = False
         await until(street, lambda: street.handovers == 1)
 
 
@@ -109,6 +109,25 @@ async def test_a_newcomer_joins_beside_the_fullest_and_gets_half(autojump_clock:
         assert street.registry.order == (node(0), node(3), node(1), node(2))
         await until(street, lambda: newcomer.arc is not None)
     assert len(newcomer.sizes) == len(street.houses[1].sizes) == 2
+
+
+async def test_where_it_wants_to_stand_is_said_when_that_changes(
+    autojump_clock: trio.testing.MockClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "scenefold.peer.joining")
+    street = Street([64 * MIB] * 3)
+    newcomer, fullest = street.add_newcomer(64 * MIB), [street.houses[1]] * 3 + [street.houses[2]] * 2
+
+    async def refuse(*_: object) -> int:
+        raise Refused(RejectReason.BUSY, "the lease of an earlier incarnation lasts")
+
+    street.propose = refuse  # type: ignore[method-assign]
+    for house in fullest:
+        house.fill_evenly(64 * (1 + street.houses.index(house)), KIB)
+        house.measure()
+        with pytest.raises(Refused):
+            await newcomer.joining.join()
+    assert caplog.messages == [f"joining left of {address_of(house.me)}" for house in (street.houses[1], street.houses[2])]
 
 
 @pytest.mark.parametrize("place", ["random", Location.from_number(LAST.number // 3)])
@@ -184,7 +203,7 @@ async def test_who_owns_plenty_gets_nothing_by_asking(autojump_clock: trio.testi
     street = Street([64 * MIB] * 3)
     for house in street.houses:
         house.fill_evenly(60, 50 * KIB)
-        house.balancer.paused = True
+        house.resting.balance = True
     greedy, host = street.houses[:2]
     async with running(street):
         for _ in range(3):

@@ -30,7 +30,7 @@ class Weigher(Home):
 
     def others(self, world: World, line: Line) -> list[Any]:
         parts = line.parts
-        self.balancer = Balancer(world, parts.store, line, self.roster, self.street.log, parts.own)
+        self.balancer = Balancer(world, parts.store, line, self.roster, self.street.log, parts.own, parts.resting)
         load = OwnLoad(world.clock, parts.store, lambda: line.arc, lambda: parts.keeper.copies.custody, 0)
 
         async def balance(*, task_status: trio.TaskStatus[None]) -> None:
