@@ -134,8 +134,10 @@ class Liar:
         return self.dice.choice(found) if found else None
 
     def wrong(self, place: Place, record: RecordBytes, how: int) -> RecordBytes:
-        """Something else than a record, which nobody may take for it, made in one of WAYS."""
+        """Something else than a record, which nobody may take for it, made in one of WAYS. What is only left of one has no ciphertext to spoil."""
         match how:
+            case 0 | 3 if not record.ciphertext:
+                return replace(record, signature=flipped(record.signature, self.dice))
             case 0:
                 return replace(record, ciphertext=flipped(record.ciphertext, self.dice))
             case 1:
@@ -157,7 +159,7 @@ class Liar:
         header = RecordHeader.decode(record.header)
         key = self._keys().get(header.key_epoch)
         if key is None:
-            return replace(record, ciphertext=flipped(record.ciphertext, self.dice))
+            return self.wrong(place_of_record(record), record, 0)
         payload = self.dice.randbytes(40)
         writer = header.writer if as_writer else self.key.key_id
         changed = header._replace(

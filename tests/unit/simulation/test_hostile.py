@@ -5,23 +5,29 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import RecordHeader
+from scenefold.crypto import RecordHeader, SigningKey, seal_record
 from scenefold.peer.membership.proofs import Proofs
 from scenefold.simulation import laws
+from scenefold.simulation.cluster import Node
 from scenefold.simulation.faults import Kind
-from scenefold.simulation.liar import flipped
-from scenefold.simulation.lies import Way
+from scenefold.simulation.liar import WAYS, Liar, MadeUp, flipped, place_of_record
+from scenefold.simulation.lies import Lies, Way
 from scenefold.simulation.outcome import Order, Result
 from scenefold.simulation.recording import Recorder
 from scenefold.simulation.run import run
 from scenefold.store import Outcome, PutResult, record_changes
 from scenefold.store.judging import judge, judge_copy
-from scenefold.wire import PutItem
+from scenefold.wire import PutItem, RecordBytes
 
+KEY = SigningKey.from_seed(bytes(32))
 VOUCHING_SEEDS = 20
 """A lie about who hears whom comes to something in one of some five."""
 
@@ -31,6 +37,35 @@ def test_one_bit_is_turned_over(size: int) -> None:
     dice, data = random.Random(size), bytes(size)
     for _ in range(100):
         assert sum(byte.bit_count() for byte in flipped(data, dice)) == 1
+
+
+class LyingNode:
+    """As much of a node as its liar looks at while it makes something up."""
+
+    slot = 0
+    secrets = SimpleNamespace(signing=KEY)
+
+
+@pytest.mark.parametrize("keys", [{}, {0: bytes(24)}], ids=["without the key", "with the key"])
+def test_what_is_left_of_a_record_is_falsified_as_well_as_a_whole_one(keys: dict[int, bytes]) -> None:
+    node = cast(Node, LyingNode())
+    liar = Liar(node, Lies(lambda: 0, lambda _who, _where, _what: None), MadeUp(), lambda: keys, lambda: None, seed=0)
+    whole = seal_record(
+        b"payload",
+        scene=SceneId(1),
+        genesis=bytes(32),
+        space=SpaceId(1),
+        location=Location.from_number(5),
+        epoch=1,
+        seq=1,
+        session=1,
+        nonce=bytes(12),
+        symmetric_key=bytes(24),
+        signing_key=KEY,
+    )
+    for record in (RecordBytes(whole.signature, whole.header_bytes, part) for part in (whole.ciphertext, b"")):
+        for how in range(WAYS):
+            assert liar.wrong(place_of_record(record), record, how) != record
 
 
 def test_lies_are_told_and_datagrams_played_again_and_nothing_breaks() -> None:
