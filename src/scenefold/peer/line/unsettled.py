@@ -7,6 +7,7 @@ in a *doubted* part of the arc is all unsettled, whoever wrote it and when.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -72,6 +73,10 @@ class Pending:
             await self.settled.wait()
 
 
+PAGE = 512
+"""What is pending may be much: who walks through all of it lets others run after so many."""
+
+
 class Doubt(NamedTuple):
     """A part of the arc of which all that has this layout is unsettled. `rules`: 2, or only the second one."""
 
@@ -89,13 +94,12 @@ class Unsettled:
     doubts: tuple[Doubt, ...] = ()
     _count: int = 0
     _by_name: dict[Name, list[Pending]] = field(default_factory=dict)
+    _homes: Counter[Location] = field(default_factory=Counter)
+    """Of how many records with these homes something is pending."""
     _changed: trio.Event = field(default_factory=trio.Event)
 
     def __len__(self) -> int:
         return self._count
-
-    def __iter__(self) -> Iterator[Pending]:
-        return iter([pending for found in self._by_name.values() for pending in found])
 
     @property
     def is_quiet(self) -> bool:
@@ -108,10 +112,14 @@ class Unsettled:
         """The versions of a record that are pending, in the order in which they were given to the store."""
         return list(self._by_name.get(name, ()))
 
-    def listed(self, scene: SceneId, space: SpaceId, arc: Arc) -> list[Pending]:
-        """What is pending in an arc of a space."""
-        found = [pending for name, pending in self._by_name.items() if name[:2] == (scene, space)]
-        return [one for pending in found for one in pending if one.home in arc or one.spot.place.location in arc]
+    def pages(self) -> Iterator[Sequence[Pending]]:
+        """All that is pending when this is called, a part at a time."""
+        found = [pending for versions in self._by_name.values() for pending in versions]
+        return (found[start : start + PAGE] for start in range(0, len(found), PAGE))
+
+    def listed(self, scene: SceneId, space: SpaceId, arc: Arc) -> Iterator[Sequence[Pending]]:
+        """What is pending in an arc of a space when this is called, a part at a time."""
+        return ([one for one in page if _is_listed(one.spot, scene, space, arc)] for page in self.pages())
 
     def is_doubted(self, layout: Layout, arc: Arc) -> bool:
         """Whether anything of this layout in the arc may be unsettled without being pending."""
@@ -123,7 +131,9 @@ class Unsettled:
             return False
         if not self.is_read or any(doubt.arc.intersection(piece) is not None for doubt in self.doubts):
             return True
-        return any(pending.home in piece for found in self._by_name.values() for pending in found)
+        if piece.first == piece.last:
+            return piece.first in self._homes
+        return any(home in piece for home in self._homes)
 
     async def until(self, is_so: Callable[[], bool]) -> None:
         """Return once that is so; looked at again whenever something here has changed but what is pending."""
@@ -135,6 +145,8 @@ class Unsettled:
     def add(self, pending: Pending, *, is_oldest: bool = False) -> None:
         """Before it is given to the store: nobody must see it there and not here."""
         found = self._by_name.setdefault(name_of(pending.spot), [])
+        if not found:
+            self._homes[pending.home] += 1
         found.insert(0 if is_oldest else len(found), pending)
         self._count += 1
 
@@ -183,8 +195,11 @@ class Unsettled:
         self._count -= len(found) - len(left)
         if left:
             self._by_name[name] = left
-        else:
-            self._by_name.pop(name, None)
+        elif self._by_name.pop(name, None):
+            home = found[0].home
+            self._homes[home] -= 1
+            if not self._homes[home]:
+                del self._homes[home]
 
     def _announce(self) -> None:
         self._changed.set()
@@ -200,6 +215,10 @@ async def first_unsettled(pendings: Sequence[Pending], until: float) -> Pending 
             if not pending.is_settled:
                 return pending
     return None
+
+
+def _is_listed(spot: Spot, scene: SceneId, space: SpaceId, arc: Arc) -> bool:
+    return spot.place[:2] == (scene, space) and (spot.place.location in arc or spot.home in arc)
 
 
 def _finish(pending: Pending) -> None:

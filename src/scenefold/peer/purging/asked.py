@@ -41,8 +41,8 @@ _TEXT_MAX = 256
 class Asked:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, in_hand: Callable[[], set[Name]]) -> None:
-        """`in_hand`: of what records there are versions in memory that may still be sent."""
+    def __init__(self, parts: Parts, in_hand: Callable[[Name], bool]) -> None:
+        """`in_hand`: whether there is a version of a record in memory that may still be sent."""
         self._parts = parts
         self._in_hand = in_hand
 
@@ -64,7 +64,7 @@ class Asked:
         spots = [spot_in(order.scene, item) for item in order.items]
         if not parts.store.mark_bygone([(spot, rank_of(item.version)) for spot, item in zip(spots, order.items, strict=True)]):
             raise Refused(RejectReason.NOT_READY, "too much was purged lately to remember more", remedy="go on in some minutes")
-        in_hand = self._in_hand()
+        in_hand = set(filter(self._in_hand, map(name_of, spots)))
         with trio.move_on_after(CARRIED_S_MAX) as patience:
             await parts.carrying.ended()
         if patience.cancelled_caught:

@@ -51,8 +51,8 @@ States = Mapping[Member, Sequence[PlaceState]]
 class Copies(Protocol):
     """What is known of what is sent to holders (replication/spreading.py)."""
 
-    def in_hand(self) -> set[Name]:
-        """Of what records there are versions in memory that may still be sent."""
+    def in_hand(self, name: Name, /) -> bool:
+        """Whether there is a version of a record in memory that may still be sent."""
         ...
 
     def is_bound(self, scene: SceneId, space: SpaceId, arc: Arc, /) -> bool:
@@ -103,10 +103,9 @@ class Purging:
         parts = self._parts
         found = await parts.store.read(spots)
         debtors = await parts.store.debtors_of(spots)
-        in_hand = self._copies.in_hand()
         met: dict[int, Refused | None] = {}
         for index, (item, spot, record, owed) in enumerate(zip(order.items, spots, found, debtors, strict=True)):
-            waits = self._waits_for(scene, spot, in_hand)
+            waits = self._waits_for(scene, spot)
             if not parts.keeper.holding.owns(spot.home):
                 met[index] = Refused(RejectReason.NOT_MY_LOCATION, "the place is another node's")
             elif isinstance(record, Record) and told_version(record.header_bytes) != item.version:
@@ -119,7 +118,7 @@ class Purging:
                 met[index] = _later("the record has rotted, and is not healed yet")
         return met
 
-    def _waits_for(self, scene: KnownScene, spot: Spot, in_hand: set[Name]) -> str:
+    def _waits_for(self, scene: KnownScene, spot: Spot) -> str:
         """What has to end before the place can be asked for; "" for nothing."""
         parts, here = self._parts, Arc(spot.home, spot.home)
         copies, layout = parts.keeper.copies, scene.layouts.get(spot.place.space, ())
@@ -127,7 +126,8 @@ class Purging:
             return "the place is being handed over"
         if not copies.is_recovered(here):
             return "not all is known yet that was acknowledged there"
-        if name_of(spot) in in_hand or parts.unsettled.of(name_of(spot)) or (layout and parts.unsettled.is_doubted(layout, here)):
+        name = name_of(spot)
+        if self._copies.in_hand(name) or parts.unsettled.of(name) or (layout and parts.unsettled.is_doubted(layout, here)):
             return "too few have the record yet"
         if self._copies.is_bound(*spot.place[:2], here):
             return "who holds its copies is changing"
@@ -164,7 +164,7 @@ class Purging:
         await self._each(asked, partial(self._ask_again, position, boots))
         left = _left(states, len(spots))
         for index, spot in enumerate(spots):
-            waits = self._waits_for(scene, spot, self._copies.in_hand())
+            waits = self._waits_for(scene, spot)
             if waits:
                 left.setdefault(index, waits)
         self._require_owned(position, [spot for index, spot in enumerate(spots) if index not in left])

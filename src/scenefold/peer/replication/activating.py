@@ -7,12 +7,15 @@ after that, and whatever is acknowledged during the look, or behind it, is safe 
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import trio
 
 from scenefold.base.errors import Refused
+from scenefold.base.location import Location
+from scenefold.base.placement import Layout
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.segment import Segment
 from scenefold.peer.line.parts import Parts
@@ -24,6 +27,26 @@ AGAIN_S = 1.0
 """Between two looks at debts that are being paid."""
 
 _log = logging.getLogger("scenefold.peer.replication")
+
+
+Owed = Mapping[Segment, set[frozenset[Member]]]
+"""Of each record that is owed to new holders of these segments, to whom."""
+
+
+class _Looked:
+    """What is owed, to be found by place: there may be as many debts as records, and thousands of segments."""
+
+    def __init__(self, owed: Owed) -> None:
+        self._by_layout: dict[Layout, tuple[list[Location], list[tuple[Segment, set[frozenset[Member]]]]]] = {}
+        for segment, found in sorted(owed.items(), key=lambda one: one[0].arc.first):
+            firsts, listed = self._by_layout.setdefault(segment.layout, ([], []))
+            firsts.append(segment.arc.first)
+            listed.append((segment, found))
+
+    def at(self, layout: Layout, location: Location) -> tuple[Segment, set[frozenset[Member]]] | None:
+        firsts, listed = self._by_layout.get(layout, ((), ()))
+        index = bisect_right(firsts, location) - 1
+        return listed[index] if index >= 0 and location in listed[index][0].arc else None
 
 
 class Activating:
@@ -52,33 +75,37 @@ class Activating:
         after = await self._parts.keeper.change_copies(lambda copies, _holding: activated(copies, owed))
         self._parts.events["configurations"] += after is not before
 
-    async def _owed(self, ready: Sequence[Segment]) -> dict[Segment, set[frozenset[Member]]]:
-        """Of each record that is owed to new holders of these segments, to whom."""
-        found: dict[Segment, set[frozenset[Member]]] = {segment: set() for segment in ready}
+    async def _owed(self, ready: Sequence[Segment]) -> Owed:
+        found: Owed = {segment: set() for segment in ready}
+        looked = _Looked(found)
         new = {holder.node for segment in ready if segment.change is not None for holder in segment.change.holders}
         after: bytes | None = None
         while not new.isdisjoint(self._parts.store.owed):
             page = await self._parts.store.debts(after, DEBTS_PAGE)
             for debt in page.debts:
-                self._note(debt, found)
+                self._note(debt, looked)
             after = page.after
             if after is None:
                 break
         return found
 
-    def _note(self, debt: Debt, found: dict[Segment, set[frozenset[Member]]]) -> None:
-        place, home = debt.spot.place, debt.spot.home
-        layouts = [scene.layouts.get(place.space) for scene in self._parts.scenes.everyone() if scene.public.scene == place.scene]
-        for segment, owed in found.items():
-            if segment.change is not None and segment.layout in layouts and home in segment.arc:
-                owed.add(frozenset(holder for holder in segment.change.holders if holder.node in debt.nodes))
+    def _note(self, debt: Debt, looked: _Looked) -> None:
+        known = self._parts.scenes.here(debt.spot.place.scene)
+        layout = None if known is None else known.layouts.get(debt.spot.place.space)
+        found = None if layout is None else looked.at(layout, debt.spot.home)
+        if found is not None:
+            segment, owed = found
+            assert segment.change is not None
+            owed.add(frozenset(holder for holder in segment.change.holders if holder.node in debt.nodes))
 
 
-def activated(copies: Copies, owed: dict[Segment, set[frozenset[Member]]]) -> Copies:
+def activated(copies: Copies, owed: Owed) -> Copies:
     """With what is ready, unless it is not what was looked at. `owed`: by the segments as they were then."""
+    looked = _Looked(owed)
 
     def debts(segment: Segment) -> Iterable[Collection[Member]] | None:
-        return next((found for seen, found in owed.items() if _is_still(segment, seen)), None)
+        found = looked.at(segment.layout, segment.arc.first)
+        return found[1] if found is not None and _is_still(segment, found[0]) else None
 
     configurations = copies.configurations.activate(debts)
     return copies if configurations is copies.configurations else replace(copies, configurations=configurations)

@@ -47,7 +47,7 @@ class Judging:
                     self._start(lane)
                 while True:
                     copies, news = self._parts.keeper.copies, self._parts.knowing.news
-                    self._judge_all()
+                    await self._judge_all()
                     await self.turning.changed_after(copies, news)
             finally:
                 # Whoever still answers while this life ends sends nothing any more.
@@ -57,7 +57,7 @@ class Judging:
 
     def layout_of(self, scene: SceneId, space: SpaceId) -> Layout | None:
         """() for a space with one copy; None if the scene is unknown here."""
-        known = next((known for known in self._parts.scenes.everyone() if known.public.scene == scene), None)
+        known = self._parts.scenes.here(scene)
         return None if known is None else known.layouts.get(space, ())
 
     def rule_at(self, layout: Layout, spot: Spot) -> Rule | None:
@@ -76,9 +76,9 @@ class Judging:
         """How many have to have a record of a space that asks for so many."""
         return min(wanted, max(1, len(self._parts.cluster_log.registry.order)))
 
-    def in_hand(self) -> set[Name]:
-        """Of what records there are versions in memory that may still be sent."""
-        return {name_of(spot) for lane in self._lanes.values() for spot in lane.in_hand}
+    def in_hand(self, name: Name) -> bool:
+        """Whether there is a version of a record in memory that may still be sent."""
+        return any(lane.has_of(name) for lane in self._lanes.values())
 
     def could_settle(self, rule: Rule, wanted: int) -> bool:
         """Whether those who seem to be there are enough."""
@@ -159,17 +159,13 @@ class Judging:
             self._unsettled.doubt(Doubt(layout, arc, rules=1))
         self._doubted = self._layouts()
 
-    def _judge_all(self) -> None:
-        layouts = {known.public.scene: known.layouts for known in self._parts.scenes.everyone()} if len(self._unsettled) else {}
-        for pending in self._unsettled:
-            if pending.is_settled or not pending.is_stored:
-                continue
-            layout = layouts.get(pending.spot.place.scene, {}).get(pending.spot.place.space, pending.layout)
-            if layout:
-                pending.layout = layout
-                self.send(pending)
-            elif self._is_free(pending, pending.have):
-                self._settle(pending)
+    async def _judge_all(self) -> None:
+        """What is written, or what changes, while this goes on is judged by what is known then: that it has changed begins this anew."""
+        for page in self._unsettled.pages():
+            for pending in page:
+                if not pending.is_settled and pending.is_stored:
+                    self._judge(pending)
+            await trio.lowlevel.checkpoint()
         if self._unsettled.doubts:
             self.doubt_turned()
             for segment in self._parts.keeper.copies.configurations.segments:
@@ -177,6 +173,16 @@ class Judging:
             for doubt in self._unsettled.doubts:
                 if not doubt.layout and not self.turning.is_bound(doubt.layout, doubt.arc):
                     self._unsettled.clear(doubt.layout, doubt.arc, doubt.rules)
+
+    def _judge(self, pending: Pending) -> None:
+        place = pending.spot.place
+        known = self._parts.scenes.here(place.scene)
+        layout = pending.layout if known is None else known.layouts.get(place.space, pending.layout)
+        if layout:
+            pending.layout = layout
+            self.send(pending)
+        elif self._is_free(pending, pending.have):
+            self._settle(pending)
 
     def _judge_doubts(self, segment: Segment) -> None:
         rule = self.rule_of(segment)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Protocol
 
@@ -25,8 +25,9 @@ from scenefold.crypto import Record
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
-from scenefold.peer.line.unsettled import Pending
+from scenefold.peer.line.unsettled import Name, Pending
 from scenefold.peer.replication.batch_size import BatchSize
+from scenefold.peer.replication.in_hand import InHand
 from scenefold.store import Spot
 from scenefold.store.versions import version_of
 from scenefold.wire import CopiesStored, HandItem, Member, StoreCopies
@@ -87,7 +88,7 @@ class Lane:
         self._pauses = Pauses(parts.world)
         self._queue: OrderedDict[Pending, None] = OrderedDict()
         self._queued_bytes = 0
-        self._known: dict[Pending, None] = {}
+        self._known = InHand()
         """All that wait here, are on their way, or were refused and are sent again."""
         self._refused: set[Pending] = set()
         """Of these, who wait until they are sent again."""
@@ -104,10 +105,9 @@ class Lane:
     def has(self, pending: Pending) -> bool:
         return pending in self._known
 
-    @property
-    def in_hand(self) -> Iterator[Spot]:
-        """Of what records lie here that may still be sent, whatever lies on the disk by now."""
-        return (pending.spot for pending in self._known)
+    def has_of(self, name: Name) -> bool:
+        """Whether a version of this record lies here that may still be sent, whatever lies on the disk by now."""
+        return self._known.has_of(name)
 
     @property
     def is_down(self) -> bool:
@@ -129,7 +129,7 @@ class Lane:
     def send(self, pending: Pending) -> None:
         """Have it sent, unless that is under way."""
         if pending not in self._known:
-            self._known[pending] = None
+            self._known.add(pending)
             self._enqueue(pending, first=False)
 
     def settled(self, pending: Pending) -> None:
@@ -209,7 +209,7 @@ class Lane:
         left = [pending for pending in gone if not self._desk.is_replaced(pending)]
         for pending in gone:
             if pending not in left:
-                del self._known[pending]
+                self._known.remove(pending)
         if not sent:
             return left
         packet = StoreCopies(self._parts.own.member, tuple(item for _, item in sent))
@@ -221,7 +221,7 @@ class Lane:
             raise Unreachable("the holder has another incarnation now", where=address_of(self.node))
         taken = [pending for (pending, _), reason in zip(sent, reply.reasons, strict=True) if reason == 0]
         for pending in taken:
-            del self._known[pending]
+            self._known.remove(pending)
         await self._desk.taken(member, taken)
         return left + [pending for (pending, _), reason in zip(sent, reply.reasons, strict=True) if reason]
 
@@ -276,7 +276,7 @@ class Lane:
 
     def _leave(self, pending: Pending) -> None:
         """It is a debt from now on, and no longer remembered."""
-        del self._known[pending]
+        self._known.remove(pending)
         self.fall_behind()
 
     def _enqueue(self, pending: Pending, *, first: bool) -> None:

@@ -58,8 +58,10 @@ class Settled:
             return True
         if not self._unsettled.is_read and self._judging.layout_of(scene, space) and not await self._read_before(until):
             return False
-        if await first_unsettled(self._unsettled.listed(scene, space, arc), until) is not None:
-            return False
+        for page in self._unsettled.listed(scene, space, arc):
+            if await first_unsettled(page, until) is not None:
+                return False
+            await trio.lowlevel.checkpoint()
         return await self._undoubted([(scene, space, arc)], until)
 
     async def _owe(self, spots: Sequence[Spot]) -> bool:

@@ -87,9 +87,9 @@ class Spreading:
             nursery.start_soon(beginning.run)
             task_status.started()
 
-    def in_hand(self) -> set[Name]:
-        """Of what records there are versions in memory that may still be sent to holders, whatever lies on the disk by now."""
-        return self._judging.in_hand()
+    def in_hand(self, name: Name) -> bool:
+        """Whether there is a version of a record in memory that may still be sent to holders, whatever lies on the disk by now."""
+        return self._judging.in_hand(name)
 
     def is_bound(self, scene: SceneId, space: SpaceId, arc: Arc) -> bool:
         """Whether somebody may still be answered there by a layout that the space had before."""

@@ -8,7 +8,7 @@ import trio.testing
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import RecordPlace, wanted_place
-from scenefold.peer.line.unsettled import Doubt, Pending, Unsettled, first_unsettled, name_of
+from scenefold.peer.line.unsettled import PAGE, Doubt, Pending, Unsettled, first_unsettled, name_of
 from scenefold.store import Spot
 from scenefold.wire import Member
 
@@ -65,8 +65,8 @@ def test_a_piece_is_unsettled_by_the_homes_in_it() -> None:
     assert not unsettled.within(arc(5, 5)), "it lies there, but another decides about it"
     home = wanted_place(name)
     assert unsettled.within(Arc(home, home))
-    assert unsettled.listed(SceneId(1), SpaceId(2), arc(0, 9)) == [thing], "it would be listed where it lies"
-    assert unsettled.listed(SceneId(1), SpaceId(3), arc(0, 9)) == []
+    assert list(unsettled.listed(SceneId(1), SpaceId(2), arc(0, 9))) == [[thing]], "it would be listed where it lies"
+    assert not any(unsettled.listed(SceneId(1), SpaceId(3), arc(0, 9)))
 
 
 def test_doubts_end_where_it_is_known_that_all_counts() -> None:
@@ -111,3 +111,28 @@ def test_who_waits_hears_of_it_and_waits_no_longer_than_he_said() -> None:
         assert await first_unsettled([first], trio.current_time() + 1000.0) is None
 
     trio.run(main)
+
+
+def test_what_is_walked_through_comes_a_page_at_a_time_as_it_was() -> None:
+    unsettled = Unsettled()
+    all_of_it = [pending(place) for place in range(2 * PAGE + 1)]
+    for one in all_of_it:
+        unsettled.add(one)
+    pages = unsettled.listed(SceneId(1), SpaceId(2), arc(1, 3 * PAGE))
+    unsettled.add(pending(3 * PAGE))
+    unsettled.settle(all_of_it[-1])
+    assert [len(page) for page in pages] == [PAGE - 1, PAGE, 1], "what comes later was in no list that was made before"
+
+
+def test_a_place_is_unsettled_until_the_last_of_its_records_is() -> None:
+    """Records of several spaces have one home."""
+    unsettled = Unsettled()
+    one, other = pending(5), pending(5)
+    other.spot = Spot(RecordPlace(SceneId(1), SpaceId(3), Location.from_number(5)))
+    for found in (one, other, second := pending(5, 2)):
+        unsettled.add(found)
+    unsettled.drop(one)
+    unsettled.settle(other)
+    assert unsettled.within(arc(5, 5)) and unsettled.within(arc(0, 9))
+    unsettled.settle(second)
+    assert not unsettled.within(arc(5, 5)) and not unsettled.within(arc(0, 9))
