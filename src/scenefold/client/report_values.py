@@ -5,6 +5,8 @@ What is printed could else write lines of others, or move a terminal's cursor.
 
 from __future__ import annotations
 
+from typing import Any
+
 from scenefold.base.ids import address_of, checked_node_id
 from scenefold.base.location import Location
 from scenefold.base.plain_values import number, whole
@@ -25,6 +27,12 @@ def told_word(value: object) -> str:
     if not text.isprintable():
         raise ValueError("a word is expected")
     return text
+
+
+def told_map(value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError("a map is expected")
+    return value
 
 
 def told_location(text: str) -> Location:

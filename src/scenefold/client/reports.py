@@ -14,7 +14,7 @@ from scenefold.base.errors import PeerFault
 from scenefold.base.location import Arc
 from scenefold.base.prefixes import address_prefix
 from scenefold.client.copy_reports import CopiesReport, read_copies
-from scenefold.client.report_values import told_address, told_amount, told_count, told_location, told_seconds, told_word
+from scenefold.client.report_values import told_address, told_amount, told_count, told_location, told_map, told_seconds, told_word
 from scenefold.wire import unpack_value
 
 
@@ -131,7 +131,7 @@ class NodeReport:
     kept_apart: KeptApart
     scrub: ScrubReport | None
     paused: tuple[str, ...]
-    """What of its upkeep an administrator has paused: repair, scrub; a later node may say more."""
+    """What of its upkeep an administrator has paused: repair, scrub, balance; a later node may say more."""
     document: Mapping[str, Any]
     """All that it said."""
 
@@ -208,9 +208,9 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             dropped=told_count(events.get("datagrams dropped", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
             copies=read_copies(found.get("copies")),
-            kept_apart=_kept_apart(found.get("suspects", {})),
+            kept_apart=_kept_apart(told_map(found.get("suspects", {}))),
             scrub=_scrub(found["scrub"]) if found.get("scrub") else None,
-            paused=tuple(map(told_word, found.get("upkeep", {}).get("paused", ()))),
+            paused=tuple(map(told_word, told_map(found.get("upkeep", {})).get("paused", ()))),
             document=found,
         )
     except (KeyError, TypeError, ValueError, PeerFault) as problem:

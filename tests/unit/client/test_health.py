@@ -312,3 +312,12 @@ def test_words_in_a_report_are_on_one_line() -> None:
     for forged in ({"role": "member\nwarning: x"}, {"handovers": [handover(arc(0, 1), ADDRESSES[1], step="noted\x1b[2J")]}):
         with pytest.raises(PeerFault, match="cannot be read"):
             report(ADDRESSES[0], arc(0, 1), **forged)
+
+
+@pytest.mark.parametrize("nonsense", [5, None, "repair", ["repair"], {"paused": 5, "records": "x"}])
+def test_nonsense_in_a_report_of_upkeep_or_of_what_is_kept_apart_is_a_fault_of_the_node(nonsense: Any) -> None:
+    said = report(ADDRESSES[0], arc(0, 1), upkeep={"paused": ["repair"]}, suspects={"records": 2})
+    assert (said.paused, said.kept_apart.records) == (("repair",), 2)
+    for key in ("upkeep", "suspects"):
+        with pytest.raises(PeerFault, match="cannot be read"):
+            report(ADDRESSES[0], arc(0, 1), **{key: nonsense})
