@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from scenectl.copies import CopiesOption, MinCopiesOption
+from scenectl.errors import Interrupted
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 DryRun = Annotated[bool, Parameter(negative="", show_default=False)]
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+GOES_ON = "the same command with --resume goes on"
 
 
 def export(
@@ -120,8 +122,11 @@ def import_archive(
     with Progress(quiet=output.json) as progress:
         try:
             report = run(work, progress)
+        except Interrupted as ended:
+            ended.remedy = GOES_ON
+            raise
         except (Unreachable, Refused):
-            note("what was stored stays; once the reason is gone, the same command with --resume goes on")
+            note(f"what was stored stays; once the reason is gone, {GOES_ON}")
             raise
     text = f"{file} is in scene {name}: {report.records} records, {size_text(report.bytes)}, {report.seconds:.1f} s."
     text += "".join(f"\nspace {space} has the number {number} now" for space, number in report.renumbered.items())
@@ -140,9 +145,8 @@ def _look(name: str, file: Path, output: ProfileOutput) -> None:
 
     with Progress(quiet=output.json) as progress:
         checked = run(check, progress)
-    archived, totals = checked.archive.scene, checked.totals
+    archived, size = checked.archive.scene, checked.bytes
     spaces = [space.name for space in archived.spaces]
-    text = f"{file} has scene {archived.name} with {len(spaces)} spaces: {totals.records} records, {size_text(totals.size)}. It is whole."
-    emit(
-        output, {"scene": name, "file": str(file), "dry_run": True, "records": totals.records, "bytes": totals.size, "spaces": spaces}, text
-    )
+    text = f"{file} has scene {archived.name} with {len(spaces)} spaces: {checked.records} records, {size_text(size)}. It is whole."
+    told = {"scene": name, "file": str(file), "dry_run": True, "records": checked.records, "bytes": size, "spaces": spaces}
+    emit(output, told, text)

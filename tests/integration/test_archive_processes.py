@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 import tarfile
 from collections.abc import Iterator
@@ -97,6 +98,11 @@ def test_an_import_that_was_killed_goes_on(profile: str, tmp_path: Path) -> None
         process.kill()
     assert said, "it ended before it was killed"
     assert scenectl("scene", "info", "larder", "--json", profile=profile).json["has_content"] is False, "it shows nothing yet"
+    with subprocess.Popen([*slow, "--resume"], stderr=subprocess.PIPE, env=environment(profile)) as process:
+        assert process.stderr is not None
+        assert next((line for line in process.stderr if line.startswith(b"restore: ")), b"")
+        process.send_signal(signal.SIGINT)
+        assert b"the same command with --resume goes on" in process.stderr.read()
     done = scenectl(*arguments, "--resume", "--json", profile=profile)
     assert done.code == 0, done.err
     assert done.json["records"] == told["records"] and 0 < done.json["reused"] < told["records"]

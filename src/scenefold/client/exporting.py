@@ -22,7 +22,7 @@ from scenefold.client.progress import ProgressCallback, ProgressState, no_progre
 from scenefold.client.ranging import entries
 from scenefold.client.reencryption import Pace
 from scenefold.client.sealing import Opened
-from scenefold.client.together import together
+from scenefold.client.together import worked_off
 from scenefold.client.verifying import Key
 from scenefold.scene.archive import BATCH, ArchivedRecord, ArchivedScene, ArchivedSpace, NewArchive, check_free
 
@@ -109,31 +109,23 @@ class _Export:
         run = self._access.calls.world.workers.run
         self._total, self.report.listed = self.report.listed, 0
         await run("import", archive.begin, self._scene)
-        send, receive = trio.open_memory_channel[list[ArchivedRecord]](1)
-
-        async def add() -> None:
-            async with receive:
-                async for records in receive:
-                    await run("import", archive.add, records)
-
-        await together([partial(self._read, send), add])
+        await worked_off(self._read, partial(run, "import", archive.add), workers=1, ahead=1)
 
     async def _read(self, send: trio.MemorySendChannel[list[ArchivedRecord]]) -> None:
         report = self.report
-        async with send:
-            for space in self._scene.order:
-                before, met = report.records, set[bytes]()
-                async with aclosing(self._listed(space)) as listed:
-                    async for keys in listed:
-                        # An object that slides meanwhile is listed twice.
-                        fresh = [key for key in keys if len(key) == 2 or key[2] not in met]
-                        met.update(key[2] for key in fresh if len(key) == 3)
-                        records = await self._living(fresh)
-                        if records:
-                            await send.send(records)
-                        size, total = f"{report.bytes / 2**20:.1f} MiB", max(self._total, report.listed)
-                        self._progress(ProgressState(PHASE, report.listed, total, f"records, {size}, in space {space.name}"))
-                report.spaces[space.name] = report.records - before
+        for space in self._scene.order:
+            before, met = report.records, set[bytes]()
+            async with aclosing(self._listed(space)) as listed:
+                async for keys in listed:
+                    # An object that slides meanwhile is listed twice.
+                    fresh = [key for key in keys if len(key) == 2 or key[2] not in met]
+                    met.update(key[2] for key in fresh if len(key) == 3)
+                    records = await self._living(fresh)
+                    if records:
+                        await send.send(records)
+                    size, total = f"{report.bytes / 2**20:.1f} MiB", max(self._total, report.listed)
+                    self._progress(ProgressState(PHASE, report.listed, total, f"records, {size}, in space {space.name}"))
+            report.spaces[space.name] = report.records - before
 
     async def _living(self, keys: Sequence[Key]) -> list[ArchivedRecord]:
         """Those of these records that are not deleted."""

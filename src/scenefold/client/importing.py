@@ -23,13 +23,13 @@ import trio
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS, CLIENT_IMPORT_BATCHES
+from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS
 from scenefold.client.access import SceneAccess
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.progress import ProgressCallback, ProgressState
 from scenefold.client.reencryption import Pace
-from scenefold.client.together import together
+from scenefold.client.together import worked_off
 from scenefold.client.wishes import Wish
 from scenefold.world import World
 
@@ -151,24 +151,18 @@ class _Import:
 
     async def put_phase(self, items: Iterator[ImportItem]) -> None:
         """Store all items of a phase; they are durable, and the plan knows where they are, when this returns."""
-        send, receive = trio.open_memory_channel[_Batch](1)
-        storing = [partial(self._put_batches, receive.clone()) for _ in range(CLIENT_IMPORT_BATCHES)]
-        receive.close()
-        await together([partial(self._make_batches, items, send), *storing])
+        await worked_off(partial(self._make_batches, items), self._put_batch, ahead=1)
 
     async def _make_batches(self, items: Iterator[ImportItem], send: trio.MemorySendChannel[_Batch]) -> None:
-        async with send:
-            while batch := await self._access.calls.world.workers.run("import", _take, items):
-                await send.send(_Batch(batch, self._marks.latest))
+        while batch := await self._access.calls.world.workers.run("import", _take, items):
+            await send.send(_Batch(batch, self._marks.latest))
 
-    async def _put_batches(self, receive: trio.MemoryReceiveChannel[_Batch]) -> None:
-        async with receive:
-            async for batch in receive:
-                clock = self._access.calls.world.clock
-                await clock.sleep(self._pace.wait_s(clock.now(), sum(len(item.payload) for item in batch.items)))
-                await self._put_document([item for item in batch.items if item.replaces])
-                await self._put_records([item for item in batch.items if not item.replaces])
-                self._show(batch.mark)
+    async def _put_batch(self, batch: _Batch) -> None:
+        clock = self._access.calls.world.clock
+        await clock.sleep(self._pace.wait_s(clock.now(), sum(len(item.payload) for item in batch.items)))
+        await self._put_document([item for item in batch.items if item.replaces])
+        await self._put_records([item for item in batch.items if not item.replaces])
+        self._show(batch.mark)
 
     async def _put_records(self, items: list[ImportItem]) -> None:
         fresh = [FreshItem(item.space, item.location, item.payload) for item in items]

@@ -14,7 +14,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SpaceId
-from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_IMPORT_BATCHES
+from scenefold.base.limits import CLIENT_GET_KEYS
 from scenefold.client.calls import Calls
 from scenefold.client.progress import ProgressCallback, ProgressState, no_progress
 from scenefold.client.proof import Finding, Proof, Unlisted, Verdict, domains_of, newest_alone
@@ -23,7 +23,7 @@ from scenefold.client.proving_scenes import Checked, ShownScene, check_all, newe
 from scenefold.client.ranging import entries
 from scenefold.client.split import frames
 from scenefold.client.table import RoutingTable
-from scenefold.client.together import together
+from scenefold.client.together import together, worked_off
 from scenefold.client.verifying import Key
 from scenefold.crypto import wanted_place
 from scenefold.wire import RecordBytes
@@ -82,16 +82,12 @@ class Proving:
     # -------------------------------------------------------------------------------------------------- what there is
 
     async def _over(self, source: Callable[[trio.MemorySendChannel[Batch]], Awaitable[None]], *, is_last: bool = False) -> None:
-        send, receive = trio.open_memory_channel[Batch](0)
-        workers = [partial(self._work, receive.clone(), is_last) for _ in range(CLIENT_IMPORT_BATCHES)]
-        receive.close()
-        await together([partial(source, send), *workers])
+        await worked_off(source, partial(self._work, is_last))
 
     async def _list(self, send: trio.MemorySendChannel[Batch]) -> None:
-        async with send:
-            for index, scene in enumerate(self._scenes):
-                for space in scene.spaces:
-                    await self._list_space(send, index, space)
+        for index, scene in enumerate(self._scenes):
+            for space in scene.spaces:
+                await self._list_space(send, index, space)
 
     async def _list_space(self, send: trio.MemorySendChannel[Batch], index: int, space: SpaceId) -> None:
         """By the arcs of owners, so that one that is silent keeps nobody from the others."""
@@ -120,22 +116,20 @@ class Proving:
             self._proof.unlisted.append(what)
 
     async def _again(self, suspects: Sequence[tuple[int, Key]], send: trio.MemorySendChannel[Batch]) -> None:
-        async with send:
-            for index in range(len(self._scenes)):
-                keys = [key for number, key in suspects if number == index]
-                for part in frames(range(len(keys)), [1] * len(keys), CLIENT_GET_KEYS):
-                    await send.send((index, [keys[place] for place in part]))
+        for index in range(len(self._scenes)):
+            keys = [key for number, key in suspects if number == index]
+            for part in frames(range(len(keys)), [1] * len(keys), CLIENT_GET_KEYS):
+                await send.send((index, [keys[place] for place in part]))
 
-    async def _work(self, receive: trio.MemoryReceiveChannel[Batch], is_last: bool) -> None:
-        async with receive:
-            async for index, keys in receive:
-                for finding in await self._look(index, keys):
-                    if finding.is_worth_another_look and not is_last and len(self._suspects) < SUSPECTS_MAX:
-                        self._suspects.append((index, finding.key))
-                    else:
-                        self._proof.add(finding)
-                self._proof.bytes = self._reads.bytes
-                self._tell()
+    async def _work(self, is_last: bool, batch: Batch) -> None:
+        index, keys = batch
+        for finding in await self._look(index, keys):
+            if finding.is_worth_another_look and not is_last and len(self._suspects) < SUSPECTS_MAX:
+                self._suspects.append((index, finding.key))
+            else:
+                self._proof.add(finding)
+        self._proof.bytes = self._reads.bytes
+        self._tell()
 
     def _tell(self) -> None:
         proof, done = self._proof, self._proof.records + len(self._suspects)

@@ -14,7 +14,7 @@ import trio
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_IMPORT_BATCHES, CLIENT_TRIES_MAX
+from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_TRIES_MAX
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
@@ -22,7 +22,7 @@ from scenefold.client.progress import ProgressCallback, ProgressState, no_progre
 from scenefold.client.ranging import entries
 from scenefold.client.reencryption import Pace, Reencryption, is_damaged, under_older_keys
 from scenefold.client.sealing import Opened, SceneIdentity, open_all
-from scenefold.client.together import together
+from scenefold.client.together import worked_off
 from scenefold.client.verifying import Key, NewerThanKnown
 from scenefold.client.wishes import Placed, Wish
 from scenefold.crypto import signed_place
@@ -114,45 +114,37 @@ class _Work:
         self.state.begin_walk()
         self.state.begun = self._access.calls.world.clock.now()
         self.state.unreadable = 0
-        send, receive = trio.open_memory_channel[list[Key]](0)
-        workers = [partial(self._renew_all, receive.clone()) for _ in range(CLIENT_IMPORT_BATCHES)]
-        receive.close()
-        await together([partial(self._list, spaces, send), *workers])
+        await worked_off(partial(self._list, spaces), self._renew_all)
 
     async def _list(self, spaces: Sequence[SpaceId], send: trio.MemorySendChannel[list[Key]]) -> None:
-        async with send:
-            for space in spaces:
-                batch: list[Key] = []
-                async with self._listed(space) as listed:
-                    async for location, object_id in listed:
-                        batch.append((space, location, object_id) if object_id else (space, location))
-                        if len(batch) == CLIENT_GET_KEYS:
-                            await send.send(batch)
-                            batch = []
-                if batch:
-                    await send.send(batch)
+        for space in spaces:
+            batch: list[Key] = []
+            async with self._listed(space) as listed:
+                async for location, object_id in listed:
+                    batch.append((space, location, object_id) if object_id else (space, location))
+                    if len(batch) == CLIENT_GET_KEYS:
+                        await send.send(batch)
+                        batch = []
+            if batch:
+                await send.send(batch)
 
     def _listed(self, space: SpaceId) -> aclosing[AsyncGenerator[tuple[Location, bytes], None]]:
         """All places of a space; closed where the walk is ended in the midst of them."""
         access = self._access
         return aclosing(entries(access.calls, access.identity.scene, space, FIRST, LAST, stale_ok=False))
 
-    async def _renew_all(self, receive: trio.MemoryReceiveChannel[list[Key]]) -> None:
-        clock = self._access.calls.world.clock
-        async with receive:
-            async for batch in receive:
-                count = len(batch)
-                keys: Sequence[Key] = batch
-                for _ in range(CLIENT_TRIES_MAX):
-                    keys = await self._renew(keys)
-                    if not keys:
-                        break
-                else:
-                    # Whoever wrote there wrote under the new key; a node that says otherwise is not one to wait for.
-                    for key in keys:
-                        self.state.complain(f"space {key[0]}, {key[1].hex()}: its owner takes no newer version, and shows none")
-                self.state.walked += count
-                self._progress(self.state.progress(clock.now()))
+    async def _renew_all(self, batch: Sequence[Key]) -> None:
+        keys = batch
+        for _ in range(CLIENT_TRIES_MAX):
+            keys = await self._renew(keys)
+            if not keys:
+                break
+        else:
+            # Whoever wrote there wrote under the new key; a node that says otherwise is not one to wait for.
+            for key in keys:
+                self.state.complain(f"space {key[0]}, {key[1].hex()}: its owner takes no newer version, and shows none")
+        self.state.walked += len(batch)
+        self._progress(self.state.progress(self._access.calls.world.clock.now()))
 
     async def _renew(self, keys: Sequence[Key]) -> Sequence[Key]:
         """Seal anew what needs it; gives what somebody else wrote meanwhile, to be looked at again."""

@@ -16,7 +16,6 @@ import trio
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import CLIENT_IMPORT_BATCHES
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
@@ -24,10 +23,10 @@ from scenefold.client.copies import Copies, is_so_already, new_copies
 from scenefold.client.new_space import new_space
 from scenefold.client.progress import ProgressCallback, ProgressState, callback_of
 from scenefold.client.reencryption import Pace
-from scenefold.client.together import together
+from scenefold.client.together import worked_off
 from scenefold.client.wishes import Wish
 from scenefold.crypto import EXPECTS_NOTHING, signed_place
-from scenefold.scene.archive import Archive, ArchivedRecord, ArchivedSpace, Totals, position_after
+from scenefold.scene.archive import Archive, ArchivedRecord, ArchivedSpace, position_after
 from scenefold.scene.log import LoggedSpace, SceneLog
 from scenefold.scene.log.growing import items_of
 from scenefold.wire import LogEntry, ScaleSpace, TranslateSpace
@@ -90,7 +89,8 @@ class CheckedArchive:
     """A file that was read to its end, and is good. `copies`: what all spaces shall have, if it is not what they had."""
 
     archive: Archive
-    totals: Totals
+    records: int
+    bytes: int
     copies: Copies | None
 
     def copies_of(self, space: ArchivedSpace) -> Copies:
@@ -105,14 +105,22 @@ class CheckedArchive:
 async def check_archive(world: World, path: Path, options: RestoreOptions) -> CheckedArchive:
     """Read all of it; LocalFault if it is no archive, or another than was written."""
     tell = callback_of(options.progress)
-    tell(ProgressState("check", 0, 1, "file"))
     copies = None if options.copies is None else Copies.checked("the archive", options.copies, options.copies_min)
     if options.copies is None and options.copies_min is not None:
         raise UsageFault("how many copies there shall be is missing", where="copies_min", remedy="give copies, too")
     archive = await world.workers.run("import", Archive, path)
-    totals = await world.workers.run("import", archive.check)
-    tell(ProgressState("check", 1, 1, "file"))
-    return CheckedArchive(archive, totals, copies)
+    batches, records, size = archive.batches(), 0, 0
+    # A part at a time: who interrupts it waits for no more than that, however large the file is.
+    while (batch := await _next(world, batches)) is not None:
+        records += len(batch)
+        size += sum(len(record.payload) for record in batch)
+        tell(ProgressState("check", records, None, f"records, {size / 2**20:.1f} MiB"))
+    return CheckedArchive(archive, records, size, copies)
+
+
+async def _next(world: World, batches: Iterator[list[ArchivedRecord]]) -> list[ArchivedRecord] | None:
+    """None: that were all, and they are what the archive says."""
+    return await world.workers.run("import", next, batches, None)
 
 
 def check_new(name: str, known: Sequence[str], options: RestoreOptions) -> None:
@@ -134,7 +142,7 @@ async def restore(access: SceneAccess, checked: CheckedArchive, options: Restore
         if home.id != space.id:
             report.renumbered[space.name] = home.id
     tell(ProgressState("spaces", len(spaces), len(spaces), "spaces"))
-    await _Restore(access, homes, Pace(options.bytes_per_s), tell, report, checked.totals).put_all(checked.archive)
+    await _Restore(access, homes, Pace(options.bytes_per_s), tell, report, checked.records).put_all(checked.archive)
     report.seconds = clock.now() - begun
     return report
 
@@ -211,47 +219,38 @@ class _Restore:
         pace: Pace,
         progress: ProgressCallback,
         report: RestoreReport,
-        totals: Totals,
+        total: int,
     ) -> None:
         self._access = access
         self._homes = homes
         self._pace = pace
         self._progress = progress
         self._report = report
-        self._totals = totals
+        self._total = total
 
     async def put_all(self, archive: Archive) -> None:
         """All records; those of the space that makes an import visible only once all others are durable."""
-        batches = archive.batches()
-        held: list[ArchivedRecord] | None = await self._next(batches)
+        next_batch, batches = partial(_next, self._access.calls.world), archive.batches()
+        held = await next_batch(batches)
 
         async def read(send: trio.MemorySendChannel[list[ArchivedRecord]], *, is_visible: bool) -> None:
             nonlocal held
-            async with send:
-                while held is not None and (held[0].space == VISIBLE) == is_visible:
-                    await send.send(held)
-                    held = await self._next(batches)
+            while held is not None and (held[0].space == VISIBLE) == is_visible:
+                await send.send(held)
+                held = await next_batch(batches)
 
         for is_visible in (False, True):
-            send, receive = trio.open_memory_channel[list[ArchivedRecord]](1)
-            workers = [partial(self._put_batches, receive.clone()) for _ in range(CLIENT_IMPORT_BATCHES)]
-            receive.close()
-            await together([partial(read, send, is_visible=is_visible), *workers])
+            await worked_off(partial(read, is_visible=is_visible), self._put_batch, ahead=1)
 
-    async def _next(self, batches: Iterator[list[ArchivedRecord]]) -> list[ArchivedRecord] | None:
-        return await self._access.calls.world.workers.run("import", next, batches, None)
-
-    async def _put_batches(self, receive: trio.MemoryReceiveChannel[list[ArchivedRecord]]) -> None:
-        clock, report, totals = self._access.calls.world.clock, self._report, self._totals
-        async with receive:
-            async for batch in receive:
-                size = sum(len(record.payload) for record in batch)
-                await clock.sleep(self._pace.wait_s(clock.now(), size))
-                reused = await self._put(batch)
-                report.reused += reused
-                report.records += len(batch)
-                report.bytes += size
-                self._progress(ProgressState(PHASE, report.records, totals.records, f"records, {report.bytes / 2**20:.1f} MiB"))
+    async def _put_batch(self, batch: Sequence[ArchivedRecord]) -> None:
+        clock, report = self._access.calls.world.clock, self._report
+        size = sum(len(record.payload) for record in batch)
+        await clock.sleep(self._pace.wait_s(clock.now(), size))
+        reused = await self._put(batch)
+        report.reused += reused
+        report.records += len(batch)
+        report.bytes += size
+        self._progress(ProgressState(PHASE, report.records, self._total, f"records, {report.bytes / 2**20:.1f} MiB"))
 
     async def _put(self, batch: Sequence[ArchivedRecord]) -> int:
         """Store what is not there; how much was."""

@@ -87,7 +87,6 @@ def untimed(records: Sequence[ArchivedRecord]) -> list[ArchivedRecord]:
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     place = written(tmp_path)
     assert read(place) == (SCENE, untimed(RECORDS))
-    assert (Archive(place).check().records, Archive(place).check().size) == (5, sum(len(record.payload) for record in RECORDS))
     assert [path.name for path in tmp_path.iterdir()] == ["kitchen.tar"]
     assert place.stat().st_mode & 0o077 == 0, "nothing in it is encrypted"
 

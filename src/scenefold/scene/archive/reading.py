@@ -1,6 +1,6 @@
 """An archive as it is read: a part of the index, then its records, each held against what was said of it (specs/24-archive.md, Bringing back).
 
-Nothing is unpacked to the disk, and memory holds one part with its records, whatever the file says.
+Nothing is unpacked to the disk, and memory holds one part with its records, whatever the file says; and the ids of the objects that were met.
 """
 
 from __future__ import annotations
@@ -35,14 +35,6 @@ class Archive:
         self._path = path
         with self._opened() as files:
             self.scene = ArchivedScene.unpack(files.next(DESCRIPTION, JSON_BYTES_MAX))
-
-    def check(self) -> Totals:
-        """Read all of it; how much that is."""
-        records = size = 0
-        for batch in self.batches():
-            records += len(batch)
-            size += sum(len(record.payload) for record in batch)
-        return Totals(records, size, "")
 
     def batches(self) -> Iterator[list[ArchivedRecord]]:
         """All records, a part at a time, in the order of the spaces. That they are all is known at the end alone."""
