@@ -19,3 +19,12 @@ def is_possible(number: int, position: int) -> bool:
     Who adopts after it begins at its own position: under a higher number than that nobody would tell it what is held there.
     """
     return number >> _SHIFT <= position
+
+
+def is_believed(number: int, position: int) -> bool:
+    """Whether an owner goes on above a number that one holder says it has met.
+
+    Half of what is left until the log goes on stays for its own changes: no honest owner uses up the other half. Else one who lies would bring
+    an owner to a number that nobody may take from it.
+    """
+    return number < first_number(position) + (1 << (_SHIFT - 1))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import trio
@@ -79,14 +80,14 @@ class Comparing:
         return self._roster.is_believed_alive(holder.node) and not self._parts.keeper.is_removed(holder)
 
     def _look(self) -> None:
-        """Who was away is compared again, and so are all where a space with records has come to other holders."""
+        """Who was away is compared again, and so are all where a space has come to other holders, or is known only now."""
         holders = {member for member, _, _ in self._checked}
         alive = {member.node for member in holders if self._roster.is_believed_alive(member.node)}
         back = alive - self._was_alive
         self._was_alive |= alive
         self._was_alive -= {member.node for member in holders} - alive
         before = self._note_layouts()
-        moved = {layout for space, layout in self._layouts.items() if before.get(space, layout) != layout}
+        moved = {layout for space, layout in self._layouts.items() if before.get(space) != layout}
         if back or moved:
             self._checked = {key: at for key, at in self._checked.items() if key[0].node not in back and key[1] not in moved}
 
@@ -129,6 +130,7 @@ class Comparing:
         parts, arcs = self._parts, [entry.arc for entry in job.entries]
         # What was written by those who did not know the holder yet is there when this returns.
         await parts.keeper.flush()
+        await self._learn_scenes()
         begin = parts.world.clock.now()
         self._look()
         has_new_husks = False
@@ -146,6 +148,14 @@ class Comparing:
         others = {key: at for key, at in self._checked.items() if not (has_new_husks and key[1] == job.layout)}
         self._checked = {key: at for key, at in others.items() if begin - at < AGAIN_S}
         self._checked.update(((job.holder, job.layout, arc), begin) for arc in arcs)
+
+    async def _learn_scenes(self) -> None:
+        """Know all scenes of which records lie here, if anybody does: those of an unknown one the holder would lack, and count as complete."""
+        scenes = self._parts.scenes
+        for scene in sorted({scene for scene, _ in await self._parts.store.spaces()}):
+            if scenes.here(scene) is None:
+                with suppress(Refused):
+                    await scenes.known(scene)
 
     async def _spaces(self, job: Job) -> Sequence[tuple[SceneId, SpaceId]]:
         """Those of the layout that have records here; where nothing waits for it, also those of which only the holder may have any."""

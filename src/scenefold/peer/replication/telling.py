@@ -19,7 +19,7 @@ from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.configurations import Configurations, Word
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.numbers import is_possible
+from scenefold.peer.copies.numbers import is_believed
 from scenefold.peer.copies.telling import told_entry
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
@@ -56,14 +56,19 @@ class Telling:
         """Until it has confirmed everything, or was removed."""
         parts = self._parts
         pauses = Pauses(parts.world)
+        rises = 0
         try:
             while not parts.keeper.is_removed(holder):
                 words = words_for(parts.keeper.copies.configurations, holder, self._places())
                 if not words:
                     return
                 try:
-                    await self._say(words[0])
-                    pauses.reset()
+                    rises = 0 if await self._say(words[0]) else rises + 1
+                    if rises > 1:
+                        # It has met ever more, or lies: each time is a change on this disk.
+                        await pauses.wait()
+                    else:
+                        pauses.reset()
                 except (Refused, Unreachable, PeerFault) as problem:
                     _log.debug("%s has not confirmed what it holds: %s", address_of(holder.node), problem)
                     await pauses.wait()
@@ -78,8 +83,8 @@ class Telling:
             rest = [left for part in rest for left in without(part, gap)]
         return rest
 
-    async def _say(self, word: Word) -> None:
-        """Refused if it does not take it now."""
+    async def _say(self, word: Word) -> bool:
+        """Whether it has confirmed; else it is told again under a higher number. Refused if it does not take it now."""
         parts, holder, scope = self._parts, word.holder, word.scope
         # What is whole is whole of what has these layouts now. Whoever answers by it must not believe that others have them.
         await parts.knowing.ensure(holder)
@@ -89,19 +94,20 @@ class Telling:
         if not reply.reason:
             await self._change(lambda found: found.confirm(word))
             parts.events["custody told"] += 1
-        elif reply.reason == RejectReason.POSITION_BEHIND:
+            return True
+        if reply.reason == RejectReason.POSITION_BEHIND:
             await self._rise(word, reply.number)
-        else:
-            if reply.reason == RejectReason.WRONG_INCARNATION:
-                # The log knows about it, or will.
-                await parts.cluster_log.pull_from(holder.node)
-            raise Refused(RejectReason(reply.reason), reply.text or "the holder refused")
+            return False
+        if reply.reason == RejectReason.WRONG_INCARNATION:
+            # The log knows about it, or will.
+            await parts.cluster_log.pull_from(holder.node)
+        raise Refused(RejectReason(reply.reason), reply.text or "the holder refused")
 
     async def _rise(self, word: Word, highest: int) -> None:
-        if not is_possible(highest, self._parts.cluster_log.registry.position):
+        if not is_believed(highest, self._parts.cluster_log.registry.position):
             await self._parts.cluster_log.pull_from(word.holder.node)
-        if not is_possible(highest, self._parts.cluster_log.registry.position):
-            raise PeerFault("no owner can have come to such a number of configurations", where=address_of(word.holder.node))
+        if not is_believed(highest, self._parts.cluster_log.registry.position):
+            raise PeerFault("no honest owner has come to such a number of configurations", where=address_of(word.holder.node))
         await self._change(lambda found: found.met(word, highest))
         self._parts.events["numbers met"] += 1
 

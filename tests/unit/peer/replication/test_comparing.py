@@ -7,17 +7,21 @@ from typing import Any
 
 import trio
 
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Arc, Location
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
-from scenefold.crypto import wanted_place
+from scenefold.crypto import RecordPlace, wanted_place
+from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import untold
-from scenefold.store import Put
+from scenefold.scene.log import hash_of_log
+from scenefold.store import Put, Spot
+from scenefold.store.layout import RECORDS, spot_of
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import places
-from unit.peer.replication.terrace import OBJECTS, THIRDS, Home, Terrace, object_record, record_at
+from unit.peer.replication.terrace import HEADER, OBJECTS, THIRDS, THRICE, Home, Terrace, object_record, record_at
 from unit.peer.replication.test_placing import until
+from unit.peer.scenes_made import first_header, sealed
 
 Main = Callable[[Terrace, trio.Nursery], Any]
 
@@ -84,6 +88,39 @@ def test_what_holders_lack_comes_to_them() -> None:
         left = first.replication.comparing.left
         assert (left.segments, left.records) == (0, 0)
         assert left.bytes_per_s > 0
+
+    played(main)
+
+
+def test_a_new_holder_gets_the_records_of_a_scene_that_its_owner_has_forgotten() -> None:
+    """Its header has rotted on the owner's disk; all others know it."""
+    other = first_header(spaces=HEADER.spaces, log_hash=hash_of_log(b"another log"))
+    known = KnownScene.of(other)
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        scenes = first.living.parts.scenes
+        spots = places(arc_of(first), 5)
+        for place in spots:
+            record = sealed(other, location=place, space=THRICE, nonce=place[:12])
+            for home in [first, *holders_of(terrace, first, place)]:
+                await home.store.merge([Put(record)])
+        for home in terrace.homes[1:]:
+            home.scenes[other.scene] = known
+
+        async def asked(scene: SceneId, **_: Any) -> KnownScene:
+            return first.scenes.setdefault(scene, known)
+
+        scenes.known = asked  # type: ignore[method-assign]
+        former = holders_of(terrace, first, spots[0])[0]
+        assert first.own is not None
+        first.own.blacklist = Blacklist(1, (AddressPrefix(former.node, ADDRESS_BITS),))
+        await until(lambda: is_settled(first) and not any(former in holders_of(terrace, first, place) for place in spots))
+        for place in spots:
+            for home in holders_of(terrace, first, place):
+                had = {spot_of(key) for key in terrace.net.machine(home.address).disk.peek(RECORDS)}
+                assert Spot(RecordPlace(other.scene, THRICE, place)) in had
 
     played(main)
 

@@ -11,12 +11,15 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.copies.numbers import first_number
 from scenefold.peer.copies.segment import GONE
+from scenefold.peer.handlers import Senders
 from scenefold.peer.line.ends import Side
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import members_of, untold
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.store import Outcome, Put, PutResult
+from scenefold.wire import CustodySet, Packet, SetCustody
 from scenefold.world.sim import run_simulated
 from unit.peer.line.street import places
 from unit.peer.replication.terrace import HEADER, SCENE, SPACE, THIRDS, THRICE, Home, Terrace, record_at
@@ -158,3 +161,33 @@ def test_who_waits_for_an_arc_holds_copies_where_writes_need_it_and_so_gets_one(
             nursery.cancel_scope.cancel()
 
     run_simulated(4, main, virtual_s_max=200.0, wall_s_max=120.0)
+
+
+@pytest.mark.parametrize("lies", ["the highest that can be", "what it is told"])
+def test_a_holder_that_lies_about_numbers_keeps_nobody_else_from_being_told(lies: str) -> None:
+    """It says that it has met the highest number that there can be before the cluster's log goes on; or, each time, that which it was told."""
+    told: list[int] = []
+
+    async def main() -> None:
+        terrace = Terrace(4)
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            liar, *honest = terrace.homes
+            highest = first_number(terrace.log.registry.position + 1) - 1
+
+            async def lie(packet: SetCustody, _peer: str) -> Packet:
+                told.append(packet.number)
+                met = highest if lies == "the highest that can be" else packet.number
+                return CustodySet(int(RejectReason.POSITION_BEHIND), met, "a lie")
+
+            liar.handlers._table[SetCustody] = lie, Senders.NODES
+            await trio.sleep(20.0)
+            for home in honest:
+                assert home.copies.configurations.segments
+                assert home.copies.configurations.number < highest
+            if lies == "the highest that can be":
+                assert {holder for home in honest for holder in untold(home.copies.configurations)} <= {liar.member}
+            assert len(told) < 120
+            nursery.cancel_scope.cancel()
+
+    run_simulated(1, main, virtual_s_max=200.0, wall_s_max=400.0)
