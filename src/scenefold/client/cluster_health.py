@@ -225,7 +225,7 @@ def _on_their_way(node: NodeState, copies: CopiesReport) -> Iterable[Ailment]:
     def mending(kind: str, text: str) -> Ailment:
         return Ailment(kind, address, f"{address}: {text}", "wait", degrades=False, mends_itself=True)
 
-    if copies.under_copied.segments and not copies.under_copied.records:
+    if copies.under_copied.segments and not copies.under_copied.records and not _is_explained(copies):
         yield mending("placing", "who is to hold copies of a part of its arc, where there are no records yet, is being settled")
     if copies.mis_placed.records:
         yield mending(

@@ -156,6 +156,14 @@ def test_what_too_few_nodes_do_not_explain_is_told_beside_it() -> None:
     assert kinds(health(*(node(one.address, one.arc, copies=copies(**explained)) for one in pair))) == ["too few nodes"]
 
 
+def test_nobody_is_told_to_wait_for_copies_that_too_few_nodes_can_hold_where_there_are_no_records_either() -> None:
+    """As with a new scene in a cluster of one node, or a space of which a blacklist forbids too many."""
+    empty = {**FEW, "under_copied": {"segments": 1, "missing_max": 2, "records": 0}}
+    assert kinds(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**empty)))) == ["too few nodes"]
+    more = {**empty, "under_copied": {"segments": 1, "missing_max": 3, "records": 0}}
+    assert kinds(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**more)))) == ["too few nodes", "placing"]
+
+
 def test_the_status_tells_of_too_few_nodes_and_is_degraded_only_if_writes_are_refused() -> None:
     found = status_of([node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))])
     assert [warning.kind for warning in found.warnings] == ["too few nodes"] and not found.degraded
