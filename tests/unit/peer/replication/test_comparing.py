@@ -7,14 +7,15 @@ from typing import Any
 
 import trio
 
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.location import Arc, Location
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
+from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace, wanted_place
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import untold
-from scenefold.scene.log import hash_of_log
 from scenefold.store import Put, Spot
 from scenefold.store.layout import RECORDS, spot_of
 from scenefold.world.sim import run_simulated
@@ -94,7 +95,8 @@ def test_what_holders_lack_comes_to_them() -> None:
 
 def test_a_new_holder_gets_the_records_of_a_scene_that_its_owner_has_forgotten() -> None:
     """Its header has rotted on the owner's disk; all others know it."""
-    other = first_header(spaces=HEADER.spaces, log_hash=hash_of_log(b"another log"))
+    other = first_header(spaces=tuple(entry for entry in HEADER.spaces if THRICE in (entry.space, entry.parent)))
+    assert other.scene != HEADER.scene
     known = KnownScene.of(other)
 
     async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
@@ -109,7 +111,9 @@ def test_a_new_holder_gets_the_records_of_a_scene_that_its_owner_has_forgotten()
         for home in terrace.homes[1:]:
             home.scenes[other.scene] = known
 
-        async def asked(scene: SceneId, **_: Any) -> KnownScene:
+        async def asked(scene: SceneId, *, ask: bool = True, **_: Any) -> KnownScene:
+            if not ask and scene not in first.scenes:
+                raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "it is unknown here")
             return first.scenes.setdefault(scene, known)
 
         scenes.known = asked  # type: ignore[method-assign]
