@@ -51,7 +51,8 @@ def _summary(found: ClusterHealth) -> str:
     short, degrading = found.shortage, {ailment.kind for ailment in found.ailments if ailment.degrades}
     if short is not None and degrading == {"too few nodes"}:
         few = f"{short.told.possible} of {short.told.copies} copies"
-        return f"{found.status.name}: degraded, {few}: {counted}; nothing else is wrong"
+        rest = "writes are refused where they need more" if short.forbids_writes else "nothing else is wrong"
+        return f"{found.status.name}: degraded, {few}: {counted}; {rest}"
     seconds = found.seconds_to_health
     is_waiting = seconds is None and all(ailment.mends_itself for ailment in found.ailments)
     return f"{found.status.name}: {found.condition}: {counted}; {'it mends itself' if is_waiting else _time_text(seconds)}"

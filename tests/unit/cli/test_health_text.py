@@ -50,6 +50,9 @@ def test_where_only_nodes_are_missing_the_first_line_says_so() -> None:
     text = health_text(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))))
     assert text.splitlines()[0] == "studio: degraded, 1 of 3 copies: 120 records, 100 of them in spaces with copies; nothing else is wrong"
     assert text.splitlines()[-1].startswith("  -> add 2 nodes")
+    refusing = {"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": ADDRESSES[0]}]}
+    first = health_text(health(*nodes(copies(**refusing)))).splitlines()[0]
+    assert first.endswith("; writes are refused where they need more"), "that is no small thing"
     silent = health_text(health(node(ADDRESSES[0], arc(0, 0.5), copies=copies(**FEW)), missing(ADDRESSES[2], arc(0.5, 1))))
     assert "nothing else" not in silent.splitlines()[0]
 
