@@ -65,11 +65,13 @@ class Put:
 
     `at`: of a copy, where a node-managed record lies at the node that it comes from. Others lie where their header says.
     `debtors`: who is still to get it once it is here.
+    `instead_of`: of a copy, the version that it may replace though it is older, where that has rotted and counted for nobody.
     """
 
     record: Record
     at: Location | None = None
     debtors: tuple[NodeId, ...] = ()
+    instead_of: RecordHeader | None = None
 
     @property
     def is_husk(self) -> bool:

@@ -254,6 +254,8 @@ def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, put: Put,
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
     result = judges(record, present, value)
+    if value is not None and present is not None and present == put.instead_of and not _is_sound(value):
+        result = PutResult(Outcome.STORED, new.digest)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         keep_record(transaction, tally, spot, record, value, put.debtors)
         return PutResult(result.outcome, result.current, result.location, has_changed=True, over_wreck=result.over_wreck)

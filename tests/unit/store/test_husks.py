@@ -99,3 +99,21 @@ async def test_an_object_is_known_wherever_it_lies(tmp_path: Path) -> None:
         assert healed.location == spot.home
         assert await store.read([spot]) == [whole]
         assert (await store.statistics()).records == 1
+
+
+@SAID
+@pytest.mark.parametrize(("over", "is_taken"), [(None, False), (NEW, False), (THERE, True)])
+async def test_something_older_takes_the_place_of_just_the_version_that_it_is_to_replace(
+    tmp_path: Path, over: Record | None, is_taken: bool
+) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        older = Put(OLD, instead_of=None if over is None else over.header)
+        await store.put([Put(THERE)])
+        assert [one.outcome for one in await store.merge([older])] == [Outcome.STALE], "what is sound stays"
+    rot(tmp_path, RECORDS, record_key(place(1)), bit=CIPHERTEXT_BIT)
+    async with whole_store(world(), tmp_path) as store:
+        assert await is_rotten(store)
+        (found,) = await store.merge([older])
+        assert (found.outcome, found.has_changed) == (Outcome.STORED if is_taken else Outcome.STALE, is_taken)
+        assert (await store.read([SPOT]) == [OLD]) is is_taken
+        assert store.noticed.is_rotten(SPOT) is not is_taken

@@ -58,6 +58,8 @@ class Pending:
     judged: object = None
     """By which rule it was judged last."""
     is_settled: bool = False
+    left: set[Member] = field(default_factory=set)
+    """Who has what is left of it, since nobody has its bytes any more: none of them says that something older is there."""
     settled: trio.Event | None = None
     """Made by who waits first."""
 

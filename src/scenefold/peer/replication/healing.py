@@ -21,11 +21,12 @@ from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
-from scenefold.crypto import RecordPlace, version_of
+from scenefold.crypto import RecordHeader, RecordPlace, version_of
 from scenefold.peer.copies.versions import rank_of, told_version
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.receiving import verified
+from scenefold.peer.line.unsettled import name_of
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication.comparing_space import Merge
 from scenefold.peer.replication.healing_asking import ASK_S_MAX, Asking, Offer
@@ -183,11 +184,13 @@ class Healing:
         if not await self._is_rotten(spot):
             return _Verdict.OVER
         debt: Debt | None = None
+        older: list[Offer] = []
         (header,) = await parts.store.record_headers([spot])
         if header is not None:
             known = rank_of(told_version(header))
-            offers, have_all_answered = await self._asking.offers(spot, sources.members)
-            offers = [offer for offer in offers if offer.rank >= known]
+            heard, have_all_answered = await self._asking.offers(spot, sources.members)
+            offers = [offer for offer in heard if offer.rank >= known]
+            older = [offer for offer in heard if offer.rank < known]
         elif not isinstance((await parts.store.read([spot]))[0], DamagedData):
             # It was deleted.
             parts.store.noticed.gone([spot])
@@ -198,21 +201,35 @@ class Healing:
             heard, have_all_answered, debt = await self._asking.heard(spot, sources, debt)
             offers = [offer for offer in heard if debt is not None or offer.rank == heard[0].rank]
         have_all_answered &= await self._take_one(spot, offers, sources, debt)
-        if debt is not None and have_all_answered and sources.is_nowhere_else and self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX:
+        if have_all_answered and sources.is_nowhere_else and self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX:
             # It was never acknowledged, and nobody got it since: the newest that they have is what counted before.
-            newest = [offer for offer in offers if offer.rank == offers[0].rank]
-            have_all_answered &= await self._take_one(spot, newest, sources, None)
+            if debt is not None:
+                have_all_answered &= await self._take_one(spot, _newest(offers), sources, None)
+            elif header is not None and await self._is_rotten(spot) and await self._is_told_to_nobody(spot, header):
+                have_all_answered &= await self._take_one(spot, _newest(older), sources, None, RecordHeader.decode(header))
         if not await self._is_rotten(spot):
             parts.events["healed"] += 1
             return _Verdict.OVER
         return _Verdict.DENIED if have_all_answered else _Verdict.NOT_NOW
 
-    async def _take_one(self, spot: Spot, offers: Sequence[Offer], sources: Sources, debt: Debt | None) -> bool:
+    async def _is_told_to_nobody(self, spot: Spot, header: bytes) -> bool:
+        """Whether this version is owed, unsettled, and waited for by no writer; and nothing else of it, or newer, is on its way."""
+        if self._parts.store.noticed.is_given_up(spot):
+            # Whoever was owed it has got what is left of it since.
+            return False
+        version, debt = version_of(header), await self._debt(spot)
+        pendings = self._parts.unsettled.of(name_of(spot))
+        are_left = all(pending.version == version and pending.is_stored and not pending.is_write for pending in pendings)
+        return bool(pendings) and are_left and debt is not None and debt.version == version
+
+    async def _take_one(
+        self, spot: Spot, offers: Sequence[Offer], sources: Sources, debt: Debt | None, instead_of: RecordHeader | None = None
+    ) -> bool:
         """Heal it by the first that is whole; False if one of those before, or of all, did not answer."""
         have_all_answered = True
         for offer in offers:
             try:
-                if await self._take(spot, offer, sources, debt):
+                if await self._take(spot, offer, sources, debt, instead_of):
                     break
             except (Refused, Unreachable, PeerFault) as problem:
                 _log.debug("a record that has rotted is not healed by one that has it: %s", problem)
@@ -242,7 +259,7 @@ class Healing:
         except Refused:
             return None
 
-    async def _take(self, spot: Spot, offer: Offer, sources: Sources, debt: Debt | None) -> bool:
+    async def _take(self, spot: Spot, offer: Offer, sources: Sources, debt: Debt | None, instead_of: RecordHeader | None) -> bool:
         """Whether the record is sound now; it is not if all that came is a husk. Refused if nothing came, or there is no room for it."""
         parts, place = self._parts, spot.place
         entry = RecordEntry(place.scene, place.space, offer.listed.location, spot.object, offer.listed.version.digest)
@@ -256,7 +273,7 @@ class Healing:
             return False
         for verdict in await verified(parts, items[:1]):
             if isinstance(verdict, Put):
-                await self._put(replace(verdict, at=place.location if spot.object else None), spot, sources)
+                await self._put(replace(verdict, at=place.location if spot.object else None, instead_of=instead_of), spot, sources)
         return not await self._is_rotten(spot)
 
     async def _put(self, put: Put, spot: Spot, sources: Sources) -> None:
@@ -271,6 +288,10 @@ class Healing:
                 if not parts.keeper.holding.owns(spot.home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
                 _require_room(await self._merge([put]))
+
+
+def _newest(offers: Sequence[Offer]) -> list[Offer]:
+    return [offer for offer in offers if offer.rank == offers[0].rank]
 
 
 def _require_room(results: Sequence[PutResult | NotKept]) -> None:

@@ -87,6 +87,9 @@ class Judging:
 
     def is_settled(self, pending: Pending, rule: Rule) -> bool:
         needed, have = self.needed(pending.needed), _have(pending, rule)
+        if pending.left and not pending.is_write:
+            # What all say alike, if only that it is damaged, may be told; it is not acknowledged by that (`counts`).
+            have = have | pending.left
         asked = needed if pending.is_write or not rule.is_placed else min(needed, len(rule.placed))
         return rule.is_settled(have, asked) and self._is_free(pending, have)
 
@@ -236,13 +239,16 @@ class Judging:
             self._has(member, pending)
         await self._parts.store.paid([(pending.spot, pending.version, member.node) for pending in pendings])
 
-    def has_got(self, member: Member, debt: Debt) -> None:
+    def is_unsettled(self, debt: Debt) -> bool:
+        return any(pending.version == debt.version for pending in self._unsettled.of(name_of(debt.spot)))
+
+    def has_got(self, member: Member, debt: Debt, *, is_husk: bool = False) -> None:
         for pending in self._unsettled.of(name_of(debt.spot)):
             if pending.version == debt.version and pending.is_stored:
-                self._has(member, pending)
+                self._has(member, pending, is_husk=is_husk)
 
-    def _has(self, member: Member, pending: Pending) -> None:
-        pending.have.add(member)
+    def _has(self, member: Member, pending: Pending, *, is_husk: bool = False) -> None:
+        (pending.left if is_husk else pending.have).add(member)
         if not pending.is_settled:
             rule = self.rule_at(pending.layout, pending.spot)
             if rule is not None and self.is_settled(pending, rule):

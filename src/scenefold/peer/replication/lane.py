@@ -19,7 +19,7 @@ from typing import Protocol
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.crypto import Record
 from scenefold.peer.copies.copies import Copies
@@ -203,12 +203,14 @@ class Lane:
         if member is None:
             raise Unreachable("the holder is no member", where=address_of(self.node))
         found = list(zip(batch, await self._items(batch), strict=True))
-        sent = [(pending, item) for pending, item in found if item is not None]
+        sent = [(pending, item) for pending, item in found if isinstance(item, HandItem)]
         # Replaced by what is pending itself, and settles it, it stays; by what is settled, nobody is told of it any more.
         gone = [pending for pending, item in found if item is None]
         left = [pending for pending in gone if not self._desk.is_replaced(pending)]
-        for pending in gone:
-            if pending not in left:
+        for pending, item in found:
+            if isinstance(item, DamagedData):
+                self._leave(pending)
+            elif item is None and pending not in left:
                 self._known.remove(pending)
         if not sent:
             return left
@@ -225,16 +227,16 @@ class Lane:
         await self._desk.taken(member, taken)
         return left + [pending for (pending, _), reason in zip(sent, reply.reasons, strict=True) if reason]
 
-    async def _items(self, batch: Sequence[Pending]) -> list[HandItem | None]:
-        """Their bytes; None where this version lies here no more, or has rotted."""
+    async def _items(self, batch: Sequence[Pending]) -> list[HandItem | DamagedData | None]:
+        """Their bytes; None where this version lies here no more. What has rotted is there all the same, and settled by nothing."""
         unread = [pending for pending in batch if pending.item is None]
         if not unread:
             return [pending.item for pending in batch]
         records = await self._parts.store.read([pending.spot for pending in unread])
         read = {
-            pending: item_of(pending.spot, record)
+            pending: item_of(pending.spot, record) if isinstance(record, Record) else record
             for pending, record in zip(unread, records, strict=True)
-            if isinstance(record, Record) and version_of(record.header_bytes) == pending.version
+            if not isinstance(record, Record) or version_of(record.header_bytes) == pending.version
         }
         return [pending.item or read.get(pending) for pending in batch]
 
@@ -252,10 +254,8 @@ class Lane:
         """These have not come there: they are the next ones, or debts."""
         member = self._desk.member_at(self.node)
         for pending in reversed([pending for pending in batch if pending in self._known]):
-            if pending.is_settled:
-                self._leave(pending)
-            elif member is not None and not self._desk.is_target(pending, member):
-                # Its debt is forgotten.
+            if pending.is_settled or (member is not None and not self._desk.is_target(pending, member)):
+                # It is owed from now on; or not any more, and its debt is forgotten.
                 self._leave(pending)
             else:
                 self._enqueue(pending, first=True)

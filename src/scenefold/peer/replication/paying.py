@@ -55,8 +55,12 @@ class Ledger(Protocol):
 
     def due(self, debt: Debt, lane: Lane) -> Due: ...
 
-    def has_got(self, member: Member, debt: Debt) -> None:
-        """It has this durably."""
+    def is_unsettled(self, debt: Debt) -> bool:
+        """Whether nobody may be told of this version."""
+        ...
+
+    def has_got(self, member: Member, debt: Debt, *, is_husk: bool = False) -> None:
+        """It has this durably, or what is left of it."""
         ...
 
 
@@ -145,11 +149,13 @@ class Paying:
         """What cannot be read here cannot be paid. Whoever lacks it gets what is left, and hears of it if somebody heals it here.
 
         Who keeps something older is owed the record until nobody is left who might have it, and so is whoever lacks what not even its header
-        is left of. None of them counts as having it.
+        is left of. None of them counts as having it. What nobody was told of yet may give way to something older (healing.py): until
+        that is known its header goes nowhere.
         """
         store = self._parts.store
         husks = await store.remains([debt.spot for debt in rotten])
         left = [(debt, husk) for debt, husk in zip(rotten, husks, strict=True) if husk is not None]
+        left = [(debt, husk) for debt, husk in left if store.noticed.is_given_up(debt.spot) or not self._ledger.is_unsettled(debt)]
         told = [(debt, item_of(debt.spot, husk)) for debt, husk in left if version_of(husk.header_bytes) == debt.version]
         over = [debt for debt, husk in zip(rotten, husks, strict=True) if husk is None and store.noticed.is_given_up(debt.spot)]
         reasons = await self._ask(member, [item for _, item in told]) if told else ()
@@ -158,6 +164,8 @@ class Paying:
             for (debt, _), reason in zip(told, reasons, strict=True)
             if reason == 0 or (reason == RejectReason.DAMAGED and store.noticed.is_given_up(debt.spot))
         ]
+        for debt in over:
+            self._ledger.has_got(member, debt, is_husk=True)
         await store.paid([(debt.spot, debt.version, self._node) for debt in over])
         return len(rotten) - len(over)
 
