@@ -19,7 +19,7 @@ from scenefold.world import Priority
 from unit.peer.line.street import rot
 from unit.peer.replication.terrace import Home, Terrace, record_at
 from unit.peer.replication.test_comparing import holders_of, played
-from unit.peer.replication.test_healing import LAST_BYTE, filled, until_sound
+from unit.peer.replication.test_healing import HEADER_BYTE, LAST_BYTE, filled, until_sound
 from unit.peer.replication.test_placing import until as until_placed
 from unit.peer.replication.test_showing import copies, key
 from unit.peer.replication.writers import Row, in_a_row, until
@@ -68,13 +68,13 @@ def test_what_rots_before_anybody_else_has_it_is_not_settled_by_that() -> None:
     in_a_row(story)
 
 
-async def written_alone(terrace: Terrace, place: Location, seq: int) -> set[NodeId]:
+async def written_alone(terrace: Terrace, place: Location, seq: int, byte: int = LAST_BYTE) -> set[NodeId]:
     """Nobody but the first one has it, and it has rotted there; those who are to hold it, as long as they cannot be reached."""
     first = terrace.homes[0]
     away = shut_off(first, holders_of(terrace, first, place))
     (kept,) = await first.replication.spreading.put([Put(record_at(place, seq))], first.scenes)
     assert isinstance(kept, NotKept)
-    rot(first, [place], LAST_BYTE)
+    rot(first, [place], byte)
     await first.store.read([first.spot(place)])
     return away
 
@@ -104,17 +104,22 @@ def test_what_was_never_told_gives_way_to_the_newest_that_others_have() -> None:
 
 
 @SAID
-def test_what_was_never_told_and_nothing_was_there_before_is_damaged_with_all() -> None:
+@pytest.mark.parametrize("byte", [HEADER_BYTE, LAST_BYTE])
+def test_what_was_never_told_and_nothing_was_there_before_holds_up_nothing(byte: int) -> None:
+    """All say that it is damaged, as far as anybody knows what it was."""
+
     async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
         first = terrace.homes[0]
         (place,) = await filled(terrace, 1)
         for home in (first, *holders_of(terrace, first, place)):
             await home.store.remove([(home.spot(place), record_at(place).header.digest)])
-        (await written_alone(terrace, place, seq=1)).clear()
+        (await written_alone(terrace, place, 1, byte)).clear()
         unsettled = first.living.parts.unsettled
         await until_placed(lambda: unsettled.is_quiet and not any(first.store.owed.values()), 120.0)
-        for home in (first, *holders_of(terrace, first, place)):
-            assert isinstance(await found_at(home, place), DamagedData)
+        assert isinstance(await found_at(first, place), DamagedData)
+        for home in holders_of(terrace, first, place):
+            found = await found_at(home, place)
+            assert found is None if byte == HEADER_BYTE else isinstance(found, DamagedData)
 
     played(main, seed=32)
 
