@@ -57,7 +57,10 @@ class Entry(NamedTuple):
 
 
 class Manifest(NamedTuple):
-    """Entries in the order of (scene, space, location, object), and where to go on; None behind the last one."""
+    """Entries in the order of (scene, space, location, object), and where to go on; None behind the last one.
+
+    Only the cursor says whether that is all: where everything looked at has rotted, or is none, there are no entries, and more may follow.
+    """
 
     entries: list[Entry]
     cursor: bytes | None

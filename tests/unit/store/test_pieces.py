@@ -217,6 +217,9 @@ async def test_only_damaged_records_are_discarded(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         page = await store.manifest(WHOLE_LINE, None, 9)
         assert page.damaged == (Spot(place(1)),), "its header"
+        first = await store.strays(Rightful(()), None, 1)
+        assert not first.entries and first.cursor is not None, "what has rotted is no entry, and not the end"
+        assert [entry.spot for entry in (await store.strays(Rightful(()), first.cursor, 1)).entries] == [Spot(place(2))]
         assert [isinstance(found, DamagedData) for found in await store.read([entry.spot for entry in page.entries])] == [True, False]
         assert await store.discard([Spot(place(number)) for number in (1, 2, 3, 4)]) == 2
         assert await store.get_many([place(number) for number in (1, 2, 3)]) == [None, None, record(3)]

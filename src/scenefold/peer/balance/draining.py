@@ -36,6 +36,8 @@ DRAINED = "drained"
 """The reason in the log."""
 LOOK_S = 1.0
 """Between two tries, and between two looks whether the last of it has gone."""
+LISTED = 16
+"""Records that are looked at at once for one that is sound."""
 _NOTE = "drain"
 _ORDERED, _NOT_ORDERED = b"1", b""
 _REFUSES = "this node is leaving, and takes nothing"
@@ -197,8 +199,11 @@ class Draining:
         return found
 
     async def _has_records(self) -> bool:
-        manifest = await self._store.strays(Rightful(()), None, 1)
-        return bool(manifest.entries) and not self._is_elsewhere
+        """Sound ones: nobody would take what has rotted, but that says nothing of what lies behind it."""
+        page = await self._store.strays(Rightful(()), None, LISTED)
+        while page.cursor is not None and not page.entries:
+            page = await self._store.strays(Rightful(()), page.cursor, LISTED)
+        return bool(page.entries) and not self._is_elsewhere
 
     # ------------------------------------------------------------------------------------------------------ doing
 

@@ -25,6 +25,7 @@ from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.ends import Side, touches, without
 from scenefold.peer.line.resting import Resting
 from scenefold.peer.membership.status import OwnStatus
+from scenefold.store.layout import Spot
 from scenefold.store.statistics import Counts
 from scenefold.store.walking import Entry, Manifest, Rightful, Weighed
 from scenefold.wire import AddNode, LogEntry, Packet, RemoveNode, Status
@@ -64,6 +65,7 @@ class House:
     capacity: int
     arc: Arc | None = None
     sizes: dict[Location, int] = field(default_factory=dict)
+    rotten: set[Location] = field(default_factory=set)
     refuses: str = ""
     has_lease: bool = True
     alive: bool = True
@@ -149,8 +151,11 @@ class House:
 
     async def strays(self, rightful: Rightful, after: bytes | None, limit: int) -> Manifest:
         strays = [place for place in sorted(self.sizes) if not any(place in arc for arc in rightful.kept)]
-        entries = [Entry(RecordPlace(SceneId(1), SpaceId(1), place), b"", bytes(32), self.sizes[place]) for place in strays[:limit]]
-        return Manifest(entries, None)
+        page = [place for place in strays if after is None or place > after][:limit]
+        spots = {place: Spot(RecordPlace(SceneId(1), SpaceId(1), place), b"") for place in page}
+        entries = [Entry(*spot, bytes(32), self.sizes[place]) for place, spot in spots.items() if place not in self.rotten]
+        damaged = tuple(spot for place, spot in spots.items() if place in self.rotten)
+        return Manifest(entries, page[-1] if len(page) == limit else None, damaged)
 
     async def put_note(self, name: str, value: bytes) -> None:
         self.notes[name] = value

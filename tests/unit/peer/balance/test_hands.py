@@ -15,7 +15,7 @@ from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance import NodeDrained
-from scenefold.peer.balance.draining import DRAINED
+from scenefold.peer.balance.draining import DRAINED, LISTED
 from scenefold.peer.line.ends import Side
 from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
 from scenefold.wire.enrol_entries import Trust
@@ -240,6 +240,27 @@ async def test_a_drained_node_leaves_when_everything_lies_elsewhere(autojump_clo
     assert leaving.draining.is_leaving and leaving.notes == {"drain": b""}
     after = await tell(leaving, CHECK)
     assert (after["state"], after["may_switch_off"], after["obstacles"]) == ("left", True, [])
+
+
+@pytest.mark.parametrize("rotten_count", [1, LISTED, 2 * LISTED + 1])
+async def test_what_has_rotted_hides_no_record_from_who_wants_to_leave(rotten_count: int, autojump_clock: trio.testing.MockClock) -> None:
+    """A full disk deletes nothing, so rotten strays stay, before others that nobody has taken yet."""
+    street = Street([64 * MIB] * 3)
+    leaving = street.houses[1]
+    async with running(street):
+        await tell(leaving, ORDER)
+        strays = [Location.from_number(number) for number in range(rotten_count + 1)]
+        leaving.sizes.update(dict.fromkeys(strays, KIB))
+        leaving.rotten.update(strays[:-1])
+        await until(street, lambda: leaving.arc is None)
+        await trio.sleep(30)
+        report = await tell(leaving, CHECK)
+        assert leaving.alive and not report["may_switch_off"]
+        assert report["text"] == "records lie here that their owners have not taken yet"
+        assert report["obstacles"] == [report["text"]]
+        del leaving.sizes[strays[-1]]
+        await until(street, lambda: not leaving.alive)
+    assert set(leaving.sizes) == leaving.rotten, "nobody would take what has rotted, so it holds nobody up"
 
 
 async def test_a_full_neighbourhood_keeps_a_node_from_leaving_and_cancelling_lets_it_stay(autojump_clock: trio.testing.MockClock) -> None:
