@@ -68,5 +68,5 @@ def health(
     document = found.document() | {"proof": None if proof is None else proof.document()}
     if is_degraded:
         document["status"] = str(Condition.DEGRADED)
-    emit(output, document, health_text(found) + ("" if proof is None else f"\n\n{proof_text(proof)}"))
+    emit(output, document, health_text(found, proof) + ("" if proof is None else f"\n\n{proof_text(proof)}"))
     return DEGRADED if is_degraded else DONE

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 UNKNOWN = "?"
 
 
-def health_text(found: ClusterHealth) -> str:
-    """Nodes, what is wrong, and until when."""
+def health_text(found: ClusterHealth, proof: Proof | None = None) -> str:
+    """Nodes, what is wrong, and until when. `proof`: what was read of it, and is told below."""
     titles = ("node", "owns", "with copies", "under-copied", "mis-placed", "corrupt", "pending", "unrecovered", "scrubbed")
     notes = [
         f"{node.address} has healed {node.report.copies.healed:,} records that had rotted, since its start: look at its disk"
@@ -33,7 +33,7 @@ def health_text(found: ClusterHealth) -> str:
             ]
     for ailment in found.ailments:
         notes += [ailment.text, f"  -> {ailment.to_do}"] if ailment.to_do else [ailment.text]
-    parts = [_summary(found), "", table(titles, map(_row, found.status.nodes))]
+    parts = [_summary(found, proof), "", table(titles, map(_row, found.status.nodes))]
     return "\n".join([*parts, *(["", *notes] if notes else [])])
 
 
@@ -42,10 +42,12 @@ def _apart(address: str, apart: KeptApart) -> str:
     return f"{address} keeps {apart.records:,} records apart, since it was away while deletions were purged: of scenes {scenes}"
 
 
-def _summary(found: ClusterHealth) -> str:
+def _summary(found: ClusterHealth, proof: Proof | None) -> str:
     document = found.document()
     records, copied = document["records"], document["records_with_copies"]
     counted = f"{records:,} records, {copied:,} of them in spaces with copies"
+    if proof is not None and not proof.is_sound:
+        return f"{found.status.name}: degraded: {counted}; what was read says so, below"
     if not found.ailments:
         return f"{found.status.name}: healthy: {counted}, all where they belong, as the nodes say"
     short, degrading = found.shortage, {ailment.kind for ailment in found.ailments if ailment.degrades}

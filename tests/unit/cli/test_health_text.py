@@ -57,6 +57,15 @@ def test_where_only_nodes_are_missing_the_first_line_says_so() -> None:
     assert "nothing else" not in silent.splitlines()[0]
 
 
+def test_the_first_line_goes_by_what_was_read() -> None:
+    found = health(*nodes())
+    assert not health_text(found).startswith("studio: degraded"), "else this test says nothing"
+    first = health_text(found, Proof()).splitlines()[0]
+    assert first.startswith("studio: degraded: ") and first.endswith("what was read says so, below"), "of an interrupted one, too"
+    whole = Proof(ended=True)
+    assert whole.is_sound and health_text(found, whole) == health_text(found)
+
+
 def finding(*verdicts: Verdict, **changes: Any) -> Finding:
     nodes = [NodeId(node_id_of(address)) for address in (*ADDRESSES, "127.0.0.5")][: len(verdicts)]
     known: dict[str, Any] = {"scene": "kitchen", "key": (SpaceId(10), FIRST), "wanted": 3, "placed": tuple(nodes), "domains": 2}
