@@ -4,7 +4,8 @@ A record whose header is left is known: that version, or a newer one, from whome
 it may have counted for an acknowledgement: so an owner hears all who may have it, and a holder its owner, before anything takes its place.
 If it is owed to somebody the debt says which version it was. Once all have answered and nobody could give it, nothing is owed any more.
 
-What nobody can be asked for is left as it is, and not read again: it is known to be rotten until something is written over it.
+What nobody can be asked for is left as it is, and not read again: it is known to be rotten until something is written over it
+(healing_given_up.py).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import Enum
+from functools import partial
 
 import trio
 
@@ -22,6 +24,7 @@ from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordHeader, RecordPlace, version_of
+from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.versions import rank_of, told_version
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
@@ -30,19 +33,19 @@ from scenefold.peer.line.unsettled import name_of
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication.comparing_space import Merge
 from scenefold.peer.replication.healing_asking import ASK_S_MAX, Asking, Offer
+from scenefold.peer.replication.healing_given_up import QUEUE_MAX, GivenUp
 from scenefold.peer.replication.healing_sources import Sources, sources_of
 from scenefold.store import Put, PutResult, Spot
 from scenefold.store.debts import Debt
 from scenefold.wire import FetchHeld, HeldFetched, RecordEntry
-from scenefold.world import Priority
+from scenefold.world import Priority, first_of
 
-QUEUE_MAX = 4_096
-"""Records that wait; what is beyond is met again."""
 TRIES_MAX = 20
 """Of one record in a row, a minute or two; then it waits until it is met again."""
 AGAIN_S = 300.0
 """What was given up is asked for again, if there is anybody to ask: who has it may be back, or may hold it only now."""
-AGAIN_MAX = 256
+STEPS_S = 1.0
+"""Holders change in several steps; one look at what was given up is enough for these."""
 DENIED_TRIES_MAX = 3
 """Where all have answered, and nobody could give it: they may just have been writing it."""
 GATE_S_MAX = 2.0
@@ -70,9 +73,9 @@ class Healing:
         self._merge = merge
         self._asking = Asking(parts)
         self._tries: dict[Spot, int] = {}
-        self._unhealed: dict[Spot, None] = {}
-        self._lost: dict[Spot, Debt] = {}
-        """What was owed of what was given up."""
+        self._asked: dict[Spot, Sources | None] = {}
+        """Who could be asked when that began."""
+        self._given_up = GivenUp(parts)
         self._wake = trio.Event()
         parts.store.tell_of_rot(self.rotten)
         parts.keeping.awaits = self._awaits
@@ -86,12 +89,11 @@ class Healing:
     @property
     def unhealed(self) -> int:
         """Records that have rotted since the start and were given up, or that nobody else has: up to QUEUE_MAX of them."""
-        self._forget_healed()
-        return len(self._unhealed)
+        return self._given_up.count
 
     def rotten(self, spot: Spot) -> None:
         """Fetch this from others, soon. What was given up is asked for again in its own time, however often it is met."""
-        if spot not in self._unhealed and len(self._tries) < QUEUE_MAX:
+        if not self._given_up.is_kept(spot) and len(self._tries) < QUEUE_MAX:
             self._tries.setdefault(spot, 0)
             self._wake.set()
 
@@ -100,28 +102,30 @@ class Healing:
         sources = await self._sources(spot)
         if sources is None or not (sources.sure or sources.all_of) or self._parts.store.noticed.is_given_up(spot):
             return False
-        self._unhealed.pop(spot, None)
+        self._given_up.pop(spot)
         self.rotten(spot)
         return True
 
     async def _awaits_within(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> bool:
         """Likewise of any wreck that was met in these arcs."""
-        met = [
-            spot for spot in {**self._tries, **self._unhealed} if spot.place[:2] == (scene, space) and any(spot.home in arc for arc in arcs)
-        ]
+        known = dict.fromkeys((*self._tries, *self._given_up))
+        met = [spot for spot in known if spot.place[:2] == (scene, space) and any(spot.home in arc for arc in arcs)]
         headers = await self._parts.store.record_headers(met)
         return any([await self._awaits(spot) for spot, header in zip(met, headers, strict=True) if header is None])
 
     async def run(self) -> None:
         """Heal until cancelled, one record after the other: where there are many, a disk dies, and others are in a hurry."""
         pauses = Pauses(self._parts.world)
+        keeper = self._parts.keeper
+        seen, again_at = keeper.copies, trio.current_time() + AGAIN_S
         while True:
             if not self._tries:
-                self._wake = trio.Event()
-                with trio.move_on_after(AGAIN_S) as patience:
-                    await self._wake.wait()
-                if patience.cancelled_caught:
-                    await self._look_again()
+                await self._something_new(seen, again_at)
+            is_time = trio.current_time() >= again_at
+            if is_time or keeper.copies is not seen:
+                seen = keeper.copies
+                again_at = trio.current_time() + AGAIN_S if is_time else again_at
+                self._look_again(is_time=is_time)
             before = len(self._tries)
             for spot in list(self._tries):
                 await self._try(spot)
@@ -130,7 +134,31 @@ class Healing:
             else:
                 pauses.reset()
 
+    async def _something_new(self, seen: Copies, again_at: float) -> None:
+        """Return once something is met, it is time to ask again, or others than before may hold what was given up."""
+        self._wake = trio.Event()
+        with trio.move_on_at(again_at):
+            if self._given_up:
+                await first_of(self._wake.wait, partial(self._others_after, seen))
+            else:
+                await self._wake.wait()
+
+    async def _others_after(self, seen: Copies) -> None:
+        await self._parts.keeper.copies_changed_after(seen)
+        await self._parts.world.clock.sleep(STEPS_S)
+
+    def _look_again(self, *, is_time: bool) -> None:
+        """At what others may have by now, and, when it is time, at all that was given up, the longest time ago first. None of it is read for that."""
+        for spot in self._given_up.due(is_time=is_time):
+            who = self._given_up.who(spot)
+            self._given_up.pop(spot)
+            if who is None:
+                self._given_up.add(spot, None)
+            else:
+                self.rotten(spot)
+
     async def _try(self, spot: Spot) -> None:
+        self._asked.setdefault(spot, self._given_up.who(spot))
         try:
             verdict = await self._heal(spot)
         except (Refused, Unreachable, PeerFault) as problem:
@@ -140,46 +168,17 @@ class Healing:
         tries_max = DENIED_TRIES_MAX if verdict is _Verdict.DENIED else TRIES_MAX
         if verdict is _Verdict.OVER or self._tries[spot] >= tries_max:
             if verdict is _Verdict.DENIED:
-                await self._lose(spot)
+                self._given_up.lose(spot, await self._debt(spot))
             if verdict is not _Verdict.OVER:
                 self._parts.events["not healed"] += 1
-                self._give_up(spot)
-            del self._tries[spot]
-
-    async def _lose(self, spot: Spot) -> None:
-        """All have answered: what is owed of it cannot be paid, and is owed no longer from here on (paying.py). Who lacks it is remembered."""
-        debt = await self._debt(spot)
-        self._parts.store.noticed.give_up(spot)
-        self._lost.pop(spot, None)
-        if debt is not None and len(self._lost) < QUEUE_MAX:
-            self._lost[spot] = debt
-
-    async def _look_again(self) -> None:
-        """At what was given up, the longest time ago first. None of it is read for that."""
-        self._forget_healed()
-        for spot in list(self._unhealed)[:AGAIN_MAX]:
-            has_sources = await self._sources(spot) is not None
-            self._unhealed.pop(spot, None)
-            if has_sources:
-                self.rotten(spot)
-            elif self._parts.keeper.holding.owns(spot.home):
-                self._give_up(spot)
-
-    def _forget_healed(self) -> None:
-        noticed = self._parts.store.noticed
-        self._unhealed = {spot: None for spot in self._unhealed if noticed.is_rotten(spot)}
-        self._lost = {spot: debt for spot, debt in self._lost.items() if noticed.is_given_up(spot)}
-
-    def _give_up(self, spot: Spot) -> None:
-        if len(self._unhealed) < QUEUE_MAX:
-            self._unhealed[spot] = None
+                self._given_up.add(spot, self._asked[spot])
+            del self._tries[spot], self._asked[spot]
 
     async def _heal(self, spot: Spot) -> _Verdict:
         parts = self._parts
         sources = await self._sources(spot)
         if sources is None:
-            if parts.keeper.holding.owns(spot.home):
-                self._give_up(spot)
+            self._given_up.add(spot, None)
             return _Verdict.OVER
         if not await self._is_rotten(spot):
             return _Verdict.OVER
@@ -248,8 +247,9 @@ class Healing:
 
     async def _debt(self, spot: Spot) -> Debt | None:
         """What is owed of it, or was when it was given up: which version lay there, and who lacks it."""
-        if spot in self._lost and self._parts.store.noticed.is_given_up(spot):
-            return self._lost[spot]
+        lost = self._given_up.debt(spot)
+        if lost is not None:
+            return lost
         (debt,) = await self._parts.store.debts_of([spot])
         return debt
 

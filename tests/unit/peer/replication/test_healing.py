@@ -9,6 +9,7 @@ import trio
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.location import Arc, Location
+from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, wanted_place
 from scenefold.peer.line.ends import Side
@@ -244,6 +245,52 @@ def test_a_piece_with_a_wreck_that_nobody_has_any_more_is_let_go_of() -> None:
         assert arc_of(terrace.homes[1]).first == place
 
     played(main, seed=17)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_who_has_it_by_owning_the_place_from_now_on_is_asked_at_once_by_those_who_gave_it_up() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first, second = terrace.homes[:2]
+        spots = await filled(terrace, 6)
+        place = next(place for place in spots if second not in holders_of(terrace, first, place))
+        former = [first, *holders_of(terrace, first, place)]
+        for home in former:
+            rot(home, [place], LAST_BYTE)
+            await home.store.read([home.spot(place)])
+        await until(lambda: all(home.replication.healing.unhealed == 1 for home in former), 120.0)
+        piece = Arc(place, arc_of(first).last)
+        await until(lambda: first.living.settled(piece))
+        # A stray until it owns the place: nobody is sent what lies there already.
+        await second.store.merge([Put(record_at(place))])
+        await first.living.give(Side.RIGHT, piece, why="balance")
+        assert not any([await is_sound(home, place) for home in former])
+        await until(lambda: is_settled(second) and len(holders_of(terrace, second, place)) == 2)
+        for home in holders_of(terrace, second, place):
+            await until_sound(home, place)
+        assert all(not home.replication.healing.unhealed for home in terrace.homes)
+
+    played(main, seed=19)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_what_had_rotted_as_a_stray_is_fetched_once_it_lies_here_by_right() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        former, other = holders_of(terrace, first, place)
+        (spare,) = [home for home in terrace.homes if home not in (first, former, other)]
+        assert first.own is not None
+        first.own.blacklist = Blacklist(1, (AddressPrefix(former.node, ADDRESS_BITS),))
+        await spare.store.merge([Put(record_at(place))])
+        rot(spare, [place], LAST_BYTE)
+        await spare.store.read([spare.spot(place)])
+        assert spare.replication.healing.unhealed == 0
+        await until(lambda: spare in holders_of(terrace, first, place))
+        # Nobody reads it for that.
+        await until(lambda: spare.living.parts.events["healed"] == 1, 60.0)
+        assert await is_sound(spare, place)
+
+    played(main, seed=18)
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")
