@@ -70,6 +70,8 @@ MEMBER_NAME_BYTES_MAX = 64
 """A member's name, as in "user:ada": at most 55 bytes of a certificate's common name."""
 PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
+DECIDERS_MAX = 33
+"""Participants of one position of a log: a proposal visits them one after the other, and its votes are each of 64 bytes and a check."""
 SCENES_LISTED_MAX = 512
 """Scene headers in one answer; a cluster of a small studio holds some dozens."""
 SCENES_PER_USER_MAX = 128
@@ -150,6 +152,7 @@ assert CONFIGURATIONS_MAX * 1_000 < BULK_BYTES_MAX
 assert COMPARED_ARCS_MAX * COMPARED_RECORDS_MAX * 128 < BULK_BYTES_MAX
 assert COPIES_TOLD_MAX <= COMPARED_ARCS_MAX
 assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
+assert DECIDERS_MAX <= PARTICIPANTS_MAX
 
 # Connections (world/).
 PENDING_HANDSHAKES_MAX = 64

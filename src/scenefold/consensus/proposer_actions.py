@@ -1,0 +1,225 @@
+"""Actions of the proposer's table (specs/25-consensus.md, The proposer)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.consensus.effects import Outcome, Reply
+from scenefold.consensus.effort import Effort
+from scenefold.consensus.hops import proof_in
+from scenefold.consensus.messages import Propose
+from scenefold.consensus.routes import Route, arms, first_of, in_line, straight_to
+from scenefold.consensus.state import Proposal
+from scenefold.consensus.tables import acting
+from scenefold.consensus.timing import Timer, Waits
+from scenefold.consensus.values import Value
+from scenefold.wire import Phase, ProposalId
+
+# --------------------------------------------------------------------------------------------------------- beginning
+
+
+def begin(effort: Effort) -> None:
+    """remember who asked, for what and until when"""
+    ask = effort.asked
+    assert ask is not None
+    effort.case.change_proposal(Proposal(wish=ask.value, is_asked=True, is_for_all=ask.is_for_all, deadline=ask.deadline))
+
+
+def take_over(effort: Effort) -> None:
+    """go for `accepted`, as if it had been asked for"""
+    accepted = effort.case.slot.accepted
+    assert accepted is not None
+    deadline = effort.case.view.now + effort.case.setting.timing.takeover_s
+    effort.case.change_proposal(Proposal(wish=accepted.value, deadline=deadline))
+
+
+def open_ballot(effort: Effort) -> None:
+    """make a ballot above all that were met, and promise it, durably; the facts are this promise"""
+    case, ballot = effort.case, effort.next_ballot()
+    assert ballot is not None
+    accepted = case.slot.accepted
+    effort.change(
+        id=ProposalId(case.open_position, ballot, Phase.PREPARE),
+        route=in_line(case.participants.nodes, case.view.line),
+        facts=(case.promise(ballot),),
+        values=() if accepted is None else (accepted.value,),
+        chosen=None,
+        reason=RejectReason.NO_MAJORITY,
+        by=None,
+    )
+
+
+def vote(effort: Effort) -> None:
+    """choose the value, and vote for it, durably; if it is the one that was asked for, it is exposed with that; the facts are this vote"""
+    case, proposal, choice = effort.case, effort.proposal, effort.choice()
+    assert choice is not None and choice.value is not None and proposal.id is not None
+    fact = case.vote(proposal.id.ballot, choice.value)
+    if proposal.is_asked and choice.value == proposal.wish:
+        case.change_slot(case.slot.expose(choice.value))
+    effort.change(id=replace(proposal.id, phase=Phase.ACCEPT), facts=(fact,), chosen=choice.value)
+
+
+def hear(effort: Effort) -> None:
+    """the wait for T_ORPHAN begins anew, so that what this node has begun and given up is taken over by itself, if by nobody else"""
+    effort.case.hear()
+
+
+# ----------------------------------------------------------------------------------------------------------- sending
+
+
+def send_out(effort: Effort) -> None:
+    """send 7 out by both arms, and wait T_PASS"""
+    case, route = effort.case, effort.proposal.route
+    both = arms(route, case.me)
+    firsts = [first for arm in both if (first := first_of(arm, case.view.reachable)) is not None]
+    _send(effort, dict.fromkeys(firsts, route), max(len(arm) for arm in both))
+
+
+def repeat(effort: Effort) -> None:
+    """send 7 once more, straight to each whose fact is missing, and wait T_PASS"""
+    there = {fact.member.node for fact in effort.proposal.facts}
+    missing = [node for node in effort.proposal.route if node not in there]
+    _send(effort, {node: straight_to(effort.proposal.route, effort.case.me, node) for node in missing}, 1)
+
+
+def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
+    case, proposal = effort.case, effort.proposal
+    assert proposal.id is not None
+    in_first = proposal.id.phase is Phase.PREPARE
+    highest = case.slot.accepted.value if in_first and case.slot.accepted is not None else None
+    value: Value | None = proposal.wish if in_first else proposal.chosen
+    is_takeover = not proposal.is_asked or proposal.wish is None or proposal.digest in case.slot.exposed
+    for node, route in ways.items():
+        case.send(node, Propose(case.setting.genesis, proposal.id, route, proposal.facts, highest, value, is_takeover))
+    effort.change(arms=frozenset(ways))
+    if ways:
+        wait = case.setting.timing.pass_s(arm)
+        case.set_timer(Timer(Waits.ANSWERS, proposal.id), wait, wait)
+
+
+# ----------------------------------------------------------------------------------------------------------- waiting
+
+
+def note(effort: Effort) -> None:
+    """remember of a refusal its reason, who refused, and the hint; after a 2: ask that one for the log"""
+    refusal = effort.refusal
+    if refusal is None:
+        return
+    met = refusal.hint if effort.proposal.met is None else max(effort.proposal.met, refusal.hint)
+    effort.change(met=met, reason=refusal.reason, by=refusal.member.node)
+    if refusal.reason is RejectReason.POSITION_BEHIND:
+        effort.case.ask_log(refusal.member.node)
+
+
+def note_who_is_missing(effort: Effort) -> None:
+    """remember reason 3, and one that seems alive and has not promised"""
+    effort.change(reason=RejectReason.PEER_MISSED, by=effort.missing())
+
+
+def rest(effort: Effort) -> None:
+    """pause for between T_BASE and T_BASE · 2^k, k being the number of ballots so far, at most 6"""
+    tries = effort.proposal.tries + 1
+    effort.change(tries=tries)
+    effort.case.set_timer(Timer(Waits.REST, effort.proposal.id), *effort.case.setting.timing.rest_s(tries))
+
+
+def wait_again(effort: Effort) -> None:
+    """the wait for T_ORPHAN begins anew"""
+    effort.case.watch()
+
+
+# ------------------------------------------------------------------------------------------------------------ ending
+
+
+def decide(effort: Effort) -> None:
+    """L is decided here, and everybody of P(L) and P(L + 1) is told (6)"""
+    case, proposal = effort.case, effort.proposal
+    assert proposal.id is not None and proposal.chosen is not None
+    proof = proof_in(case, proposal.id, proposal.chosen.digest, proposal.facts)
+    assert proof is not None
+    case.decide(proposal.chosen, proof)
+    case.tell_everybody()
+
+
+def say_committed(effort: Effort) -> None:
+    """answer COMMITTED"""
+    assert effort.case.decided is not None
+    effort.case.do(Reply(effort.proposal.digest, Outcome.COMMITTED, effort.case.decided.position))
+
+
+def say_committed_there(effort: Effort) -> None:
+    """answer COMMITTED, with that position"""
+    wish = effort.asked_value
+    position = None if wish is None else effort.case.state.judge.found(wish)
+    assert wish is not None and position is not None
+    effort.case.do(Reply(wish.digest, Outcome.COMMITTED, position))
+
+
+def say_unknown(effort: Effort) -> None:
+    """answer UNKNOWN"""
+    effort.case.do(Reply(effort.proposal.digest, Outcome.UNKNOWN, effort.case.open_position))
+
+
+def say_open(effort: Effort) -> None:
+    """answer OPEN"""
+    effort.case.do(Reply(None, Outcome.OPEN, effort.case.open_position))
+
+
+def reject(effort: Effort) -> None:
+    """answer REJECTED with this reason"""
+    assert effort.row is not None and effort.row.reason is not None
+    _reject(effort, effort.row.reason, effort.case.me)
+
+
+def reject_as_judged(effort: Effort) -> None:
+    """answer REJECTED with the judge's reason"""
+    wish = effort.asked_value
+    reason = None if wish is None else effort.case.state.judge.refuses(wish)
+    assert reason is not None
+    _reject(effort, reason, effort.case.me)
+
+
+def reject_as_refused(effort: Effort) -> None:
+    """answer REJECTED with the reason of the refusal, and by whom"""
+    assert effort.refusal is not None
+    _reject(effort, effort.refusal.reason, effort.refusal.member.node)
+
+
+def reject_as_noted(effort: Effort) -> None:
+    """answer REJECTED with what was remembered of the newest ballot, or 15"""
+    _reject(effort, effort.proposal.reason, effort.proposal.by)
+
+
+def _reject(effort: Effort, reason: RejectReason, by: NodeId | None) -> None:
+    case = effort.case
+    wish = effort.proposal.wish if effort.asked is None else effort.asked_value
+    position = case.open_position if case.decided is None else case.decided.position
+    case.do(Reply(None if wish is None else wish.digest, Outcome.REJECTED, position, reason, by))
+
+
+ACTIONS = acting(
+    (
+        begin,
+        take_over,
+        open_ballot,
+        vote,
+        hear,
+        send_out,
+        repeat,
+        note,
+        note_who_is_missing,
+        rest,
+        wait_again,
+        decide,
+        say_committed,
+        say_committed_there,
+        say_unknown,
+        say_open,
+        reject,
+        reject_as_judged,
+        reject_as_refused,
+        reject_as_noted,
+    )
+)

@@ -1,0 +1,169 @@
+"""If one fails, whoever has asked is told what is not so, or is left without an answer (design §14, 36 to 38)."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenefold.base.reasons import RejectReason
+from scenefold.consensus import Message, Outcome, Propose, Stage
+from scenefold.wire import Phase
+from unit.consensus.logs_made import Change, member
+from unit.consensus.soup import Soup
+from unit.consensus.world import World
+
+A, B, C, D, E = range(1, 6)
+
+
+@pytest.mark.parametrize("is_voted", [False, True])
+def test_36_the_node_is_lost(is_voted: bool) -> None:
+    """After its ACCEPT, which one other has heard, or nobody: unknown there. Asked at another node, a barrier tells what the log then says."""
+    world = World(1, A, B, C, D, E)
+
+    def until_b(source: int, target: int, message: Message) -> bool:
+        return not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT) or (is_voted and target == B)
+
+    world.filter = until_b
+    world.ask(A, "it", within=2.0)
+    world.run(10.0, lambda: world.nodes[B if is_voted else A].disk.slot.accepted is not None)
+    world.crash(A)
+    world.filter = lambda source, target, message: True
+    world.ask_again(E, None)
+    world.run(30.0)
+    assert world.nodes[E].replies[-1].outcome is (Outcome.COMMITTED if is_voted else Outcome.OPEN)
+    assert world.agree(B, C, D, E) == (["it"] if is_voted else [])
+    world.start(A)
+    world.run(30.0)
+    replies = [reply.outcome for reply in world.nodes[A].replies]
+    assert replies == [Outcome.UNKNOWN, Outcome.COMMITTED], "what nobody else knew is brought to an end by whoever had begun it"
+    assert world.agree() == ["it"]
+
+
+def test_36_unknown_becomes_rejected() -> None:
+    """Once another value is decided there, it is known that this one never will be."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    value = world.ask(A, "it", within=2.0)
+    world.run(10.0)
+    assert world.nodes[A].replies[-1].outcome is Outcome.UNKNOWN
+    world.filter = lambda source, target, message: True
+    world.part({A}, {B, C})
+    world.ask(B, "other")
+    world.run(5.0)
+    world.heal()
+    world.sync(A, B)
+    world.run(5.0)
+    last = world.nodes[A].replies[-1]
+    assert (last.digest, last.outcome, last.reason) == (value.digest, Outcome.REJECTED, RejectReason.POSITION_BEHIND)
+    assert world.agree() == ["other"]
+
+
+def test_37_the_same_request_twice() -> None:
+    """At two nodes at once, and again when it is there: one entry, and the others are told where it is."""
+    world = World(1, A, B, C, D, E)
+    world.keep_in_step()
+    world.ask(A, "it")
+    world.ask(E, "it")
+    world.run(60.0)
+    assert world.agree() == ["it"]
+    for node in (A, C, E):
+        world.ask(node, "it")
+        assert (world.nodes[node].replies[-1].outcome, world.nodes[node].replies[-1].position) == (Outcome.COMMITTED, 1)
+    world.run(10.0)
+    assert world.agree() == ["it"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_38_rejected_is_for_ever(seed: int) -> None:
+    """A minority's request is rejected; whatever happens then for five minutes, it is never decided (the laws look after that)."""
+    soup = Soup(seed)
+    world = soup.world
+    minority = len(world.nodes) // 2
+    world.part(list(world.nodes)[:minority], list(world.nodes)[minority:])
+    value = world.ask(A, "never", within=1.0)
+    world.run(20.0)
+    assert world.nodes[A].replies[-1].outcome is Outcome.REJECTED
+    assert value.digest in world.laws.rejected
+    soup.run()
+    world.run(180.0)
+    assert "never" not in world.agree()
+
+
+def test_a_takeover_that_finds_nobody_begins_anew() -> None:
+    """It is given up after a while, waits, and is tried again: when the others are back, what was begun is brought to an end."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    world.ask(A, "it", within=1.0)
+    world.run(10.0)
+    assert world.nodes[A].replies[-1].outcome is Outcome.UNKNOWN
+    world.crash(B)
+    world.crash(C)
+    world.run(200.0)
+    state = world.nodes[A].state
+    assert state is not None and state.slot.promised.counter > 10, "it has gone on trying"
+    world.filter = lambda source, target, message: True
+    world.start(B)
+    world.run(60.0)
+    assert world.agree(A, B) == ["it"]
+
+
+def test_what_suits_nobody_is_refused_before_anybody_votes() -> None:
+    """A veto counts in the first phase, and only as long as nothing has begun; later the same request gets through."""
+    world = World(1, A, B, C)
+    world.nodes[B].veto = RejectReason.BUSY
+    value = world.ask(A, "it")
+    world.run(5.0)
+    [reply] = world.nodes[A].replies
+    assert (reply.outcome, reply.reason, reply.by) == (Outcome.REJECTED, RejectReason.BUSY, B)
+    assert all(known.disk.slot.accepted is None for known in world.nodes.values())
+    world.nodes[B].veto = None
+    world.ask_again(A, value)
+    world.run(5.0)
+    assert world.agree() == ["it"]
+
+
+def test_whoever_abstains_hands_on() -> None:
+    """It says nothing, and the others decide; if they are too few, it waits until that one votes."""
+    world = World(1, A, B, C)
+    world.nodes[B].abstains = True
+    world.ask(A, "one")
+    world.run(0.2)
+    assert B not in {vote.member.node for vote in world.nodes[A].disk.log[0][1].votes}
+    world.run(5.0)
+    world.crash(C)
+    world.ask(A, "two")
+    world.run(5.0)
+    assert world.log(A) == ["one"]
+    world.nodes[B].abstains = False
+    world.run(25.0)
+    assert world.agree(A, B) == ["one", "two"]
+
+
+def test_what_is_for_all_waits_for_whoever_seems_alive() -> None:
+    """One that cannot answer though it seems alive holds it up, and is named; one that is dead does not."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: source != C
+    world.ask(A, "it", is_for_all=True, within=3.0)
+    world.run(20.0)
+    last = world.nodes[A].replies[-1]
+    assert (last.outcome, last.reason, last.by) == (Outcome.REJECTED, RejectReason.PEER_MISSED, C)
+    world.crash(C)
+    world.ask(A, "it", is_for_all=True)
+    world.run(20.0)
+    assert world.agree(A, B) == ["it"]
+
+
+def test_one_at_a_time() -> None:
+    """A second request meanwhile is turned away at once; a value that does not fit, and the last one's leaving, are refused."""
+    world = World(1, A, B, C)
+    world.ask(A, "one")
+    world.ask(A, "two")
+    assert (world.nodes[A].replies[-1].outcome, world.nodes[A].replies[-1].reason) == (Outcome.REJECTED, RejectReason.BUSY)
+    world.run(5.0)
+    old = world.first.value("three", A)
+    world.ask_again(A, old)
+    assert world.nodes[A].replies[-1].reason is RejectReason.ILL_FORMED
+    alone = World(1, A)
+    alone.ask(A, "nobody", Change(leaves=member(A)))
+    assert alone.nodes[A].replies[-1].reason is RejectReason.ILL_FORMED
+    state = alone.nodes[A].state
+    assert state is not None and state.proposal.stage is Stage.IDLE
