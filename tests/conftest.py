@@ -24,9 +24,10 @@ from scenefold.world.sim.run import settle
 use_kernel_cache()
 
 # Fast ones first, so that a slip shows within seconds. Those that take minutes come together: some compute, and others wait.
-ORDER = (("house",), ("unit",), ("study",), ("conformance",), ("render",), ("simulation", "integration"))
+ORDER = (("house",), ("unit",), ("study",), ("conformance",), ("render",), ("simulation", "integration", "models"))
 # Of these the longest first, lest one of them runs alone at the end: a process of tests takes whole files, in this order.
 LONGEST = (
+    "models/test_models.py",
     "simulation/test_every_step.py",
     "integration/test_moving_processes.py",
     "simulation/test_mutants.py",
