@@ -46,7 +46,11 @@ CORE = (
     Run("consensus", "-DB=3 -DMUT_PROMISE -DONLY_AGREEMENT", "promises are not durable"),
     Run("consensus", "-DB=3 -DMUT_BLIND -DONLY_AGREEMENT", "what promises name is ignored"),
     Run("consensus", "-DB=4 -DMUT_MIXED -DONLY_AGREEMENT", "votes of several ballots count together"),
-    Run("consensus", "-DB=2 -DPOSITIONS=2 -DMEMBERS -DVALUES_FIRST=2 -DMUT_TENTATIVE -DONLY_AGREEMENT", "participants by what was only accepted"),
+    Run(
+        "consensus",
+        "-DB=2 -DPOSITIONS=2 -DMEMBERS -DVALUES_FIRST=2 -DMUT_TENTATIVE -DONLY_AGREEMENT",
+        "participants by what was only accepted",
+    ),
     Run("consensus", f"{MEMBERS} -DMUT_WIPED -DONLY_AGREEMENT", "a wiped node votes under its old name"),
 )
 
