@@ -193,15 +193,15 @@ REQUESTS_HANDLED_MAX = 64
 """Requests of one connection that are handled at a time; beyond it nothing more is read from it."""
 REQUEST_BYTES_HANDLED_MAX = 4 * FRAME_BYTES_MAX
 """Bytes of those requests: memory that one connection can bind."""
-BULK_ANSWERS_MAX = 4
-"""Of those requests, the ones at a time whose answer may be as large as a frame: a peer that asks for much and reads
+ANSWER_BYTES_MAX = 4 * FRAME_BYTES_MAX
+"""What the answers to those of them together may come to that are worked on at a time: a peer that asks for much and reads
 nothing binds these, each as a packet and as its bytes."""
 CONNECTIONS_PER_PEER_MAX = 64
 """Connections of one peer to one port: a process has one, and one user may run many."""
 PEER_REQUESTS_HANDLED_MAX = 2 * REQUESTS_HANDLED_MAX
 """Requests of one peer at one port that are handled at a time, over all its connections."""
 PEER_REQUEST_BYTES_HANDLED_MAX = 2 * REQUEST_BYTES_HANDLED_MAX
-PEER_BULK_ANSWERS_MAX = 2 * BULK_ANSWERS_MAX
+PEER_ANSWER_BYTES_MAX = 2 * ANSWER_BYTES_MAX
 FRAME_S_MAX = 60.0
 """Seconds that we wait, in all, for the rest of a frame that has begun: 2 MiB at 35 KB/s."""
 SEND_STALL_S_MAX = 30.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,8 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_STATUS_S
-from scenefold.client.copy_words import CopyWords, enough
+from scenefold.client.copy_words import CopyWords
+from scenefold.client.together import together
 from scenefold.wire import CopiesFound, CopyState, GetCopies, RecordKey
 
 if TYPE_CHECKING:
@@ -43,38 +44,71 @@ class AskedHolders:
 
     async def ask(self, groups: Groups, *, versions_only: bool = False) -> None:
         """Hear all of them, and take what counts. `versions_only`: what lies there is of no interest, but which version."""
-        async with trio.open_nursery() as nursery:
-            for nodes, indices in groups.items():
-                nursery.start_soon(partial(self._ask_group, nodes, indices, versions_only=versions_only))
+        await together(partial(self._ask_group, nodes, indices, versions_only=versions_only) for nodes, indices in groups.items())
 
     async def _ask_group(self, nodes: tuple[NodeId, ...], indices: list[int], *, versions_only: bool) -> None:
         """Ask all holders of some records at once: the best of them for the records, the others which versions they have."""
-        calls, layouts = self._reads.calls, self._reads.layouts
+        layouts = self._reads.layouts
         for index in indices:
             space = self._wanted.keys[index][0]
-            least = enough(1 + len(layouts.offsets[space]), layouts.needed[space])
-            self._words[index] = CopyWords(least, frozenset(self._reads.owners(self._wanted.homes[index])))
-        ordered = sorted(nodes, key=lambda node: (calls.is_silent(node), calls.tails.is_behind(node)))
-        async with trio.open_nursery() as nursery:
-
-            async def ask(node: NodeId, *, digests_only: bool) -> None:
-                await self._ask(node, indices, digests_only=digests_only)
-                if self.have(indices):
-                    # Whoever has not answered yet changes nothing any more.
-                    nursery.cancel_scope.cancel()
-
-            for place, node in enumerate(ordered):
-                nursery.start_soon(partial(ask, node, digests_only=versions_only or place > 0))
+            owners = frozenset(self._reads.owners(self._wanted.homes[index]))
+            self._words[index] = CopyWords(1 + len(layouts.offsets[space]), layouts.needed[space], owners)
+        asked: set[NodeId] = set()
+        await self._ask_all(nodes, indices, asked, versions_only=versions_only)
+        if unknown := [index for index in self._undecided(indices) if not self._words[index].named()]:
+            # Nobody of these has it: a bound that has moved a little since gave it to one beside them.
+            beside = dict.fromkeys(other for node in nodes for other in self._reads.calls.table.beside(node) if other not in asked)
+            await self._ask_all(beside, unknown, asked, versions_only=True)
+        await self._learn_orders(indices)
         if versions_only:
             return
         # Of some the first had nothing to say, or something else than the others.
-        for node in ordered[1:]:
+        for node in self._best(asked):
             lacking = [index for index in indices if self.version(index) is not None and not self._words[index].is_here()]
             if lacking:
                 await self._ask(node, lacking, digests_only=False)
         for index in indices:
             if self._words[index].is_here():
                 self._wanted.take(index, self._words[index].record)
+
+    async def _ask_all(self, nodes: Iterable[NodeId], indices: list[int], asked: set[NodeId], *, versions_only: bool) -> None:
+        """At once, and whom these name as well, as bounds have moved and copies have not followed them yet; until enough is known.
+
+        `versions_only` false: the best of them for the records. `asked`: who was asked already; it grows.
+        """
+        calls, best = self._reads.calls, self._best(nodes)
+        asked.update(best)
+        async with trio.open_nursery() as nursery:
+
+            async def ask(node: NodeId, part: list[int], *, digests_only: bool) -> None:
+                await self._ask(node, part, digests_only=digests_only)
+                if (not self._undecided(indices)) if versions_only else self.have(indices):
+                    # Whoever has not answered yet changes nothing any more.
+                    nursery.cancel_scope.cancel()
+                    return
+                undecided = self._undecided(part)
+                for other in sorted({other for index in undecided for other in self._words[index].named()} - asked):
+                    if calls.table.by_id(other) is not None:
+                        asked.add(other)
+                        nursery.start_soon(partial(ask, other, undecided, digests_only=True))
+
+            for place, node in enumerate(best):
+                nursery.start_soon(partial(ask, node, indices, digests_only=versions_only or place > 0))
+
+    def _best(self, nodes: Iterable[NodeId]) -> list[NodeId]:
+        calls = self._reads.calls
+        return sorted(nodes, key=lambda node: (calls.is_silent(node), calls.tails.is_behind(node)))
+
+    def _undecided(self, indices: Sequence[int]) -> list[int]:
+        return [index for index in indices if self.version(index) is None]
+
+    async def _learn_orders(self, indices: Sequence[int]) -> None:
+        """Where they differ, ask each for the record that it has: its header says how new that is."""
+        wanted: dict[NodeId, list[int]] = {}
+        for index in indices:
+            for node in self._words[index].unordered():
+                wanted.setdefault(node, []).append(index)
+        await together(partial(self._ask, node, part, digests_only=False) for node, part in wanted.items())
 
     async def _ask(self, node: NodeId, indices: Sequence[int], *, digests_only: bool) -> None:
         """Hear what one holder says of these. Its silence is nobody's trouble."""

@@ -102,12 +102,12 @@ class CopyReads:
         )
         if answered:
             tails.note(owner, len(frame), now() - began)
-            for index in filter(wanted.is_here, frame):
-                record = wanted.record(index)
-                for node in holders.otherwise(index, NOTHING if record is None else version_of(record.header)):
-                    self.bad.met(owner, node, index)
         elif not calls.is_silent(owner):
             tails.was_late(owner)
+        for index in filter(wanted.is_here, frame):
+            record = wanted.record(index)
+            for node in holders.otherwise(index, NOTHING if record is None else version_of(record.header)):
+                self.bad.met(owner, node, index)
 
     def patience_s(self, owner: NodeId, records: int) -> float:
         """How long it is waited for alone. Who did not answer the last time, or is slow all the time, is hardly worth it."""

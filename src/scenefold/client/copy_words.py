@@ -1,16 +1,19 @@
 """What holders of copies say of records, and when that counts like the owner's word (specs/20-copies.md, Reads). Pure.
 
 A write is acknowledged once `needed` of the members of a configuration have it. So of any |H| - needed + 1 members one has it, or
-something newer; and if as many that are not the owner say alike, under one configuration, nothing newer was acknowledged. What is
-read must not be lost more easily than what was acknowledged: so with the owner, from whom they have it, they must be `needed`. Holders
-name that configuration themselves. A single one of them must not be able to name one in which it decides alone: so at least as many
-must say alike as follow from the scene's header, which its owner has signed.
+something newer: once as many that are not the owner have said, under one configuration, what they have, nothing newer than the newest of
+that was acknowledged. What is read must not be lost more easily than what was acknowledged: so with the owner, from whom they have it, those
+who have that newest version must be `needed`. Holders name that configuration themselves. A single one of them must not be able to name one
+in which it decides alone: so at least as many must have been heard as follow from the scene's header, which its owner has signed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Set
+from contextlib import suppress
+
 from scenefold.base.ids import NodeId
-from scenefold.crypto import version_of
+from scenefold.crypto import IllFormedRecord, RecordHeader, Version, version_key, version_of
 from scenefold.wire import Configuration, Copy, CopyState, RecordBytes
 
 NOTHING = b""
@@ -30,41 +33,76 @@ def word_of(copy: Copy) -> bytes | None:
             return None
 
 
-def enough(copies: int, needed: int) -> int:
-    """So many holders have to say alike, of a record with so many copies, of which so many are needed."""
-    return max(1, copies - needed + 1, needed - 1)
+def quorum(copies: int, needed: int) -> int:
+    """Of so many members, of whom so many have what was acknowledged, as many as this cannot all lack it."""
+    return max(1, copies - needed + 1)
 
 
 class CopyWords:
-    """Of one record. `least`: how many must say alike at least; `owners`: who may own its place, as the reader knows."""
+    """Of one record."""
 
-    def __init__(self, least: int, owners: frozenset[NodeId]) -> None:
-        self._least = least
+    def __init__(self, copies: int, needed: int, owners: frozenset[NodeId]) -> None:
+        """`copies`, `needed`: by the scene's header; a configuration may ask for more. `owners`: who may own its place, as the reader knows."""
+        self._quorum = quorum(copies, needed)
+        self._having = needed - 1
         self._owners = owners
-        self._said: dict[tuple[Configuration, bytes], set[NodeId]] = {}
+        self._said: dict[Configuration, dict[NodeId, bytes]] = {}
         self._records: dict[bytes, RecordBytes] = {}
+        self._orders: dict[bytes, Version] = {}
 
     def hear(self, node: NodeId, configuration: Configuration, copy: Copy, *, is_forged: bool = False) -> None:
-        """A node says something. What it has no part in does not count. `is_forged`: of what it gives only the version counts."""
+        """A node says something; it takes the place of what it has said before. What it has no part in does not count.
+
+        `is_forged`: of what it gives only the version counts.
+        """
         owner, *holders = configuration.members
         word = word_of(copy)
         if word is None or owner.node not in self._owners or node not in {member.node for member in holders}:
             return
         if copy.record is not None and not is_forged:
             self._records[word] = copy.record
-        self._said.setdefault((configuration, word), set()).add(node)
+            with suppress(IllFormedRecord):
+                self._orders[word] = version_key(RecordHeader.decode(copy.record.header))
+        self._said.setdefault(configuration, {})[node] = word
 
     def otherwise(self, version: bytes) -> set[NodeId]:
         """Who has said something else than that."""
-        return {node for (_, word), nodes in self._said.items() if word != version for node in nodes}
+        return {node for said in self._said.values() for node, word in said.items() if word != version}
+
+    def named(self) -> set[NodeId]:
+        """Who holds copies by what was said, the owner left out."""
+        return {member.node for configuration in self._said for member in configuration.members[1:]}
+
+    def unordered(self) -> set[NodeId]:
+        """Enough were heard, and they differ, and of what these say it is not known yet how new it is."""
+        return {
+            node
+            for configuration, said in self._said.items()
+            if self._is_heard(configuration, said) and len(set(said.values())) > 1
+            for node, word in said.items()
+            if word != NOTHING and word not in self._orders
+        }
 
     @property
     def version(self) -> bytes | None:
         """The version that counts; None as long as none does."""
-        for (configuration, word), nodes in self._said.items():
-            if len(nodes) >= max(self._least, enough(len(configuration.members), configuration.needed)):
-                return word
+        for configuration, said in self._said.items():
+            if self._is_heard(configuration, said):
+                newest = self._newest(set(said.values()))
+                having = sum(word == newest for word in said.values())
+                if newest is not None and having >= max(1, self._having, configuration.needed - 1):
+                    return newest
         return None
+
+    def _is_heard(self, configuration: Configuration, said: Mapping[NodeId, bytes]) -> bool:
+        return len(said) >= max(self._quorum, configuration.quorum)
+
+    def _newest(self, words: Set[bytes]) -> bytes | None:
+        """None if that cannot be known: a word is of an order that nobody has shown."""
+        if len(words) == 1:
+            return next(iter(words))
+        versions = words - {NOTHING}
+        return max(versions, key=self._orders.__getitem__) if versions <= self._orders.keys() else None
 
     def is_here(self) -> bool:
         """Whether it is known what counts, with its bytes."""

@@ -72,6 +72,11 @@ class Shares:
         return any(True for left in (self._free, self._out) for _ in self._askable(left, node))
 
     @property
+    def left(self) -> list[int]:
+        """What has not come."""
+        return [*self._free, *self._out]
+
+    @property
     def is_over(self) -> bool:
         """Everything has come."""
         return not self._free and not self._out

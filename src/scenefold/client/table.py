@@ -96,6 +96,14 @@ class RoutingTable:
         forbidden = [node for node in self._by_id if not owner.may_be_held_by(node)]
         return holders_at(self._line, owner.node_id, forbidden, layout, location, needed - 1)
 
+    def beside(self, node_id: NodeId) -> list[NodeId]:
+        """Who owns what lies beside a node's arc; nobody if it has none."""
+        owning = [owner.node_id for owner in self.owners if owner.right_bound is not None]
+        if node_id not in owning:
+            return []
+        place = owning.index(node_id)
+        return list(dict.fromkeys(owning[(place + step) % len(owning)] for step in (-1, 1)))
+
     def by_id(self, node_id: NodeId) -> Owner | None:
         return self._by_id.get(node_id)
 

@@ -70,7 +70,10 @@ class WideRead:
             while self._working and not self._shares.is_over:
                 await self._change.wait()
         if not self._shares.is_over and self._problem is not None:
-            raise self._problem
+            # Who was not among those that were thought to hold copies may have them.
+            await self._reads.instead(self._wanted, self._shares.left)
+            if not all(map(self._wanted.is_here, self._shares.left)):
+                raise self._problem
 
     async def _counted(self, task: Callable[[], Awaitable[object]]) -> None:
         await task()

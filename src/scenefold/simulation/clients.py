@@ -13,7 +13,7 @@ from scenefold.client.scenes import Scenes
 from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.scene.log import Decider
 from scenefold.simulation.copying import KEPT_NAMES, KEPT_OBJECTS, Copying, Rule
-from scenefold.simulation.heard_copies import HeardCopies
+from scenefold.simulation.heard_copies import HeardCopies, Shape
 from scenefold.simulation.recording import Recorder
 from scenefold.simulation.watch import Watch
 from scenefold.simulation.watched_links import WatchedLinks
@@ -73,8 +73,8 @@ async def keep_copies(scene: Scene, copying: Copying, watch: Watch) -> None:
         shadows = sorted((space for space in found if space.parent == number), key=lambda space: space.id)
         watch.keeping.rules[scene.id, number] = Rule(tuple(space.offset for space in shadows), copying.least)
     watch.keeping.racks = copying.racks
-    least = max(1 + copying.copies - copying.least, copying.least - 1)
-    watch.recorder.copies = HeardCopies(lambda place: least if watch.keeping.has(place) else 1, watch.is_lied_about_by)
+    shape, alone = Shape(copying.copies, copying.least), Shape(1, 1)
+    watch.recorder.copies = HeardCopies(lambda place: shape if watch.keeping.has(place) else alone, watch.is_lied_about_by)
     watch.tell(None, "{}", copying)
 
 

@@ -8,7 +8,14 @@ from enum import StrEnum
 from typing import Any, ClassVar
 
 from scenefold.base.ids import SPACE_ID_MAX, KeyId, NodeId, SceneId, SpaceId
-from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, DOCUMENT_BYTES_MAX, LOG_BYTES_MAX, RECORD_OVERHEAD_BYTES_MAX, TEXT_BYTES_MAX
+from scenefold.base.limits import (
+    CIPHERTEXT_BYTES_MAX,
+    DOCUMENT_BYTES_MAX,
+    FRAME_BYTES_MAX,
+    LOG_BYTES_MAX,
+    RECORD_OVERHEAD_BYTES_MAX,
+    TEXT_BYTES_MAX,
+)
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.containers import Struct, since_of
@@ -91,11 +98,20 @@ class Packet:
 
     TYPE: ClassVar[int] = 0
     BULK_ANSWER: ClassVar[bool] = False
-    """Whether the answer may be about as large as a frame, so that few of them may be made at a time."""
+    """Whether the answer may be large, so that only so much of them may be made at a time as memory allows."""
     request_id: int = 0
     """Chosen by the asker, repeated in the reply; 0 where no reply is awaited."""
     mini_status: MiniStatus | None = None
     """None from a client, which is no node."""
+
+    def answer_bytes_max(self) -> int:
+        """How large the answer may be, before it is made; 0 if no answer to such a packet is large."""
+        return FRAME_BYTES_MAX if self.BULK_ANSWER else 0
+
+
+def records_bytes_max(count: int) -> int:
+    """Of an answer with so many records, each with who holds it."""
+    return min(FRAME_BYTES_MAX, count * (CIPHERTEXT_BYTES_MAX + 2 * RECORD_OVERHEAD_BYTES_MAX))
 
 
 @dataclass(frozen=True, slots=True)

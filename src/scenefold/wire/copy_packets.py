@@ -32,6 +32,7 @@ from scenefold.wire.common import (
     Packet,
     SceneId,
     SpaceId,
+    records_bytes_max,
     row,
 )
 from scenefold.wire.containers import Many, Struct
@@ -129,6 +130,9 @@ class GetCopies(Packet):
     keys: tuple[RecordKey, ...]
     digests_only: bool
     any_copy: bool
+
+    def answer_bytes_max(self) -> int:
+        return records_bytes_max(len(self.keys))
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ class Configuration:
 
     @property
     def quorum(self) -> int:
-        """How many members that are not the owner speak like the owner, if they say alike."""
+        """Once so many members that are not the owner have spoken, nothing newer was acknowledged than the newest that they have."""
         return len(self.members) - self.needed + 1
 
 

@@ -30,6 +30,7 @@ from scenefold.wire.common import (
     Packet,
     SceneId,
     SpaceId,
+    records_bytes_max,
     row,
 )
 from scenefold.wire.containers import Many, Struct, many_locations, many_of_size
@@ -231,6 +232,9 @@ class GetMany(Packet):
     scene: SceneId
     position: int
     keys: tuple[RecordKey, ...]
+
+    def answer_bytes_max(self) -> int:
+        return records_bytes_max(len(self.keys))
 
 
 @dataclass(frozen=True, slots=True)

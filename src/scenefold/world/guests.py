@@ -7,14 +7,14 @@ others it begins only a few requests at a time, and takes only a share of the ti
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 
 import trio
 
 from scenefold.base.limits import (
     CONNECTIONS_PER_PEER_MAX,
-    PEER_BULK_ANSWERS_MAX,
+    PEER_ANSWER_BYTES_MAX,
     PEER_REQUEST_BYTES_HANDLED_MAX,
     PEER_REQUESTS_HANDLED_MAX,
 )
@@ -47,6 +47,28 @@ class Budget:
         self._changed.unpark_all()
 
 
+class Room:
+    """Bytes that answers may take before they have left. Who asks first is served first: else what is large would never be."""
+
+    def __init__(self, bytes_max: int) -> None:
+        self._left = bytes_max
+        self._line = trio.Lock()
+        self._changed = trio.lowlevel.ParkingLot()
+
+    @asynccontextmanager
+    async def taken(self, size_bytes: int) -> AsyncIterator[None]:
+        """So much is taken within this. `size_bytes` must not exceed the whole room."""
+        async with self._line:
+            while self._left < size_bytes:
+                await self._changed.park()
+            self._left -= size_bytes
+        try:
+            yield
+        finally:
+            self._left += size_bytes
+            self._changed.unpark()
+
+
 class Share:
     """One peer's."""
 
@@ -57,7 +79,7 @@ class Share:
         self._line = trio.Lock()
         self._turn_ended = trio.lowlevel.ParkingLot()
         self.budget = Budget(PEER_REQUESTS_HANDLED_MAX, PEER_REQUEST_BYTES_HANDLED_MAX)
-        self.bulk_slots = trio.CapacityLimiter(PEER_BULK_ANSWERS_MAX)
+        self.room = Room(PEER_ANSWER_BYTES_MAX)
         self.connections: dict[trio.CancelScope, None] = {}
         """Those that are served, oldest first."""
 

@@ -16,10 +16,10 @@ from dataclasses import replace
 import trio
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError
-from scenefold.base.limits import BULK_ANSWERS_MAX, FRAME_S_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
+from scenefold.base.limits import ANSWER_BYTES_MAX, FRAME_S_MAX, REQUEST_BYTES_HANDLED_MAX, REQUESTS_HANDLED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import Fault, FrameReader, MalformedPacket, NotSpoken, Packet, UnsupportedPacket, decode_packet, encode_frame
-from scenefold.world.guests import BYTE_S, REQUEST_S, Budget, Guests, Share
+from scenefold.world.guests import BYTE_S, REQUEST_S, Budget, Guests, Room, Share
 from scenefold.world.metering import charge_forged
 from scenefold.world.outbox import Outbox
 from scenefold.world.ports import Connection, ConnectionLost
@@ -64,7 +64,7 @@ class _Serving:
         self._handler = handler
         self._outbox = Outbox(connection)
         self._budget = Budget(REQUESTS_HANDLED_MAX, REQUEST_BYTES_HANDLED_MAX)
-        self._bulk_slots = trio.CapacityLimiter(BULK_ANSWERS_MAX)
+        self._room = Room(ANSWER_BYTES_MAX)
         self._share = share
         self._bill = share.bill()
         """What reading and sending cost."""
@@ -168,9 +168,9 @@ class _Serving:
         try:
             packet = self._decoded(frame)
             number = packet.request_id
-            if packet.BULK_ANSWER:
-                await held.enter_async_context(self._bulk_slots)
-                await held.enter_async_context(self._share.bulk_slots)
+            if size_bytes := packet.answer_bytes_max():
+                await held.enter_async_context(self._room.taken(size_bytes))
+                await held.enter_async_context(self._share.room.taken(size_bytes))
             answer = await self._handler(packet, self._connection.peer)
         except MalformedPacket as error:
             self._complain("malformed", str(error))

@@ -12,9 +12,24 @@ import trio
 from conformance.world.logs import logged
 from conformance.world.makers import Worlds
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable
-from scenefold.base.limits import BULK_ANSWERS_MAX, REQUESTS_HANDLED_MAX, REQUESTS_IN_FLIGHT_MAX
+from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.limits import ANSWER_BYTES_MAX, FRAME_BYTES_MAX, REQUESTS_HANDLED_MAX, REQUESTS_IN_FLIGHT_MAX
+from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import Fault, FrameReader, ListScenes, Packet, RequestPublicKey, SendRays, decode_packet, encode_frame, frame
+from scenefold.wire import (
+    Fault,
+    FrameReader,
+    GetMany,
+    GetManyReply,
+    ListScenes,
+    Packet,
+    RecordKey,
+    RequestPublicKey,
+    SendRays,
+    decode_packet,
+    encode_frame,
+    frame,
+)
 from scenefold.world import Channel, Connection, Links, Priority, open_channel, open_links, serve_connection
 
 LOW = Priority.LOW
@@ -173,13 +188,40 @@ async def test_who_asks_for_much_and_reads_nothing_binds_few_large_answers(world
             await greedy.send(encode_frame(ListScenes(request_id=number)))
         # What the transport itself takes up lets a few more through.
         await worlds.silence(0.3)
-        assert 0 < asked <= BULK_ANSWERS_MAX + 4
+        assert 0 < asked <= ANSWER_BYTES_MAX // FRAME_BYTES_MAX + 4
         await greedy.send(encode_frame(replace(ask(1), request_id=99)))
         reader, answered = FrameReader(), 0
         while answered < REQUESTS_HANDLED_MAX:
             answered += len(reader.feed(await greedy.receive(1 << 20)))
         assert asked == REQUESTS_HANDLED_MAX - 1
         await greedy.aclose()
+
+
+async def test_small_questions_that_take_long_hold_up_no_others(worlds: Worlds) -> None:
+    """As of places that their node is still learning about, beside those of which it knows."""
+    waiting, all_wait, go_on = 0, trio.Event(), trio.Event()
+
+    async def look_up(packet: Packet, _peer: str) -> Packet:
+        nonlocal waiting
+        assert isinstance(packet, GetMany)
+        if packet.position:
+            waiting += 1
+            if waiting == REQUESTS_HANDLED_MAX // 2:
+                all_wait.set()
+            await go_on.wait()
+        return GetManyReply(records=(None,))
+
+    def question(position: int) -> GetMany:
+        return GetMany(SceneId(1), position, (RecordKey(SpaceId(1), FIRST, b""),))
+
+    async with node(worlds, look_up):
+        async with open_channel(await connect(worlds)) as channel, trio.open_nursery() as nursery:
+            for _ in range(REQUESTS_HANDLED_MAX // 2):
+                nursery.start_soon(channel.request, question(1), LONG_S)
+            with trio.fail_after(LONG_S / 2):
+                await all_wait.wait()
+                await channel.request(question(0), LONG_S / 2)
+            go_on.set()
 
 
 async def test_a_lost_connection_fails_all_that_wait(worlds: Worlds) -> None:

@@ -13,6 +13,7 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.client.bad_copies import AGAIN_S
 from scenefold.client.former_tables import FORMER_S
 from scenefold.client.scene import Scene
 from scenefold.client.table import Owner, RoutingTable
@@ -53,6 +54,8 @@ class HoldingNodes(FakeNodes):
     """By which line custody was given, if that is another one by now."""
     not_ready: set[str] = field(default_factory=set)
     """They own what they cannot speak for yet."""
+    without_custody: set[str] = field(default_factory=set)
+    """They hold no copies of anything."""
 
     def keep(self) -> None:
         for address in self.addresses:
@@ -77,7 +80,7 @@ class HoldingNodes(FakeNodes):
                 digest = b"" if item is None else version_of(item.header)
                 copies.append(Copy(CopyState.DIGEST if digest else CopyState.NOTHING, len(holders) - 1, digest, None))
                 continue
-            if owner.address == address or (address in self.without_lease and not packet.any_copy):
+            if owner.address == address or address in self.without_custody or (address in self.without_lease and not packet.any_copy):
                 copies.append(Copy(CopyState.NO_CUSTODY, 0, b"", None))
                 continue
             holders.append(self.claimed.get(address) or self.configuration(owner))
@@ -150,21 +153,60 @@ async def test_once_an_owner_was_silent_it_is_not_waited_for_again(autojump_cloc
     assert trio.current_time() - began < CLIENT_HEDGE_S / 2
 
 
-async def test_holders_that_differ_leave_it_to_the_owner(autojump_clock: MockClock) -> None:
+def found_at(nodes: HoldingNodes, place: Location) -> RecordBytes:
+    """What its owner has."""
+    item = next(item for (_, where), item in nodes.records.items() if where == place)
+    return RecordBytes(item.signature, item.header, item.ciphertext)
+
+
+@pytest.mark.parametrize("ahead", [0, 2])
+async def test_what_one_holder_has_newer_than_the_other_counts(ahead: int, autojump_clock: MockClock) -> None:
+    """It may have been acknowledged, and nothing newer can have been: both were heard."""
     nodes = HoldingNodes()
     scene = await kept_scene(nodes)
     owner = nodes.addresses[1]
     (place, *_) = owned_by(nodes, owner)
     await scene.space(FILES).put(place, b"newer")
-    nodes.kept[nodes.addresses[0]][place] = next(
-        RecordBytes(item.signature, item.header, item.ciphertext) for (_, where), item in nodes.records.items() if where == place
-    )
+    nodes.kept[nodes.addresses[ahead]][place] = found_at(nodes, place)
+    nodes.away.add(owner)
+    began = trio.current_time()
+    assert await scene.space(FILES).get(place) == b"newer"
+    assert trio.current_time() - began < CLIENT_HEDGE_S
+
+
+async def test_how_new_a_forged_record_is_nobody_believes(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner, liar = nodes.addresses[1], nodes.addresses[0]
+    (place, *_) = owned_by(nodes, owner)
+    await scene.space(FILES).put(place, b"newer")
+    nodes.kept[liar][place] = replace(found_at(nodes, place), ciphertext=bytes(64))
     nodes.hung.add(owner)
     with trio.move_on_after(CLIENT_REQUEST_S / 2) as patience:
         await scene.space(FILES).get(place)
-    assert patience.cancelled_caught, "one holder has it, the other something older: nobody knows"
+    assert patience.cancelled_caught, "it is left to the owner"
     nodes.hung.clear()
     assert await scene.space(FILES).get(place) == b"newer"
+
+
+@pytest.mark.parametrize("elsewhere", [1, 2])
+async def test_whom_the_table_does_not_give_as_holder_is_asked_all_the_same(elsewhere: int, autojump_clock: MockClock) -> None:
+    """Bounds have moved, and copies have not followed them yet: of the holders as placement gives them one, or none, has any."""
+    nodes = HoldingNodes(addresses=tuple(f"127.0.0.{number}" for number in range(2, 8)))
+    scene = await kept_scene(nodes)
+    space, table = scene.space(FILES), nodes.table
+    place = PLACES[3]
+    owner = table.owner_of(place)
+    placed = [address_of(node) for node in table.holders_of(LAYOUTS.offsets[FILES], place)]
+    free = [address_of(node) for holder in placed for node in table.beside(node_id_of(holder))]
+    free = [address for address in dict.fromkeys(free) if address not in (owner.address, *placed)]
+    holding = [*placed[elsewhere:], *free[:elsewhere]]
+    members = tuple(Member(NodeId(node_id_of(address)), bytes(16)) for address in (owner.address, *holding))
+    nodes.claimed = dict.fromkeys(nodes.addresses, Configuration(1, members, 2))
+    nodes.without_custody = set(nodes.addresses) - set(holding)
+    nodes.away.add(owner.address)
+    assert await space.get(place) == ITEMS[3][1]
+    assert asked(nodes, GetCopies) >= set(holding)
 
 
 async def test_who_has_something_older_its_owner_is_told_of(autojump_clock: MockClock) -> None:
@@ -182,6 +224,7 @@ async def test_who_has_something_older_its_owner_is_told_of(autojump_clock: Mock
     assert [(address, address_of(packet.holder), [key.location for key in packet.keys]) for address, packet in told] == [
         (owner, behind, [place])
     ]
+    await trio.sleep(AGAIN_S)
     assert await scene.space(FILES).get(place) == b"newer"
     assert len([packet for _, packet in nodes.asked if isinstance(packet, LookAtCopies)]) == 2
     await scene.space(FILES).get_many([place, PLACES[0]])

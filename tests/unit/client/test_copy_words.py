@@ -9,14 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.ids import NodeId
-from scenefold.client.copy_words import CopyWords, enough, word_of
+from scenefold.client.copy_words import CopyWords, quorum, word_of
 from scenefold.crypto import version_of
 from scenefold.wire import Configuration, Copy, CopyState, Member, RecordBytes
+from unit.store.samples import record as sample
 
 OWNER, ADA, BOB, EVE = (Member(NodeId(number), bytes(16)) for number in range(1, 5))
 THREE = Configuration(7, (OWNER, ADA, BOB), 2)
 OWNERS = frozenset((OWNER.node,))
-OLD, NEW = (RecordBytes(b"s", b"header %d" % number, b"c") for number in range(2))
+OLD, NEW = (RecordBytes(b"s", sample(1, seq=seq).header_bytes, b"c") for seq in (1, 2))
 
 
 def record(bytes_: RecordBytes) -> Copy:
@@ -31,8 +32,8 @@ NOTHING = Copy(CopyState.NOTHING, 0, b"", None)
 DAMAGED = Copy(CopyState.DAMAGED, 0, b"", None)
 
 
-def words(*said: tuple[Member, Configuration, Copy], least: int = 2) -> CopyWords:
-    found = CopyWords(least, OWNERS)
+def words(*said: tuple[Member, Configuration, Copy], shape: tuple[int, int] = (3, 2)) -> CopyWords:
+    found = CopyWords(*shape, OWNERS)
     for member, configuration, copy in said:
         found.hear(member.node, configuration, copy)
     return found
@@ -51,7 +52,7 @@ def test_also_that_nothing_is_there() -> None:
 
 
 def test_of_what_is_forged_the_version_counts_and_the_bytes_come_from_another() -> None:
-    found = CopyWords(2, OWNERS)
+    found = CopyWords(3, 2, OWNERS)
     found.hear(ADA.node, THREE, record(replace(NEW, ciphertext=b"forged")), is_forged=True)
     found.hear(BOB.node, THREE, digest(NEW))
     assert found.version == version_of(NEW.header) and not found.is_here()
@@ -70,8 +71,7 @@ def test_what_counts_but_is_not_here_yet_is_known_to_be_missing() -> None:
     [
         [(ADA, THREE, record(NEW))],
         [(ADA, THREE, record(NEW)), (ADA, THREE, record(NEW))],
-        [(ADA, THREE, record(NEW)), (BOB, THREE, record(OLD))],
-        [(ADA, THREE, record(NEW)), (BOB, THREE, NOTHING)],
+        [(ADA, THREE, digest(NEW)), (BOB, THREE, record(OLD))],
         [(ADA, THREE, record(NEW)), (BOB, THREE, DAMAGED)],
         [(ADA, THREE, DAMAGED), (BOB, THREE, DAMAGED)],
         [(ADA, THREE, record(NEW)), (BOB, replace(THREE, number=8), record(NEW))],
@@ -81,8 +81,7 @@ def test_what_counts_but_is_not_here_yet_is_known_to_be_missing() -> None:
     ids=[
         "one alone",
         "one twice",
-        "another version",
-        "nothing there",
+        "one of which nobody knows how new it is",
         "one rotten",
         "both rotten",
         "another number",
@@ -94,19 +93,52 @@ def test_what_is_too_little(said: list[tuple[Member, Configuration, Copy]]) -> N
     assert words(*said).version is None
 
 
+@pytest.mark.parametrize("other", [record(OLD), NOTHING], ids=["older", "nothing"])
+def test_where_they_differ_the_newest_counts_as_nothing_newer_can_have_been_acknowledged(other: Copy) -> None:
+    """As one is owed a write that was acknowledged with the other's word just before its owner died."""
+    for said in ([(ADA, THREE, record(NEW)), (BOB, THREE, other)], [(BOB, THREE, other), (ADA, THREE, record(NEW))]):
+        found = words(*said)
+        assert found.is_here() and found.record == NEW
+        assert found.otherwise(version_of(NEW.header)) == {BOB.node}
+        assert not found.unordered()
+
+
+def test_how_new_what_differs_is_has_to_be_shown() -> None:
+    found = words((ADA, THREE, digest(NEW)), (BOB, THREE, digest(OLD)))
+    assert found.version is None and found.unordered() == {ADA.node, BOB.node}
+    found.hear(BOB.node, THREE, record(OLD))
+    assert found.version is None and found.unordered() == {ADA.node}
+    found.hear(ADA.node, THREE, record(NEW))
+    assert found.record == NEW
+    forged = words((BOB, THREE, record(OLD)))
+    forged.hear(ADA.node, THREE, record(NEW), is_forged=True)
+    assert forged.version is None, "whose signature does not hold may claim to be as new as it likes"
+
+
+def test_what_a_node_says_again_takes_the_place_of_what_it_said() -> None:
+    found = words((ADA, THREE, digest(OLD)), (BOB, THREE, digest(OLD)), (ADA, THREE, record(NEW)), (BOB, THREE, record(NEW)))
+    assert found.record == NEW and not found.otherwise(version_of(NEW.header))
+
+
+def test_who_holds_copies_besides_is_named_by_those_who_do() -> None:
+    assert words((ADA, THREE, NOTHING)).named() == {ADA.node, BOB.node}
+    assert words((EVE, THREE, NOTHING)).named() == set(), "who has no part in it names nobody"
+
+
 def test_who_names_a_configuration_in_which_it_decides_alone_does_not() -> None:
     alone = Configuration(99, (OWNER, EVE), 2)
     assert alone.quorum == 1
     assert words((EVE, alone, NOTHING)).version is None
-    assert words((EVE, alone, NOTHING), least=1).version == b"", "with two copies, both of which must be there, it may"
+    assert words((EVE, alone, NOTHING), shape=(2, 2)).version == b"", "with two copies, both of which must be there, it may"
 
 
 def test_what_is_told_lies_with_as_many_as_what_is_acknowledged() -> None:
     """Where all three must have a record, one holder that has it cannot know whether the other has."""
     strict = replace(THREE, needed=3)
-    assert words((ADA, strict, record(NEW)), least=1).version is None
-    assert words((ADA, strict, record(NEW)), (BOB, strict, record(NEW)), least=1).record == NEW
-    assert [enough(*shape) for shape in [(3, 2), (3, 3), (2, 2), (2, 1), (3, 1), (5, 3)]] == [2, 2, 1, 2, 3, 3]
+    assert words((ADA, strict, record(NEW)), shape=(2, 2)).version is None
+    assert words((ADA, strict, record(NEW)), (BOB, strict, record(NEW)), shape=(2, 2)).record == NEW
+    assert words((ADA, strict, record(NEW)), (BOB, strict, record(OLD)), shape=(2, 2)).version is None
+    assert [quorum(*shape) for shape in [(3, 2), (3, 3), (2, 2), (2, 1), (3, 1), (5, 3)]] == [2, 1, 1, 2, 3, 3]
 
 
 def test_who_names_another_owner_than_is_known_does_not_count() -> None:
@@ -125,9 +157,10 @@ def test_never_older_than_what_was_acknowledged(copies: int, needed: int, data: 
     configuration = Configuration(1, (OWNER, *holders), needed)
     have = data.draw(st.sets(st.sampled_from([OWNER, *holders]), min_size=needed, max_size=copies))
     said = data.draw(st.permutations(holders))
-    found = CopyWords(enough(copies, needed), OWNERS)
+    found = CopyWords(copies, needed, OWNERS)
     for holder in said[: data.draw(st.integers(0, len(said)))]:
-        found.hear(holder.node, configuration, record(NEW) if holder in have else data.draw(st.sampled_from([record(OLD), NOTHING])))
+        newest = st.sampled_from([record(NEW), digest(NEW)])
+        found.hear(holder.node, configuration, data.draw(newest if holder in have else st.sampled_from([record(OLD), NOTHING])))
         assert found.version in (None, version_of(NEW.header))
 
 

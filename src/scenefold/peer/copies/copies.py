@@ -18,6 +18,7 @@ from scenefold.base.cover import without
 from scenefold.base.errors import Refused
 from scenefold.base.limits import SEGMENT_CONFIGURATIONS_MAX, SEGMENT_CONFIRMED_MAX
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.custody import Custody
@@ -46,6 +47,8 @@ class Copies:
     """At most one for each side of the arc."""
     unrecovered: tuple[Arc, ...] = ()
     """Parts of the arc, in order and apart."""
+    formerly: tuple[Entry, ...] = ()
+    """What was held there, complete, when it became this node's. Not kept over a start: it is of use for some seconds."""
 
     @classmethod
     def of(cls, me: Member) -> Copies:
@@ -67,6 +70,11 @@ class Copies:
             if part.first < gap.first <= part.last:
                 part = Arc(part.first, Location.from_number(gap.first.number - 1))
         return part, True
+
+    def answers(self, layout: Layout, location: Location) -> Entry | None:
+        """The entry to answer a read with, as one who holds copies, or did: of what is not recovered nobody acknowledges anything newer."""
+        entry = self.custody.answers(layout, location)
+        return entry or next((found for found in self.formerly if found.layout == layout and location in found.arc), None)
 
     def passed(self, handover: bytes) -> Passing | None:
         """What ClaimRange tells; None if that was told, or never was anything."""
@@ -98,7 +106,8 @@ class Copies:
         if not any(part.first <= gap.first and gap.last <= part.last for part in self.unrecovered):
             raise Refused(RejectReason.STALE_VERSION, "the piece is recovered already, or another node's")
         rest = tuple(left for part in self.unrecovered for left in without(part, gap))
-        return replace(self, configurations=self.configurations.adopt(gap, heard, number), unrecovered=rest)
+        formerly = tuple(replace(entry, arc=left) for entry in self.formerly for left in without(entry.arc, gap))
+        return replace(self, configurations=self.configurations.adopt(gap, heard, number), unrecovered=rest, formerly=formerly)
 
     # --------------------------------------------------------------------------------------------------- helpers
 
@@ -128,7 +137,8 @@ class Copies:
                 joined[-1] = Arc(joined[-1].first, part.last)
             else:
                 joined.append(part)
-        return replace(self, custody=self.custody.claim(gap), unrecovered=tuple(joined))
+        held = (entry for entry in self.custody.within(gap) if entry.whole)
+        return replace(self, custody=self.custody.claim(gap), unrecovered=tuple(joined), formerly=(*self.formerly, *held))
 
 
 def _turned(before: Holding, after: Holding, from_step: Step, to_step: Step) -> list[Handover]:

@@ -84,8 +84,8 @@ class HoldingReads:
         """Under which entry this node may answer for a place."""
         if not layout or not (any_copy or self._parts.lease.holds()):
             return None
-        custody = self._parts.keeper.copies.custody
-        return custody.at(layout, home) if any_copy else custody.answers(layout, home)
+        copies = self._parts.keeper.copies
+        return copies.answers(layout, home) or (copies.custody.at(layout, home) if any_copy else None)
 
 
 class _Answer:

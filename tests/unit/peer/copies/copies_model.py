@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from random import Random
 
 from scenefold.base.errors import Refused
@@ -280,9 +281,10 @@ class Model:
         if self.removed() - self.removed(node.known):
             return False
         for other in self.nodes.values():
-            other.owns = False
+            other.owns, other.formerly = False, None
         node.owns, node.settled = True, False
         node.configurations = Configurations(node.member, node.configurations.number)
+        node.formerly = node.custody.answers(LAYOUT, FIRST)
         node.custody = node.custody.claim(PLACE)
         node.recovery = Recovery(node.known * TERM, [other.member for other in self.registered(node.known)])
         return True
@@ -319,7 +321,7 @@ class Model:
             return False
         node.configurations = node.configurations.adopt(PLACE, recovery.entries, recovery.number)
         node.take(node.version, frozenset())
-        node.recovery = None
+        node.recovery = node.formerly = None
         self._count("recovered")
         return True
 
@@ -358,8 +360,8 @@ class Model:
         return True
 
     def read(self, reader: Reader, node: Node) -> bool:
-        entry = node.custody.answers(LAYOUT, FIRST)
-        if not node.leased or entry is None or node.owns:
+        entry = node.formerly if node.owns else node.custody.answers(LAYOUT, FIRST)
+        if not node.leased or entry is None:
             return False
         reader.answers[node.member] = entry, node.version
         self._conclude(reader, entry)
@@ -377,17 +379,20 @@ class Model:
         return True
 
     def _conclude(self, reader: Reader, entry: Entry) -> None:
-        alike: dict[Version, set[NodeId]] = {}
-        for member, (other, version) in reader.answers.items():
-            if (other.number, other.members, other.needed) == (entry.number, entry.members, entry.needed) and member.node in {
-                found.node for found in entry.members[1:]
-            }:
-                alike.setdefault(version, set()).add(member.node)
-        for version, members in alike.items():
-            if len(members) >= entry.quorum:
+        """Whichever of those that have answered are heard: the newest that enough of them have must do."""
+        holders = {found.node for found in entry.members[1:]}
+        said = {
+            member.node: version
+            for member, (other, version) in reader.answers.items()
+            if (other.number, other.members, other.needed) == (entry.number, entry.members, entry.needed) and member.node in holders
+        }
+        having = max(1, entry.needed - 1)
+        for some in combinations(sorted(said), max(1, entry.quorum, having)):
+            newest = max(said[node] for node in some)
+            if sum(said[node] == newest for node in some) >= having:
                 self._count("read")
-                if version < reader.acknowledged:
-                    raise Broken(f"{sorted(members)} say {version} under {entry.number}, and {reader.acknowledged} was acknowledged before")
+                if newest < reader.acknowledged:
+                    raise Broken(f"{some} say {newest} under {entry.number}, and {reader.acknowledged} was acknowledged before")
 
     # --------------------------------------------------------------------------------------------------- the weather
 
@@ -407,7 +412,7 @@ class Model:
         return True
 
     def crash(self, node: Node) -> bool:
-        node.have, node.settled = set(), False
+        node.have, node.settled, node.formerly = set(), False, None
         return True
 
     def _say(self, target: Member, deliver: Callable[[Node], None]) -> None:

@@ -47,6 +47,8 @@ class Node:
     # Only in memory:
     have: set[Member] = field(default_factory=set)
     settled: bool = False
+    formerly: Entry | None = None
+    """What it held of a gap that it has adopted, until that is recovered."""
 
     @property
     def segment(self) -> Segment:

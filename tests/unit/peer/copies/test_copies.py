@@ -140,6 +140,24 @@ def test_a_gap_is_unrecovered_until_all_have_said_what_they_hold() -> None:
         copies.recover(gap, {}, 2 << 32)
 
 
+def test_who_adopts_what_it_held_answers_for_it_as_before_until_all_is_known() -> None:
+    """Nobody acknowledges anything there until then, so what it and the other holders have is still the newest."""
+    gap = arc(0, 99)
+    held = [Entry(ONE, arc(0, 49), 3, (P, Q, A), 2, whole=True), Entry(ONE, arc(50, 99), 4, (P, Q, A), 2, whole=False)]
+    holding, copies = Holding(), replace(Copies.of(Q), custody=Custody(tuple(held)))
+    after = holding.adopt(gap, revision=holding.revision)
+    adopted = copies.follow(holding, after)
+    low, middle, high = (Location.from_number(number) for number in (5, 30, 70))
+    assert not adopted.custody.entries
+    assert adopted.answers(ONE, low) == held[0], "under the configuration of before"
+    assert adopted.answers(ONE, high) is None, "of this it never had all"
+    assert adopted.answers((Location.from_number(9),), low) is None
+    part = adopted.recover(arc(0, 19), {}, 1 << 32)
+    assert part.answers(ONE, low) is None and part.answers(ONE, middle) is not None
+    assert part.recover(arc(20, 99), {}, 1 << 32).formerly == ()
+    assert kept(adopted) == replace(adopted, formerly=()), "it is of use for some seconds, and not after a start"
+
+
 def test_an_unrecovered_piece_is_not_given_away() -> None:
     holding, copies = Holding(), Copies.of(P)
     holding, copies = step((holding, copies), holding.adopt(WHOLE_LINE, revision=0))
