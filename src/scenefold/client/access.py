@@ -6,16 +6,18 @@ Space and importer build on the calls here, which speak payloads on one side and
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import LocalFault, Refused, ScenefoldError
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import SpaceId
-from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, CLIENT_BATCH_BYTES
+from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, CLIENT_BATCH_BYTES, CLIENT_STATUS_S
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
@@ -40,6 +42,9 @@ from scenefold.wire import DAMAGED_RECORD, LogEntry, RecordBytes
 
 Result = TypeVar("Result")
 
+MISSED_S = 1.0
+"""Whatever holders of copies show, a newer header that nobody has is looked for so often."""
+
 
 @dataclass(eq=False)
 class SceneAccess:
@@ -63,6 +68,8 @@ class SceneAccess:
         self._looking = trio.Lock()
         self._look_failed: ScenefoldError | None = None
         """How the last look ended, if it failed."""
+        self._missed_at = -math.inf
+        """When a newer header that a record spoke of was last looked for in vain."""
 
     async def put(self, wishes: Sequence[Wish], *, fresh: bool = False) -> list[Placed]:
         """Seal, send, and wait until every record is durable or refused for its version.
@@ -243,7 +250,27 @@ class SceneAccess:
         return await fetch(self.calls, identity.scene, identity.position, keys, stale_ok=stale_ok, copies=copies)
 
     async def _are_sound(self, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool]:
-        return await self.in_crypto_lane(are_sound, self.identity, keys, records)
+        """Whether each is what a writer put there. What may be newer than what is known of the scene is looked at again once more is known; if
+        that does not help, it is not: anybody could make up a writer that nobody knows, and would be believed to have the newest of all."""
+        known = self.identity
+        verdicts = await self.in_crypto_lane(are_sound, known, keys, records)
+        missing = [verdict.epoch for verdict in verdicts if isinstance(verdict, NewerThanKnown)]
+        if missing:
+            if known == self.identity:
+                await self._learn_more(max(missing))
+            if known != self.identity:
+                verdicts = await self.in_crypto_lane(are_sound, self.identity, keys, records)
+        return [verdict is True for verdict in verdicts]
+
+    async def _learn_more(self, position: int) -> None:
+        """Take a newer header if somebody has one; not again soon if nobody has, nor for long: who names that position may lie."""
+        known, now = self.identity, self.calls.world.clock.now()
+        if now - self._missed_at < MISSED_S:
+            return
+        with suppress(Unreachable, Refused, PeerFault, DamagedData), trio.move_on_after(CLIENT_STATUS_S):
+            await self.refresh(position)
+        if self.identity == known:
+            self._missed_at = now
 
     async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
         """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""

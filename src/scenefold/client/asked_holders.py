@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Container, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import CLIENT_STATUS_S
+from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_STATUS_S, COPIES_MAX
 from scenefold.client.copy_words import CopyWords
 from scenefold.client.together import together
 from scenefold.wire import CopiesFound, CopyState, GetCopies, RecordKey
@@ -18,6 +19,8 @@ from scenefold.wire import CopiesFound, CopyState, GetCopies, RecordKey
 if TYPE_CHECKING:
     from scenefold.client.copy_reads import CopyReads, Wanted
 
+NAMED_MAX = 2 * COPIES_MAX
+"""So many others one holder can have asked: it may hold the places of one call with a few sets of others, and it may lie."""
 Groups = dict[tuple[NodeId, ...], list[int]]
 """By who holds copies: which of the keys that are asked for."""
 
@@ -55,11 +58,10 @@ class AskedHolders:
             self._words[index] = CopyWords(1 + len(layouts.offsets[space]), layouts.needed[space], owners)
         asked: set[NodeId] = set()
         await self._ask_all(nodes, indices, asked, versions_only=versions_only)
-        if unknown := [index for index in self._undecided(indices) if not self._words[index].named()]:
+        if unknown := [index for index in self._undecided(indices) if self._words[index].is_silence]:
             # Nobody of these has it: a bound that has moved a little since gave it to one beside them.
             beside = dict.fromkeys(other for node in nodes for other in self._reads.calls.table.beside(node) if other not in asked)
             await self._ask_all(beside, unknown, asked, versions_only=True)
-        await self._learn_orders(indices)
         if versions_only:
             return
         # Of some the first had nothing to say, or something else than the others.
@@ -78,6 +80,8 @@ class AskedHolders:
         """
         calls, best = self._reads.calls, self._best(nodes)
         asked.update(best)
+        shown: set[tuple[NodeId, int]] = set()
+        brought: Counter[NodeId] = Counter()
         async with trio.open_nursery() as nursery:
 
             async def ask(node: NodeId, part: list[int], *, digests_only: bool) -> None:
@@ -87,9 +91,14 @@ class AskedHolders:
                     nursery.cancel_scope.cancel()
                     return
                 undecided = self._undecided(part)
-                for other in sorted({other for index in undecided for other in self._words[index].named()} - asked):
+                for other, lacking in self._unordered(undecided, shown).items():
+                    shown.update((other, index) for index in lacking)
+                    nursery.start_soon(partial(ask, other, lacking, digests_only=False))
+                named = {other for index in undecided for other in self._words[index].named_by(node)}
+                for other in sorted(named - asked)[: NAMED_MAX - brought[node]]:
                     if calls.table.by_id(other) is not None:
                         asked.add(other)
+                        brought[node] += 1
                         nursery.start_soon(partial(ask, other, undecided, digests_only=True))
 
             for place, node in enumerate(best):
@@ -102,20 +111,22 @@ class AskedHolders:
     def _undecided(self, indices: Sequence[int]) -> list[int]:
         return [index for index in indices if self.version(index) is None]
 
-    async def _learn_orders(self, indices: Sequence[int]) -> None:
-        """Where they differ, ask each for the record that it has: its header says how new that is."""
-        wanted: dict[NodeId, list[int]] = {}
+    def _unordered(self, indices: Sequence[int], shown: Container[tuple[NodeId, int]]) -> dict[NodeId, list[int]]:
+        """Where they differ, who is to be asked for the record that it has: its header says how new that is. `shown`: who was asked for which."""
+        found: dict[NodeId, list[int]] = {}
         for index in indices:
             for node in self._words[index].unordered():
-                wanted.setdefault(node, []).append(index)
-        await together(partial(self._ask, node, part, digests_only=False) for node, part in wanted.items())
+                if (node, index) not in shown:
+                    found.setdefault(node, []).append(index)
+        return found
 
     async def _ask(self, node: NodeId, indices: Sequence[int], *, digests_only: bool) -> None:
-        """Hear what one holder says of these. Its silence is nobody's trouble."""
-        left = list(indices)
-        while left:
+        """Hear what one holder says of these. Its silence is nobody's trouble, nor is it that it says little at a time, and slowly."""
+        clock, left, spent_s = self._reads.calls.world.clock, list(indices), 0.0
+        while left and spent_s <= CLIENT_STATUS_S * (1 + len(indices) // CLIENT_GET_KEYS):
             try:
                 async with self._reads.calls.turn(self._reads.calls.address_of(node), 1 if digests_only else len(left)):
+                    began = clock.now()
                     reply = await ask_copies(self._reads, self._wanted, node, left, digests_only=digests_only)
             except (Unreachable, Refused, PeerFault):
                 return
@@ -125,6 +136,7 @@ class AskedHolders:
                 if copy.state is not CopyState.NO_CUSTODY:
                     self._words[index].hear(node, reply.holders[copy.holders], copy, is_forged=index in forged)
             left = left[len(reply.copies) :]
+            spent_s += clock.now() - began
 
 
 async def ask_copies(

@@ -29,7 +29,7 @@ from scenefold.wire import RecordBytes
 
 AskOwner = Callable[[NodeId, list[int]], Awaitable[None]]
 Judge = Callable[[Sequence[Key], Sequence[RecordBytes]], Awaitable[Sequence[bool]]]
-"""Which of some records are what a writer put there, as far as anybody can say."""
+"""Which of some records are certainly what a writer put there."""
 
 
 class Wanted(NamedTuple):
@@ -127,7 +127,7 @@ class CopyReads:
         await AskedHolders(self, wanted).ask(self.groups(wanted, frame))
 
     async def forged(self, wanted: Wanted, told: Sequence[tuple[int, RecordBytes]]) -> set[int]:
-        """Those of some records that nobody put there."""
+        """Those of some records of which nobody can say that a writer put them there."""
         if self.judge is None or not told:
             return set()
         verdicts = await self.judge([wanted.keys[index] for index, _ in told], [record for _, record in told])

@@ -69,9 +69,14 @@ class CopyWords:
         """Who has said something else than that."""
         return {node for said in self._said.values() for node, word in said.items() if word != version}
 
-    def named(self) -> set[NodeId]:
-        """Who holds copies by what was said, the owner left out."""
-        return {member.node for configuration in self._said for member in configuration.members[1:]}
+    def named_by(self, node: NodeId) -> set[NodeId]:
+        """Who holds copies by what this one has said, the owner left out."""
+        return {member.node for configuration, said in self._said.items() if node in said for member in configuration.members[1:]}
+
+    @property
+    def is_silence(self) -> bool:
+        """Whether nobody has said anything that may count."""
+        return not self._said
 
     def unordered(self) -> set[NodeId]:
         """Enough were heard, and they differ, and of what these say it is not known yet how new it is."""

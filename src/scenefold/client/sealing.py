@@ -160,16 +160,16 @@ def open_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[Rec
     ]
 
 
-def are_sound(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool]:
-    """Whether each is what a writer put there. Of what may be newer than what is known nobody says that it is not."""
+def are_sound(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool | NewerThanKnown]:
+    """Whether each is what a writer put there; of what may be newer than what is known, what is missing to tell."""
     return [_is_sound(identity, key, record) for key, record in zip(keys, records, strict=True)]
 
 
-def _is_sound(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:
+def _is_sound(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool | NewerThanKnown:
     try:
         verified(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)
-    except NewerThanKnown:
-        return True
+    except NewerThanKnown as missing:
+        return missing
     except DamagedData:
         return False
     return True

@@ -9,15 +9,16 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, Refused, Unreachable
-from scenefold.base.ids import NodeId, address_of, node_id_of
-from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S
+from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
+from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.client.asked_holders import NAMED_MAX
 from scenefold.client.bad_copies import AGAIN_S
 from scenefold.client.former_tables import FORMER_S
 from scenefold.client.scene import Scene
 from scenefold.client.table import Owner, RoutingTable
-from scenefold.crypto import version_of
+from scenefold.crypto import RecordHeader, version_of
 from scenefold.scene.log import Layouts
 from scenefold.wire import (
     Configuration,
@@ -189,6 +190,46 @@ async def test_how_new_a_forged_record_is_nobody_believes(autojump_clock: MockCl
     assert await scene.space(FILES).get(place) == b"newer"
 
 
+async def test_what_is_signed_by_nobody_who_is_known_is_not_the_newest(autojump_clock: MockClock) -> None:
+    """It may be by a writer that came since; or somebody made it up, and it would win over everything."""
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner, liar = nodes.addresses[1], nodes.addresses[0]
+    (place, *_) = owned_by(nodes, owner)
+    sound = nodes.kept[liar][place]
+    header = RecordHeader.decode(sound.header)
+    nodes.kept[liar][place] = replace(sound, header=header._replace(epoch=1 << 40, writer=KeyId(header.writer ^ 1)).encode())
+    nodes.slow[owner] = 2 * CLIENT_HEDGE_S
+    assert await scene.space(FILES).get(place) == dict(ITEMS)[place]
+
+
+@pytest.mark.parametrize("is_told", [True, False])
+async def test_who_is_behind_learns_of_the_header_that_the_newest_record_names(
+    is_told: bool, autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    space, owner = scene.space(FILES), nodes.addresses[1]
+    (place, *_) = owned_by(nodes, owner)
+    access, before = space._access, space._access.identity
+    access.identity = after = replace(before, position=before.position + 1)
+    await space.put(place, b"newer")
+    access.identity = before
+    asked_for: list[int] = []
+
+    async def refresh(position: int = 0) -> None:
+        asked_for.append(position)
+        access.identity = after if is_told else before
+
+    monkeypatch.setattr(access, "refresh", refresh)
+    nodes.kept[nodes.addresses[0]][place] = found_at(nodes, place)
+    nodes.hung.add(owner)
+    with trio.move_on_after(CLIENT_REQUEST_S / 2) as patience:
+        assert await space.get(place) == b"newer"
+    assert patience.cancelled_caught is not is_told, "nobody knows what is newer"
+    assert asked_for == [after.position]
+
+
 @pytest.mark.parametrize("elsewhere", [1, 2])
 async def test_whom_the_table_does_not_give_as_holder_is_asked_all_the_same(elsewhere: int, autojump_clock: MockClock) -> None:
     """Bounds have moved, and copies have not followed them yet: of the holders as placement gives them one, or none, has any."""
@@ -341,3 +382,60 @@ async def test_what_one_holder_forges_comes_from_the_other(autojump_clock: MockC
         nodes.kept[holder][place] = replace(nodes.kept[holder][place], ciphertext=bytes(64))
     nodes.away.add(owner)
     assert await scene.space(FILES).get_many(PLACES) == [payload for _, payload in ITEMS]
+
+
+async def test_who_names_ever_more_holders_has_few_of_them_asked(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes = HoldingNodes(addresses=tuple(f"127.0.0.{number}" for number in range(2, 62)))
+    scene = await kept_scene(nodes)
+    space, table = scene.space(FILES), nodes.table
+    owner, arc = table.arcs()[7]
+    places = [Location.from_number(arc.first.number + 1 + number) for number in range(40)]
+    (liar, *others) = (address_of(node) for node in table.holders_of(LAYOUTS.offsets[FILES], places[0]))
+    strangers = [node for node in map(node_id_of, nodes.addresses) if address_of(node) not in (owner.address, liar, *others)]
+    honest = nodes._answer
+
+    def answer(address: str, packet: Packet) -> Packet:
+        if address != liar or not isinstance(packet, GetCopies):
+            return honest(address, packet)
+        named = [(owner.node_id, node_id_of(liar), strangers[number % len(strangers)]) for number in range(len(packet.keys))]
+        holders = [Configuration(number, tuple(Member(node, bytes(16)) for node in three), 2) for number, three in enumerate(named)]
+        return CopiesFound(tuple(holders), tuple(Copy(CopyState.NOTHING, number, b"", None) for number in range(len(holders))))
+
+    monkeypatch.setattr(nodes, "_answer", answer)
+    nodes.without_custody = set(nodes.addresses)
+    nodes.hung.add(owner.address)
+    with trio.move_on_after(CLIENT_HEDGE_S + 1):
+        await space.get_many(places)
+    assert others[0] in asked(nodes, GetCopies) and len(asked(nodes, GetCopies)) < 2 * NAMED_MAX < len(places)
+
+
+async def test_who_says_little_at_a_time_and_slowly_is_not_heard_to_the_end(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner, liar, other = nodes.addresses[1], nodes.addresses[0], nodes.addresses[2]
+    (place, *_) = owned_by(nodes, owner)
+    places = [Location.from_number(place.number + number) for number in range(15)]
+    nodes.reply_records_max = 1
+    nodes.slow[liar] = CLIENT_STATUS_S - 1
+    nodes.away |= {owner, other}
+    with trio.move_on_after(4 * CLIENT_STATUS_S):
+        await scene.space(FILES).get_many(places)
+    assert len([packet for address, packet in nodes.asked if isinstance(packet, GetMany) and address == owner]) > 1, "it is tried again"
+    assert len([packet for address, packet in nodes.asked if isinstance(packet, GetCopies) and address == liar]) < len(places)
+
+
+async def test_who_hangs_does_not_keep_those_who_differ_from_showing_what_is_newer(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes(addresses=tuple(f"127.0.0.{number}" for number in range(2, 8)))
+    scene = await kept_scene(nodes)
+    space, table, place = scene.space(FILES), nodes.table, PLACES[3]
+    owner = table.owner_of(place)
+    hung, holder = (address_of(node) for node in table.holders_of(LAYOUTS.offsets[FILES], place))
+    other = next(address for address in nodes.addresses if address not in (owner.address, hung, holder))
+    members = tuple(Member(NodeId(node_id_of(address)), bytes(16)) for address in (owner.address, holder, other))
+    nodes.claimed = dict.fromkeys(nodes.addresses, Configuration(1, members, 2))
+    await space.put(place, b"newer")
+    nodes.kept[other][place] = found_at(nodes, place)
+    nodes.away.add(owner.address)
+    nodes.hung.add(hung)
+    with trio.fail_after(CLIENT_STATUS_S / 2):
+        assert await space.get(place) == b"newer"

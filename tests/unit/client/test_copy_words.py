@@ -121,8 +121,10 @@ def test_what_a_node_says_again_takes_the_place_of_what_it_said() -> None:
 
 
 def test_who_holds_copies_besides_is_named_by_those_who_do() -> None:
-    assert words((ADA, THREE, NOTHING)).named() == {ADA.node, BOB.node}
-    assert words((EVE, THREE, NOTHING)).named() == set(), "who has no part in it names nobody"
+    found = words((ADA, THREE, NOTHING), (BOB, replace(THREE, members=(OWNER, BOB, EVE)), NOTHING))
+    assert found.named_by(ADA.node) == {ADA.node, BOB.node} and found.named_by(BOB.node) == {BOB.node, EVE.node} and not found.is_silence
+    found = words((EVE, THREE, NOTHING))
+    assert not found.named_by(EVE.node) and found.is_silence, "who has no part in it names nobody"
 
 
 def test_who_names_a_configuration_in_which_it_decides_alone_does_not() -> None:
