@@ -38,7 +38,9 @@ class Model:
         self.passing: tuple[Member, Member, int, tuple[Segment, ...]] | None = None
         self.acknowledged: set[Version] = {NOTHING}
         self.promised = NOTHING
-        """What readers may rely on: the newest that was acknowledged and that a registered node still has."""
+        """The newest that was acknowledged and that a registered node still has."""
+        self.told: set[Version] = {NOTHING}
+        """What readers took for read, acknowledged or not: nobody may be told anything older afterwards."""
         self.deaf: set[Member] = set()
         """Whom no node reaches, though readers do."""
         self.counts: dict[str, int] = {}
@@ -115,9 +117,10 @@ class Model:
         reachable = max(node.version for node in self.registered())
         # What was lost with all that had it stays lost for readers, though some may come back with it.
         self.acknowledged = {version for version in self.acknowledged if version <= reachable}
+        self.told = {version for version in self.told if version <= reachable}
         self.promised = max(self.acknowledged)
         for reader in self.readers:
-            reader.acknowledged = min(reader.acknowledged, self.promised)
+            reader.known = min(reader.known, max(self.acknowledged | self.told))
 
     # ------------------------------------------------------------------------------------------------------ the owner
 
@@ -165,6 +168,8 @@ class Model:
         self._rely()
         if node.version < self.promised:
             raise Broken(f"the owner answers {node.version}, and {self.promised} was acknowledged")
+        if node.version < max(self.told):
+            raise Broken(f"the owner answers {node.version}, and {max(self.told)} was read")
         return True
 
     def place(self, node: Node) -> bool:
@@ -355,7 +360,7 @@ class Model:
     # ------------------------------------------------------------------------------------------------------- readers
 
     def begin_reading(self) -> bool:
-        self.readers.append(Reader(self.promised))
+        self.readers.append(Reader(max(self.acknowledged | self.told)))
         del self.readers[:-3]
         return True
 
@@ -391,8 +396,12 @@ class Model:
             newest = max(said[node] for node in some)
             if sum(said[node] == newest for node in some) >= having:
                 self._count("read")
-                if newest < reader.acknowledged:
-                    raise Broken(f"{some} say {newest} under {entry.number}, and {reader.acknowledged} was acknowledged before")
+                if newest < reader.known:
+                    raise Broken(f"{some} say {newest} under {entry.number}, and {reader.known} was acknowledged or read before")
+                disks = sum(node.version >= newest for node in self.nodes.values())
+                if newest != NOTHING and disks < entry.needed:
+                    raise Broken(f"{newest} is read under {entry.number} and lies on {disks} disks")
+                self.told.add(newest)
 
     # --------------------------------------------------------------------------------------------------- the weather
 

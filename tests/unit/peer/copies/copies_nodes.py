@@ -76,7 +76,8 @@ class Message:
 class Reader:
     """Somebody who asks holders, one after the other."""
 
-    acknowledged: Version
+    known: Version
+    """The newest that was acknowledged, or read by anybody, before it asked."""
     answers: dict[Member, tuple[Entry, Version]] = field(default_factory=dict)
 
 
