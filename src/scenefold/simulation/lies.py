@@ -45,7 +45,7 @@ class Manner(Enum):
     MISJUDGED = "misjudged"
     """A write is judged by something else than what it expects: refused though it was stored, or stored against it."""
     HELD = "told with the help of a holder"
-    """So many holders say alike that it counts, and not without one that has lied about its copy."""
+    """So many holders have spoken that it counts, and not without one that has lied about its copy."""
     LOST = "lost in a handover"
     """A version is not given, not taken, or given as an older one, while a piece of the line changes hands."""
 

@@ -165,7 +165,7 @@ class Recorder:
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
 
     def read_of_copies(self, way: Way, begin: int, packet: GetCopies, answer: CopiesFound) -> None:
-        """A holder has answered: what it and others say alike may count now."""
+        """A holder has answered: what it and others say together may count now."""
         if self.copies is None:
             return
         who = name_of(way.to)

@@ -30,7 +30,7 @@ class Entry:
 
     @property
     def quorum(self) -> int:
-        """How many others than the owner speak like the owner, if they say alike."""
+        """Once so many others than the owner have spoken, nothing newer was acknowledged than the newest that they have."""
         return len(self.members) - self.needed + 1
 
     def says(self, other: Entry) -> bool:
