@@ -39,8 +39,8 @@ class Model:
         self.acknowledged: set[Version] = {NOTHING}
         self.promised = NOTHING
         """The newest that was acknowledged and that a registered node still has."""
-        self.told: set[Version] = {NOTHING}
-        """What readers took for read, acknowledged or not: nobody may be told anything older afterwards."""
+        self.told: dict[int, set[Version]] = {}
+        """What readers took for read, acknowledged or not, by the number of the configuration: by that nobody may read anything older later."""
         self.deaf: set[Member] = set()
         """Whom no node reaches, though readers do."""
         self.counts: dict[str, int] = {}
@@ -117,10 +117,14 @@ class Model:
         reachable = max(node.version for node in self.registered())
         # What was lost with all that had it stays lost for readers, though some may come back with it.
         self.acknowledged = {version for version in self.acknowledged if version <= reachable}
-        self.told = {version for version in self.told if version <= reachable}
         self.promised = max(self.acknowledged)
+        self.told = {number: {version for version in found if version <= reachable} for number, found in self.told.items()}
         for reader in self.readers:
-            reader.known = min(reader.known, max(self.acknowledged | self.told))
+            reader.acknowledged = min(reader.acknowledged, self.promised)
+            reader.told = {number: min(version, self._told(number)) for number, version in reader.told.items()}
+
+    def _told(self, number: int) -> Version:
+        return max(self.told.get(number, ()), default=NOTHING)
 
     # ------------------------------------------------------------------------------------------------------ the owner
 
@@ -168,8 +172,9 @@ class Model:
         self._rely()
         if node.version < self.promised:
             raise Broken(f"the owner answers {node.version}, and {self.promised} was acknowledged")
-        if node.version < max(self.told):
-            raise Broken(f"the owner answers {node.version}, and {max(self.told)} was read")
+        for number in self.told:
+            if node.version < self._told(number):
+                raise Broken(f"the owner answers {node.version}, and {self._told(number)} was read under {number}")
         return True
 
     def place(self, node: Node) -> bool:
@@ -360,7 +365,7 @@ class Model:
     # ------------------------------------------------------------------------------------------------------- readers
 
     def begin_reading(self) -> bool:
-        self.readers.append(Reader(max(self.acknowledged | self.told)))
+        self.readers.append(Reader(self.promised, {number: self._told(number) for number in self.told}))
         del self.readers[:-3]
         return True
 
@@ -396,12 +401,13 @@ class Model:
             newest = max(said[node] for node in some)
             if sum(said[node] == newest for node in some) >= having:
                 self._count("read")
-                if newest < reader.known:
-                    raise Broken(f"{some} say {newest} under {entry.number}, and {reader.known} was acknowledged or read before")
+                before = max(reader.acknowledged, reader.told.get(entry.number, NOTHING))
+                if newest < before:
+                    raise Broken(f"{some} say {newest} under {entry.number}, and {before} was acknowledged or read by that before")
                 disks = sum(node.version >= newest for node in self.nodes.values())
                 if newest != NOTHING and disks < entry.needed:
                     raise Broken(f"{newest} is read under {entry.number} and lies on {disks} disks")
-                self.told.add(newest)
+                self.told.setdefault(entry.number, set()).add(newest)
 
     # --------------------------------------------------------------------------------------------------- the weather
 

@@ -76,8 +76,9 @@ class Message:
 class Reader:
     """Somebody who asks holders, one after the other."""
 
-    known: Version
-    """The newest that was acknowledged, or read by anybody, before it asked."""
+    acknowledged: Version
+    told: dict[int, Version] = field(default_factory=dict)
+    """The newest that somebody has read before it asked, by the number of the configuration."""
     answers: dict[Member, tuple[Entry, Version]] = field(default_factory=dict)
 
 
