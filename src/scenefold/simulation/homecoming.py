@@ -3,6 +3,8 @@
 A loss (custody.py) lets the versions that disks still hold come back, or not. This is what they must come back by: each is owed from
 then on by the disk that holds it, until it leaves that disk. At this instant the owner must have it. Nothing is owed any more by a
 disk that is replaced, of a place of which a copy has rotted, and once an owner has answered for the copy, whose disk may go later.
+Where a newer version takes the place of one that is owed, on the very disk, that one is owed instead: what a lost owner had sent out
+for its holders becomes durable there only afterwards.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from scenefold.simulation.custody import Lost, is_held
 from scenefold.simulation.disks import Disk, key_of_place, place_of, records_of, version_at
 from scenefold.simulation.history import Place, Version
 from scenefold.simulation.lies import STRAY, Lies, Manner
+from scenefold.simulation.naming import is_newer
 from scenefold.store.layout import RECORDS, SUSPECTS
 
 Violated = Callable[[str, str, bytes, tuple[int, ...]], None]
@@ -49,9 +52,12 @@ class Homecoming:
             self._forget(place)
             for slot, disk in counting.items():
                 version = disk.get(place)
-                if version is None or place in self._rotten or self._answered.get((place, version), slot) != slot:
-                    continue
-                self._owed[slot][place] = version, None if place.is_object else self._disks[slot].peek(RECORDS).get(key_of_place(place))
+                if version is not None:
+                    self._owe(slot, place, version)
+
+    def _owe(self, slot: int, place: Place, version: Version) -> None:
+        if place not in self._rotten and self._answered.get((place, version), slot) == slot:
+            self._owed[slot][place] = version, None if place.is_object else self._disks[slot].peek(RECORDS).get(key_of_place(place))
 
     def answered(self, slot: int, place: Place, version: Version) -> None:
         """The owner of a place has answered for a stray: from now on its own disk is what holds it."""
@@ -90,9 +96,13 @@ class Homecoming:
         for place in gone:
             version, _ = owed[place]
             held = version_at(self._disks[slot], place, place.home)
-            if held != version:
-                del owed[place]
-                self._judge(slot, place, version, self._held_by_owner(place))
+            if held == version:
+                continue
+            del owed[place]
+            if held is not None and is_newer(held, version) and not self._may_go(slot, place, version):
+                self._owe(slot, place, held)
+            else:
+                self._judge(slot, place, version)
 
     def judge_rest(self) -> None:
         """Once nothing moves any more: node-managed records, which may lie anywhere."""
@@ -102,7 +112,7 @@ class Homecoming:
             lies_there = records_of(self._disks[slot])
             for place, (version, _) in sorted(owed.items()):
                 if lies_there.get(place) != version:
-                    self._judge(slot, place, version, self._held_by_owner(place))
+                    self._judge(slot, place, version)
 
     def _held_by_owner(self, place: Place) -> Version | None:
         owner = self._owner_of(place.home)
@@ -115,8 +125,12 @@ class Homecoming:
         """Whether the disk's node keeps something of it apart, since it may be of before a purge: only a key holder puts that back."""
         return any(place_of(key) == place for key in self._disks[slot].peek(SUSPECTS))
 
-    def _judge(self, slot: int, place: Place, version: Version, held: Version | None) -> None:
-        if (held is not None and held.order >= version.order) or self._is_purged(place, version) or self._is_set_aside(slot, place):
+    def _may_go(self, slot: int, place: Place, version: Version) -> bool:
+        is_home = is_newer(self._held_by_owner(place), version)
+        return is_home or self._is_purged(place, version) or self._is_set_aside(slot, place)
+
+    def _judge(self, slot: int, place: Place, version: Version) -> None:
+        if self._may_go(slot, place, version):
             return
         words = f"{version.digest.hex()[:6]} of {place.location.hex()[:8]}… leaves n{slot}, and its owner has neither that nor a newer one"
         if self._lies.is_lost(STRAY, place, version.digest):

@@ -64,6 +64,32 @@ def test_whose_owner_has_lost_its_disk_and_never_answered_must_keep_it() -> None
     assert drops(stage) == [laws.BROUGHT_HOME]
 
 
+def test_what_a_newer_one_supersedes_on_its_disk_may_go_and_that_one_is_owed() -> None:
+    for home, said in ((None, [laws.BROUGHT_HOME]), (2, [laws.BROUGHT_HOME]), (3, [])):
+        stage = adopted()
+        stage.machines[1].store(record(3))
+        stage.watch.committed(1)
+        assert stage.laws == []
+        if home is not None:
+            stage.machines[0].store(record(home))
+        assert drops(stage) == said
+
+
+def test_what_an_older_one_supersedes_is_dropped() -> None:
+    stage = adopted()
+    stage.machines[1].store(record(1))
+    stage.watch.committed(1)
+    assert stage.laws == [laws.BROUGHT_HOME]
+
+
+def test_a_newer_one_is_not_owed_once_its_owner_has_answered() -> None:
+    stage = adopted()
+    stage.watch.homecoming.answered(0, PLACE, version(3))
+    stage.machines[1].store(record(3))
+    stage.watch.committed(1)
+    assert drops(stage) == []
+
+
 def test_a_wiped_disk_and_a_rotten_copy_owe_nothing() -> None:
     stage = adopted()
     before = records_of(stage.machines[1])
