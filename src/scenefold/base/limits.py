@@ -72,6 +72,10 @@ PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
 DECIDERS_MAX = 33
 """Participants of one position of a log: a proposal visits them one after the other, and its votes are each of 64 bytes and a check."""
+LOG_VALUE_BYTES_MAX = 1024 * 1024
+"""What is decided at one position of a log: a record, and a scene's header as it is from there on."""
+LOG_EXPOSED_MAX = 256
+"""Values that a node may have put into votes of its own at one position while nothing is decided there: beyond it asks for nothing new."""
 SCENES_LISTED_MAX = 512
 """Scene headers in one answer; a cluster of a small studio holds some dozens."""
 SCENES_PER_USER_MAX = 128
