@@ -12,7 +12,7 @@ from scenefold.wire import AcceptSceneProposal, Ballot, Phase, ProposalId, Propo
 
 
 def proposal_of(header: SceneLogPublic, private: bytes) -> ProposeSceneLog:
-    """Packet 7: please have this header, with its sealed log, decided."""
+    """Packet 118: please have this header, with its sealed log, decided."""
     return ProposeSceneLog(
         genesis=header.genesis,
         proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),

@@ -1,6 +1,7 @@
-"""Packets 5 to 9: scene logs and proposals (design of the consensus §3, thesis C.3).
+"""Packets 5 and 6, who knows what of a log (thesis C.3), and 118 to 120: please have this decided.
 
-The private part of a log is sealed for the participants elsewhere and travels as opaque bytes, as do proposed records.
+The private part of a log is sealed for its members elsewhere and travels as opaque bytes, as do proposed records. How those who decide
+a log agree among themselves: `consensus_packets`.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from typing import ClassVar
 
 from scenefold.base.limits import PARTICIPANTS_MAX
 from scenefold.base.reasons import RejectReason
+from scenefold.wire.ballots import BALLOT, PROPOSAL_ID, Ballot, ProposalId
 from scenefold.wire.common import (
     BOOL,
     DIGEST,
-    INCARNATION,
     LOG,
     REASON,
     SCENE,
@@ -28,16 +29,13 @@ from scenefold.wire.common import (
 )
 from scenefold.wire.containers import Many, Struct
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
+from scenefold.wire.log_values import DECIDED_LOG, DecidedLog
+from scenefold.wire.members import MEMBER, MEMBERS, Member
 from scenefold.wire.scene_headers import DECISION_OR_NONE, SCENE_LOG_PUBLIC, Decision, SceneLogPublic
 
 MAC = Bin(lengths=(0, 32))
 GENESIS_OR_ANY = Bin(lengths=(0, 32))
 PROOF = Bin(lengths=(0, 32, 64, 384))
-
-
-class Phase(IntEnum):
-    PREPARE = 1
-    ACCEPT = 2
 
 
 class Want(IntEnum):
@@ -46,27 +44,8 @@ class Want(IntEnum):
     HEADER = 1
     LOG = 2
     LEASE = 3
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Ballot:
-    """Ordered by counter, then node; (0, 0) is none."""
-
-    counter: int
-    node: NodeId
-
-
-@dataclass(frozen=True, slots=True)
-class ProposalId:
-    position: int
-    ballot: Ballot
-    phase: Phase
-
-
-@dataclass(frozen=True, slots=True)
-class Member:
-    node: NodeId
-    incarnation: bytes
+    DECIDED = 4
+    """What is decided above `have`, with what shows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +56,6 @@ class Highest:
     record: bytes
 
 
-BALLOT = Struct(Ballot, ("counter", U32), ("node", U32))
-PROPOSAL_ID = Struct(ProposalId, ("position", U64), ("ballot", BALLOT), ("phase", Choice(Phase)))
-MEMBER = Struct(Member, ("node", U32), ("incarnation", INCARNATION))
-MEMBERS = Many(MEMBER, PARTICIPANTS_MAX)
 HIGHEST = Struct(Highest, ("ballot", BALLOT), ("record", LOG))
 
 
@@ -131,15 +106,17 @@ class RequestSceneLog(Packet):
 
 @dataclass(frozen=True, slots=True)
 class RespondSceneLog(Packet):
-    """None: the scene is unknown here."""
+    """`answer` None: the scene is unknown here. `decided`: with DECIDED, and where a decision is told without being asked for; `answer`
+    is None then, and says nothing."""
 
     TYPE: ClassVar[int] = 6
     answer: SceneLogAnswer | None
+    decided: DecidedLog | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ProposeSceneLog(Packet):
-    TYPE: ClassVar[int] = 7
+    TYPE: ClassVar[int] = 118
     genesis: bytes
     proposal: ProposalId
     route: tuple[NodeId, ...]
@@ -156,7 +133,7 @@ class ProposeSceneLog(Packet):
 class AcceptSceneProposal(Packet):
     """`decision`: of the proposed header; None in the cluster's own log, whose headers are signed by who decides them."""
 
-    TYPE: ClassVar[int] = 8
+    TYPE: ClassVar[int] = 119
     genesis: bytes
     proposal: ProposalId
     record_hash: bytes
@@ -169,7 +146,7 @@ class AcceptSceneProposal(Packet):
 
 @dataclass(frozen=True, slots=True)
 class RejectSceneProposal(Packet):
-    TYPE: ClassVar[int] = 9
+    TYPE: ClassVar[int] = 120
     genesis: bytes
     proposal: ProposalId
     reason: RejectReason
@@ -193,7 +170,7 @@ ROWS = (
         ("proof", PROOF),
         ("lives", Many(U64, counts=(0, 2))),
     ),
-    row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER))),
+    row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER)), ("decided", Maybe(DECIDED_LOG))),
     row(
         ProposeSceneLog,
         Carrier.TCP_HIGH,
@@ -233,10 +210,4 @@ ROWS = (
         ("mac", MAC),
     ),
 )
-STRUCTS = (
-    BALLOT,
-    PROPOSAL_ID,
-    MEMBER,
-    HIGHEST,
-    SCENE_LOG_ANSWER,
-)
+STRUCTS = (HIGHEST, SCENE_LOG_ANSWER)

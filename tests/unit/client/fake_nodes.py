@@ -55,7 +55,7 @@ from scenefold.wire import (
     encode_packet,
     page_of,
 )
-from scenefold.wire.scene_log_packets import Ballot
+from scenefold.wire.ballots import Ballot
 from scenefold.world import Priority, World
 from unit.client.wrecks_made import header_of, judge_of_wreck
 

@@ -16,7 +16,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
 from scenefold.client.space import Space
 from scenefold.wire import Packet, ProposeSceneLog, RejectSceneProposal, RespondTable
-from scenefold.wire.scene_log_packets import Ballot
+from scenefold.wire.ballots import Ballot
 from scenefold.world import Priority
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import FakeNodes

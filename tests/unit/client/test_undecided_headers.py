@@ -52,7 +52,7 @@ LIES: dict[str, Callable[[SceneLogPublic], SceneLogPublic]] = {
     "undecided": lambda header: header,
     "decided by a stranger": lambda header: decided(header, EVIL),
     "decided by an owner": lambda header: decided(header, secrets_of(2).signing),
-    "decided in another form": lambda header: replace(header, decision=Decision(2, (bytes(64),))),
+    "decided in another form": lambda header: replace(header, decision=Decision(3, (bytes(64),))),
     "another deciding key": lambda header: decided(replace(header, origin_key=EVIL.public.raw), EVIL),
 }
 

@@ -121,7 +121,7 @@ class ClusterLog:
     # ---------------------------------------------------------------------------------------------------- running
 
     def register(self, handlers: Handlers, scenes: SceneLogs | None = None) -> None:
-        """Answer packets 5 to 7; those of other logs are handed to `scenes`."""
+        """Answer packets 5, 6 and 118; those of other logs are handed to `scenes`."""
         self._scenes = scenes
         handlers.add(ProposeSceneLog, self._on_propose)
         handlers.add(RequestSceneLog, self._on_request)

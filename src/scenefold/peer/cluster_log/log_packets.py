@@ -27,7 +27,7 @@ NO_BALLOT = Ballot(0, NodeId(0))
 
 
 def proposal_of(record: LogRecord, facts: ClusterFacts) -> ProposeSceneLog:
-    """Packet 7: please have this record's entry committed."""
+    """Packet 118: please have this record's entry committed."""
     return ProposeSceneLog(
         genesis=facts.genesis_header.genesis,
         proposal=ProposalId(record.position, Ballot(1, record.origin), Phase.ACCEPT),
@@ -43,13 +43,13 @@ def proposal_of(record: LogRecord, facts: ClusterFacts) -> ProposeSceneLog:
 
 
 def accepted(packet: ProposeSceneLog, position: int, record_hash: bytes, voter: Member) -> AcceptSceneProposal:
-    """Packet 8: it is committed, at this position."""
+    """Packet 119: it is committed, at this position."""
     proposal = ProposalId(position, packet.proposal.ballot, packet.proposal.phase)
     return AcceptSceneProposal(packet.genesis, proposal, record_hash, (voter,), None, 0, b"")
 
 
 def rejected(packet: ProposeSceneLog, reason: RejectReason, node: NodeId) -> RejectSceneProposal:
-    """Packet 9: it never will be."""
+    """Packet 120: it never will be."""
     return RejectSceneProposal(packet.genesis, packet.proposal, reason, (), NO_BALLOT, node, 0, b"")
 
 

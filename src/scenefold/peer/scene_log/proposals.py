@@ -45,6 +45,8 @@ def decide(packet: ProposeSceneLog, known: KnownScene | None, key: SigningKey, *
         raise Refused(RejectReason.ILL_FORMED, "what is proposed is not decided yet")
     if known is not None and public == known.public.proposed():
         return known
+    if known is not None and known.public.participants:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the scene's participants decide its log, and not its origin alone")
     _check_extends(public, known, has_log)
     if public.origin_key != key.public.raw:
         raise Refused(RejectReason.NOT_AUTHORISED, "the scene's log is decided under another key than this node's")
@@ -73,7 +75,7 @@ def _check_extends(public: SceneLogPublic, known: KnownScene | None, has_log: bo
 
 
 def accepted(packet: ProposeSceneLog, public: SceneLogPublic, node: Member) -> AcceptSceneProposal:
-    """8: it was decided, as this header shows."""
+    """119: it was decided, as this header shows."""
     return AcceptSceneProposal(
         genesis=packet.genesis,
         proposal=packet.proposal,
@@ -87,7 +89,7 @@ def accepted(packet: ProposeSceneLog, public: SceneLogPublic, node: Member) -> A
 
 
 def rejection(packet: ProposeSceneLog, reason: RejectReason, node: NodeId) -> RejectSceneProposal:
-    """9, by this node or about it."""
+    """120, by this node or about it."""
     return RejectSceneProposal(
         genesis=packet.genesis,
         proposal=packet.proposal,

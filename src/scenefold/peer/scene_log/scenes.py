@@ -81,7 +81,7 @@ class Scenes:
         self._quiet, self._quiet_info = QuietLog(_log), QuietLog(_log, logging.INFO)
 
     def register(self, handlers: Handlers) -> None:
-        """Packet 37. Those of logs, 5 to 7, are the cluster's too: its log hands on what is not its own."""
+        """Packet 37. Those of logs, 5, 6 and 118, are the cluster's too: its log hands on what is not its own."""
         handlers.add(ListScenes, self._on_list)
 
     async def load(self) -> None:
@@ -247,7 +247,7 @@ class Scenes:
     # ------------------------------------------------------------------------------------------------- handlers
 
     async def on_propose(self, packet: ProposeSceneLog, peer: str) -> Packet:
-        """7: decide, if this node is the scene's origin; hand a user's proposal on to it otherwise."""
+        """118: decide, if this node is the scene's origin; hand a user's proposal on to it otherwise."""
         known = self._known.get(packet.public.scene)
         origin = packet.public.origin if known is None else known.public.origin
         if origin != self._own.me:
