@@ -88,7 +88,7 @@ class Book:
         return self.requests.get(request_of(value))
 
     def after(self, value: Value) -> Book:
-        assert self.refuses(value) is None
+        assert self.refuses(value, is_decided=True) is None
         requests = {**self.requests, request_of(value): self.position + 1}
         return replace(
             self,

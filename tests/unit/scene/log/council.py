@@ -14,6 +14,8 @@ from scenefold.wire import AddParticipant, Ballot, LogEntry, LogValue, Member, P
 from unit.scene.log.members import MAKER, secrets_of
 from unit.scene.log.test_grants import KEEPER_KEY, MAKER_NUMBER, ORIGIN, Story
 
+BALLOT = Ballot(1, NodeId(1))
+
 
 @lru_cache(None)
 def key_of(node: int, life: int = 0) -> SigningKey:
@@ -71,10 +73,12 @@ class Council(Story):
         """Of all who decide the next position."""
         return [vote(entry, value, self.header.position + 1, self.header.genesis, ballot) for entry in deciders_after(self.header)]
 
-    def decide(self, entry: LogEntry, ballot: Ballot | None = None) -> SceneLogPublic:
-        """It is proposed, decided by all, and believed by nodes that have followed, and by others."""
-        offered = self.offer(entry)
-        ballot = ballot or Ballot(1, NodeId(1))
+    def decide(self, entry: LogEntry, ballot: Ballot = BALLOT) -> SceneLogPublic:
+        """It is proposed, and decided by all."""
+        return self.settle(self.offer(entry), ballot)
+
+    def settle(self, offered: Followed, ballot: Ballot = BALLOT) -> SceneLogPublic:
+        """It is decided by all, and believed by nodes that have followed, and by others."""
         header = decided_by_votes(offered.header, self.header, ballot, self.votes(self.value(offered), ballot))
         self.header, self.log, self.keys, self.private = header, offered.log, offered.keys, offered.private
         self.known = checked_header(self.header, self.known)
