@@ -81,7 +81,7 @@ def read_decided(transaction: ReadTransaction, genesis: bytes, above: int, count
     """What is decided above a position, one after the other, at least one if there is any: as many as fit."""
     found, size_bytes = list[Decided](), 0
     for decided in _sound(transaction, genesis, above, []):
-        size_bytes += len(decided.value.data)
+        size_bytes += len(decided.value.data) + len(decided.value.body)
         if found and (len(found) >= count_max or size_bytes > bytes_max):
             break
         found.append(decided)

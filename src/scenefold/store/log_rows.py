@@ -20,7 +20,7 @@ from scenefold.base.limits import DECIDERS_MAX, LOG_EXPOSED_MAX, LOG_VALUE_BYTES
 from scenefold.consensus import Certificate, Slot, Tentative, Value, Vote
 from scenefold.store.layout import LOGS
 from scenefold.store.sealing import StoreDamaged, opened, sealed
-from scenefold.wire import Ballot, Member
+from scenefold.wire import Ballot, MalformedPacket, Member
 
 GENESIS_BYTES = 32
 _POSITION = struct.Struct(">Q")
@@ -95,7 +95,7 @@ def log_named(key: bytes) -> str:
 
 def pack_votes(genesis: bytes, votes: Votes) -> bytes:
     slot, accepted = votes.slot, votes.slot.accepted
-    value = b"" if accepted is None else accepted.value.data
+    value = b"" if accepted is None else accepted.value.encode()
     exposed = sorted(slot.exposed)
     assert len(exposed) <= LOG_EXPOSED_MAX and len(value) <= LOG_VALUE_BYTES_MAX, "bounded before it comes here"
     ballots = (*_plain(slot.promised), *_plain(slot.accepted_ballot))
@@ -111,7 +111,7 @@ def unpack_votes(genesis: bytes, stored: memoryview) -> Votes:
     promised, accepted = Ballot(numbers[0], NodeId(numbers[1])), Ballot(numbers[2], NodeId(numbers[3]))
     exposed = [reader.take(_DIGEST_BYTES) for _ in range(reader.bounded(count, LOG_EXPOSED_MAX))]
     value = reader.value()
-    tentative = Tentative(accepted, Value(value)) if accepted != Slot().accepted_ballot else None
+    tentative = Tentative(accepted, reader.decoded(value)) if accepted != Slot().accepted_ballot else None
     slot = Slot(promised, tentative, frozenset(exposed))
     is_lawful = accepted <= promised and (tentative is not None or not value) and exposed == sorted(slot.exposed) and position > 0
     reader.end(lawful=version == _VERSION and is_lawful)
@@ -119,7 +119,7 @@ def unpack_votes(genesis: bytes, stored: memoryview) -> Votes:
 
 
 def pack_decided(genesis: bytes, decided: Decided) -> bytes:
-    proof, value = decided.certificate, decided.value.data
+    proof, value = decided.certificate, decided.value.encode()
     assert proof.position == decided.position and 1 <= len(proof.votes) <= DECIDERS_MAX and len(value) <= LOG_VALUE_BYTES_MAX
     parts = [_PROOF.pack(_VERSION, *_plain(proof.ballot), len(proof.votes))]
     for vote in proof.votes:
@@ -137,7 +137,7 @@ def unpack_decided(key: bytes, stored: memoryview) -> Decided:
     for _ in range(reader.bounded(count, DECIDERS_MAX)):
         voter, incarnation, size = reader.fields(_VOTE)
         signed.append((Member(NodeId(voter), incarnation), reader.take(reader.bounded(size, _SIGNATURE_BYTES_MAX))))
-    value = Value(reader.value())
+    value = reader.decoded(reader.value())
     reader.end(lawful=version == _VERSION and count > 0)
     votes = tuple(Vote(position, ballot, value.digest, member, signature) for member, signature in signed)
     return Decided(position, value, Certificate(position, ballot, votes))
@@ -169,6 +169,12 @@ class _Reader:
 
     def value(self) -> bytes:
         return self.take(self.bounded(self.fields(_SIZE)[0], LOG_VALUE_BYTES_MAX))
+
+    def decoded(self, data: bytes) -> Value:
+        try:
+            return Value.decode(data)
+        except MalformedPacket:
+            raise self._damaged("hold no value") from None
 
     def bounded(self, count: int, most: int) -> int:
         if count > most:

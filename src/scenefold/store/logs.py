@@ -74,11 +74,14 @@ class LogStore(OpenedStore):
         assert votes.incarnation == self.opened_as
         await self._writer.submit(PutLog(self.opened_as, (_votes(genesis, votes),)))
 
-    async def put_decided(self, genesis: bytes, decided: Decided, votes: Votes, beside: Beside = NOTHING_BESIDE) -> None:
-        """What is decided, with all that follows from it, and the votes of the position behind it. One transaction, durable on return."""
-        assert (votes.incarnation, votes.position) == (self.opened_as, decided.position + 1)
-        row = PutValue(LOGS, decided_key(genesis, decided.position), pack_decided(genesis, decided))
-        await self._writer.submit(PutLog(self.opened_as, (row, _votes(genesis, votes), *beside.values())))
+    async def put_decided(self, genesis: bytes, decided: Sequence[Decided], votes: Votes, beside: Beside = NOTHING_BESIDE) -> None:
+        """What is decided, with all that follows from it, and the votes of the position behind it. One transaction, durable on return.
+
+        Before the newest may stand others that are to be kept otherwise from now on.
+        """
+        assert (votes.incarnation, votes.position) == (self.opened_as, decided[-1].position + 1)
+        rows = [PutValue(LOGS, decided_key(genesis, one.position), pack_decided(genesis, one)) for one in decided]
+        await self._writer.submit(PutLog(self.opened_as, (*rows, _votes(genesis, votes), *beside.values())))
 
 
 def _votes(genesis: bytes, votes: Votes) -> PutValue:

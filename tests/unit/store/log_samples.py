@@ -24,7 +24,7 @@ def ballot(counter: int, node: int = 1) -> Ballot:
 
 
 def value(number: int) -> Value:
-    return Value(b"value %d" % number)
+    return Value(b"value %d" % number, b"body" if number % 2 == 0 else b"")
 
 
 def decided(position: int, *, voters: int = 3) -> Decided:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import DECIDERS_MAX, LOG_EXPOSED_MAX, LOG_VALUE_BYTES_MAX
+from scenefold.base.limits import DECIDERS_MAX, LOG_BODY_BYTES_MAX, LOG_EXPOSED_MAX, LOG_RECORD_BYTES_MAX, LOG_VALUE_BYTES_MAX
 from scenefold.consensus import Certificate, Slot, Tentative, Value, Vote
 from scenefold.store.layout import LOGS
 from scenefold.store.log_rows import (
@@ -31,7 +31,7 @@ from unit.store.log_samples import GENESIS, LIFE, PATH, ROWS, decided, made, pac
 
 U32, U64 = st.integers(0, 2**32 - 1), st.integers(1, 2**64 - 1)
 BALLOTS = st.builds(lambda counter, node: Ballot(counter, NodeId(node)), st.integers(1, 2**32 - 1), U32)
-VALUES = st.builds(Value, st.binary(max_size=40))
+VALUES = st.builds(Value, st.binary(max_size=40), st.binary(max_size=40))
 LIVES = st.binary(min_size=16, max_size=16)
 
 
@@ -67,7 +67,8 @@ def test_the_golden_bytes() -> None:
 
 
 def test_the_largest_rows() -> None:
-    big = Value(bytes(LOG_VALUE_BYTES_MAX))
+    big = Value(bytes(LOG_RECORD_BYTES_MAX), bytes(LOG_BODY_BYTES_MAX))
+    assert len(big.encode()) <= LOG_VALUE_BYTES_MAX
     exposed = frozenset(number.to_bytes(32, "big") for number in range(LOG_EXPOSED_MAX))
     votes = Votes(LIFE, 1, replace(slot(), accepted=Tentative(slot().promised, big), exposed=exposed))
     assert unpack_votes(GENESIS, memoryview(pack_votes(GENESIS, votes))) == votes

@@ -11,7 +11,7 @@ import pytest
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SceneId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Slot
+from scenefold.consensus import Slot, Value
 from scenefold.store import LmdbDisk, Store, open_store
 from scenefold.store.checking import Helps, check_store
 from scenefold.store.layout import IDENTITY, LOGS, TABLES
@@ -30,7 +30,7 @@ OTHER = bytes(32)
 async def decide(store: Store, *positions: int, silent_until: int = 0, beside: Beside | None = None) -> None:
     for position in positions:
         votes = Votes(store.identity.incarnation, position + 1, Slot(), silent_until)
-        await store.put_decided(GENESIS, decided(position), votes, beside or Beside())
+        await store.put_decided(GENESIS, (decided(position),), votes, beside or Beside())
 
 
 async def read(folder: Path, above: int = 0) -> StoredLog:
@@ -86,6 +86,18 @@ async def test_votes_and_decisions_are_there_after_opening_again(tmp_path: Path)
         assert await store.decided(GENESIS, 3, 10, 1) == []
     with findings(tmp_path) as found:
         assert found == []
+
+
+async def test_a_position_that_is_kept_otherwise_changes_with_the_next_one(tmp_path: Path) -> None:
+    lean = decided(2)._replace(value=Value(decided(2).value.data))
+    async with open_store(world(), tmp_path, NODE) as store:
+        await decide(store, 1, 2)
+        before = store.commits
+        await store.put_decided(GENESIS, (lean, decided(3)), Votes(store.identity.incarnation, 4))
+        assert store.commits == before + 1
+    log = await read(tmp_path)
+    assert [one.value.body for one in log.tail] == [b"", b"", b""] and decided(2).value.body
+    assert log.tail[1].certificate == decided(2).certificate
 
 
 async def test_on_a_full_disk_nothing_changes(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from scenefold.consensus import Learn, Received
 from scenefold.peer.logs.inbox import size_of
 
 POSITIONS_MAX = 256
-BYTES_MAX = 16 * 1024 * 1024
+BYTES_MAX = 32 * 1024 * 1024
 
 
 class Ahead:

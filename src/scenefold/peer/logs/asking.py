@@ -11,7 +11,7 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import LOG_EXPOSED_MAX, LOG_VALUE_BYTES_MAX
+from scenefold.base.limits import LOG_BODY_BYTES_MAX, LOG_EXPOSED_MAX, LOG_RECORD_BYTES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Ask, Judge, Reply, State, Value
 from scenefold.consensus.effects import Outcome
@@ -126,8 +126,9 @@ def _check(value: Value | None, state: State) -> None:
     """Refused if what this leads to could not be kept."""
     if value is None:
         return
-    if len(value.data) > LOG_VALUE_BYTES_MAX:
-        raise Refused(RejectReason.LIMIT_EXCEEDED, f"a value of {len(value.data)} bytes is asked for, {LOG_VALUE_BYTES_MAX} are the most")
+    if len(value.data) > LOG_RECORD_BYTES_MAX or len(value.body) > LOG_BODY_BYTES_MAX:
+        what = f"a value of {len(value.data)} bytes, with {len(value.body)} more, is asked for"
+        raise Refused(RejectReason.LIMIT_EXCEEDED, f"{what}; {LOG_RECORD_BYTES_MAX} and {LOG_BODY_BYTES_MAX} are the most")
     if len(state.slot.exposed) >= LOG_EXPOSED_MAX and value.digest not in state.slot.exposed:
         raise Refused(RejectReason.BUSY, "too much was asked for of which nobody knows what became", remedy="try again in a while")
 

@@ -6,12 +6,12 @@ from collections import deque
 
 import trio
 
-from scenefold.base.limits import DECIDERS_MAX, LOG_VALUE_BYTES_MAX
+from scenefold.base.limits import DECIDERS_MAX, LOG_BODY_BYTES_MAX, LOG_RECORD_BYTES_MAX
 from scenefold.consensus import Certificate, Event, Learn, Message, Propose, Received, Value
 from scenefold.consensus.messages import Accepted
 
 EVENTS_MAX = 1_024
-BYTES_MAX = 16 * 1024 * 1024
+BYTES_MAX = 32 * 1024 * 1024
 WAIT_S_MIN = 0.001
 _SIGNATURE_BYTES_MAX = 64
 
@@ -58,7 +58,7 @@ def fits(message: Message) -> bool:
     """Whether what it brings can be kept: the wire allows more."""
     if isinstance(message, Learn) and not _fits(message.certificate):
         return False
-    return all(len(value.data) <= LOG_VALUE_BYTES_MAX for value in _values_of(message))
+    return all(len(value.data) <= LOG_RECORD_BYTES_MAX and len(value.body) <= LOG_BODY_BYTES_MAX for value in _values_of(message))
 
 
 def _fits(certificate: Certificate) -> bool:
@@ -67,7 +67,7 @@ def _fits(certificate: Certificate) -> bool:
 
 def size_of(event: Event) -> int:
     """Of the values that it brings."""
-    return sum(len(value.data) for value in _values_of(event.message)) if isinstance(event, Received) else 0
+    return sum(len(value.data) + len(value.body) for value in _values_of(event.message)) if isinstance(event, Received) else 0
 
 
 def _values_of(message: Message) -> list[Value]:

@@ -27,6 +27,7 @@ class Memory:
         assert setting.me.incarnation == store.identity.incarnation
         self._store, self._setting, self._owner = store, setting, owner
         self._silent_until = silent_until
+        self._newest: Decided | None = None
 
     async def read(self, judge: Judge, position: int) -> State:
         """What is known after a start. `judge` knows all up to `position`."""
@@ -40,10 +41,11 @@ class Memory:
             _log.error("%s; this node does not vote in that log up to position %d", what, stored.silent_until)
         self._silent_until = stored.silent_until
         for decided in stored.tail:
-            if judge.refuses(decided.value) is not None:
+            if judge.refuses(decided.value, is_decided=True) is not None:
                 where = f"log {genesis[:8].hex()}, position {decided.position}"
                 raise DamagedData("what was decided makes no sense there", where=where, remedy="see to the disk, then wipe the folder")
             judge = judge.after(decided.value)
+        self._newest = stored.tail[-1] if stored.tail else None
         return State(judge, position + len(stored.tail), stored.slot)
 
     def setting(self, state: State) -> Setting:
@@ -63,7 +65,16 @@ class Memory:
             return
         decided = Decided(write.position, write.value, _lean(write))
         votes = Votes(incarnation, write.position + 1, silent_until=self._silent_until)
-        await self._store.put_decided(genesis, decided, votes, self._owner.beside(write, after.judge))
+        await self._store.put_decided(genesis, (*self._leaner(), decided), votes, self._owner.beside(write, after.judge))
+        self._newest = decided
+
+    def _leaner(self) -> tuple[Decided, ...]:
+        """The position before, if less of its value needs to be kept now."""
+        if self._newest is None:
+            return ()
+        value = self._newest.value
+        lean = self._owner.leaner(value)
+        return () if lean.body == value.body else (self._newest._replace(value=lean),)
 
 
 def _lean(decide: Decide) -> Certificate:

@@ -48,6 +48,10 @@ class Owner:
         """What else is to be written in the transaction that makes this decided."""
         return NOTHING_BESIDE
 
+    def leaner(self, value: Value) -> Value:
+        """The value with as much of its body as has to be kept once the position behind it is decided, too."""
+        return value
+
     def decided(self, decided: Decide, after: Judge) -> None:
         """It is decided, durably, and so is what was beside it."""
 

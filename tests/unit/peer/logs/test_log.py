@@ -11,22 +11,27 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Outcome
-from scenefold.peer.logs import Answer
+from scenefold.consensus import Decide, Judge, Outcome, Value
+from scenefold.peer.logs import Answer, Owner
 from scenefold.peer.logs.asking import WAITING_MAX
-from scenefold.store.layout import LOGS
-from scenefold.store.log_rows import decided_key, votes_key
+from scenefold.store.layout import LOGS, NOTES
+from scenefold.store.log_rows import decided_key, unpack_decided, votes_key
+from scenefold.store.logs import Beside
+from scenefold.store.sealing import opened
 from scenefold.world.sim import CALM, Point, Weather, run_simulated
 from unit.consensus.logs_made import GENESIS
 from unit.peer.logs.town import Node, Town, request_maker, until
 from unit.peer.logs.watch import log_on, slot_on
 
 
-def in_town(count: int, main: Callable[[Town], Awaitable[None]], weather: Weather = CALM, seed: int = 1) -> Town:
+def in_town(
+    count: int, main: Callable[[Town], Awaitable[None]], weather: Weather = CALM, seed: int = 1, owner: Owner | None = None
+) -> Town:
     """`main` in a town whose nodes all run; the laws must hold throughout."""
 
     async def run() -> Town:
         town = Town(seed, weather, sees_cracks=True)
+        town.owner = owner or town.owner
         async with trio.open_nursery() as nursery:
             await town.found(count, nursery)
             for node in town.nodes.values():
@@ -227,6 +232,48 @@ def test_who_may_have_forgotten_votes_is_silent_until_others_have_decided(rotten
         assert (await ask(hurt, "e", 20.0)).outcome is Outcome.COMMITTED, "its vote counts again"
 
     in_town(3, main)
+
+
+class Lean(Owner):
+    """Keeps bodies of the newest position alone, and hears of all that is decided."""
+
+    def __init__(self) -> None:
+        self.heard: list[int] = []
+
+    def leaner(self, value: Value) -> Value:
+        return Value(value.data)
+
+    def beside(self, decided: Decide, after: Judge) -> Beside:
+        return Beside(notes={"newest": b"%d" % decided.position})
+
+    def decided(self, decided: Decide, after: Judge) -> None:
+        self.heard.append(decided.position)
+
+
+def test_of_what_is_decided_only_the_newest_body_stays_and_what_follows_is_written_with_it() -> None:
+    async def main(town: Town) -> None:
+        owner = town.owner
+        assert isinstance(owner, Lean)
+        node = town.nodes[1]
+        assert node.log is not None
+        for request in ("a", "b", "c"):
+            make = request_maker(request, node)
+            with_body: Any = lambda judge, make=make: Value(make(judge).data, b"body")  # noqa: E731
+            assert (await node.log.ask(with_body, 10.0)).outcome is Outcome.COMMITTED
+        rows = node.disk.peek(LOGS)
+        keys = [decided_key(GENESIS, position) for position in (1, 2, 3)]
+        assert [unpack_decided(key, memoryview(rows[key])).value.body for key in keys] == [b"", b"", b"body"]
+        assert bytes(opened(NOTES, b"newest", memoryview(node.disk.peek(NOTES)[b"newest"]))) == b"3"
+        assert owner.heard == [1, 2, 3]
+        town.crash(node)
+        assert await until(node.gone.is_set)
+        town.start(node)
+        assert await until(lambda: node.log is not None)
+        assert node.log is not None and node.log.position == 3
+        assert (await ask(node, "d")).position == 4
+        assert unpack_decided(keys[2], memoryview(node.disk.peek(LOGS)[keys[2]])).value.body == b""
+
+    in_town(1, main, owner=Lean())
 
 
 def test_two_sides_of_a_crack() -> None:

@@ -9,7 +9,7 @@ import trio
 
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId
-from scenefold.base.limits import DECIDERS_MAX, LOG_VALUE_BYTES_MAX
+from scenefold.base.limits import DECIDERS_MAX, LOG_BODY_BYTES_MAX, LOG_RECORD_BYTES_MAX
 from scenefold.consensus import AskLog, Certificate, Learn, Message, Propose, Received, Timer, Value, Vote, Waits
 from scenefold.peer.logs import Logs
 from scenefold.peer.logs.ahead import POSITIONS_MAX as AHEAD_MAX
@@ -25,7 +25,7 @@ ONE, TWO = NodeId(1), NodeId(2)
 
 
 def learn(position: int, data: bytes = b"value", votes: int = 2) -> Learn:
-    value, ballot = Value(data), Ballot(1, ONE)
+    value, ballot = Value(b"data", data), Ballot(1, ONE)
     cast = tuple(Vote(position, ballot, value.digest, member(node), bytes(64)) for node in range(votes))
     return Learn(GENESIS, position, value, Certificate(position, ballot, cast))
 
@@ -40,8 +40,8 @@ def test_what_finds_no_room_is_lost_and_what_is_taken_makes_room() -> None:
     assert inbox.lost == 3
     while inbox.take() is not None:
         pass
-    large = learn(1, bytes(LOG_VALUE_BYTES_MAX))
-    for _ in range(BYTES_MAX // LOG_VALUE_BYTES_MAX + 1):
+    large = learn(1, bytes(LOG_BODY_BYTES_MAX))
+    for _ in range(BYTES_MAX // LOG_BODY_BYTES_MAX + 1):
         inbox.put(Received(ONE, large))
     assert inbox.lost == 4
     assert inbox.take() is not None
@@ -50,14 +50,14 @@ def test_what_finds_no_room_is_lost_and_what_is_taken_makes_room() -> None:
 
 
 def test_what_could_not_be_kept_is_not_looked_at() -> None:
-    assert fits(learn(1)) and fits(learn(1, bytes(LOG_VALUE_BYTES_MAX), DECIDERS_MAX)) and fits(AskLog(GENESIS, 1))
+    assert fits(learn(1)) and fits(learn(1, bytes(LOG_BODY_BYTES_MAX), DECIDERS_MAX)) and fits(AskLog(GENESIS, 1))
     assert not fits(learn(1, votes=DECIDERS_MAX + 1))
-    assert not fits(learn(1, bytes(LOG_VALUE_BYTES_MAX + 1)))
+    assert not fits(learn(1, bytes(LOG_BODY_BYTES_MAX + 1)))
     good = learn(1)
     long = replace(good.certificate.votes[0], signature=bytes(65))
     assert not fits(replace(good, certificate=replace(good.certificate, votes=(long,))))
     proposal = ProposalId(1, Ballot(1, ONE), Phase.PREPARE)
-    assert not fits(Propose(GENESIS, proposal, (ONE,), (), highest=Value(bytes(LOG_VALUE_BYTES_MAX + 1))))
+    assert not fits(Propose(GENESIS, proposal, (ONE,), (), highest=Value(bytes(LOG_RECORD_BYTES_MAX + 1))))
 
 
 async def test_waiting_ends_with_what_comes_and_with_time(autojump_clock: trio.testing.MockClock) -> None:
@@ -83,11 +83,11 @@ def test_what_is_further_on_waits_for_its_turn() -> None:
     assert ahead.take(1) is None, "the next one is looked at, not kept"
     assert [ahead.take(position) for position in (2, 3, 4)] == [Received(ONE, learn(3)), Received(TWO, learn(4)), Received(ONE, learn(5))]
     assert ahead.take(2 + AHEAD_MAX) is None, "too far on"
-    large = learn(3, bytes(LOG_VALUE_BYTES_MAX))
-    for position in range(3, 3 + 2 * BYTES_MAX // LOG_VALUE_BYTES_MAX):
+    large = learn(3, bytes(LOG_BODY_BYTES_MAX))
+    for position in range(3, 3 + 2 * BYTES_MAX // LOG_BODY_BYTES_MAX):
         ahead.keep(Received(ONE, replace(large, position=position)), 1)
     there = [position for position in range(3, 60) if ahead.take(position - 1) is not None]
-    assert there == list(range(3, 3 + BYTES_MAX // LOG_VALUE_BYTES_MAX)), "no more than fit"
+    assert there == list(range(3, 3 + BYTES_MAX // LOG_BODY_BYTES_MAX)), "no more than fit"
 
 
 class Road:

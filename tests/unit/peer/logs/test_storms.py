@@ -14,7 +14,7 @@ from unit.consensus.laws import Broken
 from unit.peer.logs.storm import SIZES, Storm
 
 SEEDS = 36
-EACH = 12
+EACH = 6
 
 
 @pytest.mark.parametrize("first", range(0, SEEDS, EACH))
@@ -27,7 +27,15 @@ def test_anything_at_any_time(first: int) -> None:
         except (AssertionError, Broken) as broken:
             raise AssertionError(f"seed {seed}: {broken}") from broken
         counts += storm.counts
-    assert len(SIZES) <= EACH, "each size has its turn"
-    assert counts["decided"] > 20 * EACH, counts
+    assert counts["decided"] > 10 * EACH, counts
+
+
+def test_nothing_that_can_happen_is_left_out() -> None:
+    """Else the seeds above would say little: each has some dozens of these."""
+    counts: Counter[str] = Counter()
+    for seed in range(2 * len(SIZES)):
+        storm = Storm(seed)
+        storm.run()
+        counts += storm.counts
     for what in ("crash", "crash_at", "restart", "part", "deafen", "heal", "fill", *Outcome.__members__):
         assert counts[what] > 0, f"{what} never happened: {counts}"

@@ -17,7 +17,7 @@ import trio
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.consensus import Message, Participants, Setting
-from scenefold.peer.logs import Log, open_log
+from scenefold.peer.logs import Log, Owner, open_log
 from scenefold.store import Store, open_store
 from scenefold.wire import Member
 from scenefold.world import Datagrams, Priority, leaves
@@ -58,6 +58,7 @@ class Town:
         self.nodes: dict[int, Node] = {}
         self.sees_cracks = sees_cracks
         self.by_id: dict[NodeId, Node] = {}
+        self.owner = Owner()
         self.replayed = 0.0
         """Odds that, with a packet, an old one comes once more."""
         self._old: list[tuple[NodeId, str, bytes]] = []
@@ -137,7 +138,7 @@ class Town:
 
     async def _open(self, node: Node, world: object, store: Store, wire: _Wire) -> Log:
         setting = Setting(GENESIS, node.member, key_of(node.member))
-        return await open_log(world, store, setting, self.first, wire, wire)  # type: ignore[arg-type]
+        return await open_log(world, store, setting, self.first, wire, wire, self.owner)  # type: ignore[arg-type]
 
     async def _hear(self, log: Log, socket: Datagrams) -> None:
         while True:
