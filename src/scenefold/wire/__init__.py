@@ -184,7 +184,6 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.scene_log_packets import (
         AcceptSceneProposal,
-        Highest,
         ProposeSceneLog,
         RejectSceneProposal,
         RequestSceneLog,
@@ -243,7 +242,7 @@ _HOMES = {
     "scene_certificates": "NodeSignature SceneBody SceneCertificate digest_of_header digest_of_participants",
     "scene_headers": "Decision KeyEntry Lockbox NO_GENESIS NO_LOG SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
     "scene_pages": "check_page page_of",
-    "scene_log_packets": "AcceptSceneProposal Highest ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
+    "scene_log_packets": "AcceptSceneProposal ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
     "suspect_packets": "DiscardItem DiscardOrder DiscardSuspects FetchSuspects ListSuspects SUSPECTS_DISCARDED_MAX SuspectsDiscarded SuspectsFetched SuspectsListed",
     "table": "RESERVED ROWS",
@@ -335,7 +334,6 @@ __all__ = [
     "HeldFetched",
     "HeldListed",
     "HeldRecord",
-    "Highest",
     "ImagePart",
     "JobAnswer",
     "JobEvent",

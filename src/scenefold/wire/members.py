@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenefold.base.limits import PARTICIPANTS_MAX
 from scenefold.wire.common import DIGEST, INCARNATION, U32, NodeId
-from scenefold.wire.containers import Many, Struct
+from scenefold.wire.containers import Struct
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +23,5 @@ class ParticipantEntry:
 
 
 MEMBER = Struct(Member, ("node", U32), ("incarnation", INCARNATION))
-MEMBERS = Many(MEMBER, PARTICIPANTS_MAX)
 PARTICIPANT_ENTRY = Struct(ParticipantEntry, ("member", MEMBER), ("key", DIGEST))
 STRUCTS = (MEMBER, PARTICIPANT_ENTRY)

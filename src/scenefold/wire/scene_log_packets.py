@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
 
-from scenefold.base.limits import PARTICIPANTS_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.wire.ballots import BALLOT, PROPOSAL_ID, Ballot, ProposalId
 from scenefold.wire.common import (
-    BOOL,
     DIGEST,
     LOG,
     REASON,
@@ -30,10 +27,9 @@ from scenefold.wire.common import (
 from scenefold.wire.containers import Many, Struct
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
 from scenefold.wire.log_values import DECIDED_LOG, DecidedLog
-from scenefold.wire.members import MEMBER, MEMBERS, Member
+from scenefold.wire.members import MEMBER, Member
 from scenefold.wire.scene_headers import DECISION_OR_NONE, SCENE_LOG_PUBLIC, Decision, SceneLogPublic
 
-MAC = Bin(lengths=(0, 32))
 GENESIS_OR_ANY = Bin(lengths=(0, 32))
 PROOF = Bin(lengths=(0, 32, 64, 384))
 
@@ -49,29 +45,14 @@ class Want(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Highest:
-    """The accepted record of the highest ballot that was met on the way."""
-
-    ballot: Ballot
-    record: bytes
-
-
-HIGHEST = Struct(Highest, ("ballot", BALLOT), ("record", LOG))
-
-
-@dataclass(frozen=True, slots=True)
 class SceneLogAnswer:
     """Body of a RespondSceneLog. `flags`: bit 0 GRANT, bit 1 COMMIT."""
 
     nonce: int
     flags: int
     position: int
-    ballot: Ballot
-    nodes: tuple[Member, ...]
     public: SceneLogPublic
     private: bytes | None
-    mac_epoch: int
-    mac: bytes
 
 
 SCENE_LOG_ANSWER = Struct(
@@ -79,12 +60,8 @@ SCENE_LOG_ANSWER = Struct(
     ("nonce", U64),
     ("flags", Uint(8, most=3)),
     ("position", U64),
-    ("ballot", BALLOT),
-    ("nodes", MEMBERS),
     ("public", SCENE_LOG_PUBLIC),
     ("private", Maybe(LOG)),
-    ("mac_epoch", U32),
-    ("mac", MAC),
 )
 
 
@@ -116,17 +93,12 @@ class RespondSceneLog(Packet):
 
 @dataclass(frozen=True, slots=True)
 class ProposeSceneLog(Packet):
+    """Please have this decided: a scene's header with its sealed log; in the cluster's own log its first header, and the record."""
+
     TYPE: ClassVar[int] = 118
     genesis: bytes
-    proposal: ProposalId
-    route: tuple[NodeId, ...]
-    nodes: tuple[Member, ...]
-    highest: Highest | None
-    takeover: bool
     public: SceneLogPublic
     private: bytes
-    mac_epoch: int
-    mac: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,27 +106,18 @@ class AcceptSceneProposal(Packet):
     """`decision`: of the proposed header; None in the cluster's own log, whose headers are signed by who decides them."""
 
     TYPE: ClassVar[int] = 119
-    genesis: bytes
-    proposal: ProposalId
+    position: int
     record_hash: bytes
-    nodes: tuple[Member, ...]
-    highest: Highest | None
-    mac_epoch: int
-    mac: bytes
     decision: Decision | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class RejectSceneProposal(Packet):
+    """`node`: who says so, or decides instead."""
+
     TYPE: ClassVar[int] = 120
-    genesis: bytes
-    proposal: ProposalId
     reason: RejectReason
-    nodes: tuple[Member, ...]
-    hint: Ballot
     node: NodeId
-    mac_epoch: int
-    mac: bytes
 
 
 ROWS = (
@@ -171,43 +134,8 @@ ROWS = (
         ("lives", Many(U64, counts=(0, 2))),
     ),
     row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER)), ("decided", Maybe(DECIDED_LOG))),
-    row(
-        ProposeSceneLog,
-        Carrier.TCP_HIGH,
-        ("genesis", DIGEST),
-        ("proposal", PROPOSAL_ID),
-        ("route", Many(U32, PARTICIPANTS_MAX)),
-        ("nodes", MEMBERS),
-        ("highest", Maybe(HIGHEST)),
-        ("takeover", BOOL),
-        ("public", SCENE_LOG_PUBLIC),
-        ("private", LOG),
-        ("mac_epoch", U32),
-        ("mac", MAC),
-    ),
-    row(
-        AcceptSceneProposal,
-        Carrier.TCP_HIGH,
-        ("genesis", DIGEST),
-        ("proposal", PROPOSAL_ID),
-        ("record_hash", DIGEST),
-        ("nodes", MEMBERS),
-        ("highest", Maybe(HIGHEST)),
-        ("mac_epoch", U32),
-        ("mac", MAC),
-        ("decision", DECISION_OR_NONE),
-    ),
-    row(
-        RejectSceneProposal,
-        Carrier.TCP_HIGH,
-        ("genesis", DIGEST),
-        ("proposal", PROPOSAL_ID),
-        ("reason", REASON),
-        ("nodes", MEMBERS),
-        ("hint", BALLOT),
-        ("node", U32),
-        ("mac_epoch", U32),
-        ("mac", MAC),
-    ),
+    row(ProposeSceneLog, Carrier.TCP_HIGH, ("genesis", DIGEST), ("public", SCENE_LOG_PUBLIC), ("private", LOG)),
+    row(AcceptSceneProposal, Carrier.TCP_HIGH, ("position", U64), ("record_hash", DIGEST), ("decision", DECISION_OR_NONE)),
+    row(RejectSceneProposal, Carrier.TCP_HIGH, ("reason", REASON), ("node", U32)),
 )
-STRUCTS = (HIGHEST, SCENE_LOG_ANSWER)
+STRUCTS = (SCENE_LOG_ANSWER,)

@@ -105,7 +105,7 @@ class LyingRelay:
     async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
         if isinstance(packet, ProposeSceneLog) and address != KEEPER:
             decision = self._decision(packet)
-            return AcceptSceneProposal(packet.genesis, packet.proposal, packet.public.log_hash, (), None, 0, b"", decision)
+            return AcceptSceneProposal(packet.public.position, packet.public.log_hash, decision)
         return await self._honest(address, priority, packet, timeout)
 
 

@@ -252,17 +252,17 @@ class Scenes:
         origin = packet.public.origin if known is None else known.public.origin
         if origin != self._own.me:
             if node_of(peer) is not None:
-                return rejection(packet, RejectReason.NOT_MY_LOCATION, origin)
+                return rejection(RejectReason.NOT_MY_LOCATION, origin)
             if origin not in self._peers.others():
-                return rejection(packet, RejectReason.NOT_AUTHORISED, origin)
+                return rejection(RejectReason.NOT_AUTHORISED, origin)
             return await self._peers.ask(origin, Priority.HIGH, packet, Packet, RELAY_S_MAX)
         try:
             scene = await self._decide(packet)
         except Refused as refusal:
             self._quiet_info.say(self._world.clock.now(), peer, refusal.reason.name, f"a scene proposal is refused: {refusal}")
-            return rejection(packet, refusal.reason, self._own.me)
+            return rejection(refusal.reason, self._own.me)
         await tell_all(self._peers, scene.public)
-        return accepted(packet, scene.public, self._own.member)
+        return accepted(scene.public)
 
     async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
         """5: the newest header, and the sealed log with it if that was asked for and is kept here. Refused (13) if others had to be asked for it, and were not."""
