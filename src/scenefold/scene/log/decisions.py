@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
 from scenefold.crypto import DECISION_DOMAIN, PublicKey, SigningKey
+from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.certified import BY_PARTICIPANTS, check_certified, decided_by_origin
 from scenefold.scene.log.undecided import undecided
 from scenefold.wire import Decision, SceneLogPublic, hash_of_record
@@ -59,6 +60,15 @@ def check_decided(public: SceneLogPublic) -> None:
 def hash_of_log(private: bytes) -> bytes:
     """What a header says of its sealed log."""
     return hash_of_record(private)
+
+
+def check_told(public: SceneLogPublic, log: SceneLog) -> None:
+    """DamagedData unless the header says of keys, and of those who take part, what its log says. Who decides cannot read the log."""
+    where = f"scene {public.scene:08x}, log position {public.position}"
+    if log.grants.key_epoch != public.key_epoch:
+        raise DamagedData("the scene's log and its header name other key epochs", where=where)
+    if (log.roster.participants, log.roster.observers) != (public.participants, public.observers):
+        raise DamagedData("the scene's log and its header name others who take part", where=where)
 
 
 def check_log(public: SceneLogPublic, private: bytes) -> None:

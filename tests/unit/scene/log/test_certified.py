@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CERTIFICATE_BYTES_MAX, DECIDERS_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.scene_log.headers import checked_header
-from scenefold.scene.log import CHANGES_MAX, Undecided, changes_before, check_decided, decided, decided_by_votes
+from scenefold.scene.log import CHANGES_MAX, Undecided, changes_before, check_decided, check_told, decided, decided_by_votes
 from scenefold.scene.log.certified import BY_PARTICIPANTS
 from scenefold.wire import Ballot, Decision, Role, SceneCertificate, SceneLogPublic, SceneMode, SetMode
 from unit.scene.log.council import Council, added, node, removed, vote
@@ -183,6 +183,19 @@ def test_any_bit_of_a_certificate_counts(bit: int) -> None:
     chain[which] = bytes(bent)
     with pytest.raises(Undecided):
         check_decided(replace(HEADER, decision=Decision(BY_PARTICIPANTS, tuple(chain))))
+
+
+def test_a_reader_holds_a_header_to_its_log() -> None:
+    """Who decides cannot read the log, so it would take these."""
+    council = grown()
+    check_told(council.header, council.state)
+    for changed in (
+        replace(council.header, participants=council.header.participants[1:]),
+        replace(council.header, observers=(node(9),)),
+        replace(council.header, key_epoch=1),
+    ):
+        with pytest.raises(DamagedData, match="the scene's log and its header name other"):
+            check_told(changed, council.state)
 
 
 def test_the_largest_certificate_fits() -> None:
