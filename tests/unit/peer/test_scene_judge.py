@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
+from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
+from scenefold.base.limits import LOG_BODY_BYTES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Ask, Certificate, Decide, Learn, Outcome, Received, Reply, Send, Setting, State, Tell, Value, View, take
 from scenefold.consensus.packets import decided_page, decided_value, messages_of, packet_of
@@ -128,6 +130,13 @@ def test_only_what_is_decided_may_lack_its_log() -> None:
     assert judge.refuses(lean, is_decided=True) is None
     wrong = LogValue(value.data, SceneBody(opened_value(value).public, b"other").encode())
     assert judge.refuses(wrong, is_decided=True) is RejectReason.ILL_FORMED
+
+
+def test_a_log_that_is_too_long_for_a_value_is_refused_in_words() -> None:
+    council = Council()
+    with pytest.raises(Refused, match="longer than what its participants decide at once") as caught:
+        value_of(council.offer(grant(1)).header, bytes(LOG_BODY_BYTES_MAX), council.header)
+    assert caught.value.reason is RejectReason.LIMIT_EXCEEDED
 
 
 def test_participants_change_so_often_and_no_more() -> None:

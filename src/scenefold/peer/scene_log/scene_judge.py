@@ -7,7 +7,7 @@ takes part and of the sealed log. What the records mean they cannot tell; who re
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from scenefold.base.errors import DamagedData, Refused
@@ -107,11 +107,6 @@ class SceneJudge:
         if public.participants != before.participants and self.changes >= CHANGES_MAX:
             what = f"the participants of a scene change {CHANGES_MAX} times at most"
             raise Refused(RejectReason.LIMIT_EXCEEDED, what, where=f"scene {public.scene:08x}")
-
-
-def advanced(judge: SceneJudge, decided: SceneLogPublic) -> SceneJudge:
-    """The judge at a decided header of a later position, whose decision was verified; what lies between is not here."""
-    return replace(SceneJudge.of(KnownScene.of(decided)), requests=MappingProxyType({**judge.requests, **_request_of(decided)}))
 
 
 def _participants(public: SceneLogPublic) -> Participants:

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.roster import Entries
 from scenefold.wire import (
     LogValue,
@@ -43,10 +45,14 @@ def data_of(deciders: Entries, after: Entries, header: bytes) -> bytes:
 
 
 def value_of(public: SceneLogPublic, private: bytes, known: SceneLogPublic) -> LogValue:
-    """The value that brings this header, with its sealed log; `known` is the header before."""
+    """The value that brings this header, with its sealed log; `known` is the header before. Refused (14) if they are too large for one."""
     public = public.proposed()
     data = data_of(deciders_after(known), deciders_after(public), digest_of_header(public))
-    return LogValue(data, SceneBody(public, private).encode())
+    try:
+        return LogValue(data, SceneBody(public, private).encode())
+    except LocalFault as problem:
+        what = "the scene's log is longer than what its participants decide at once"
+        raise Refused(RejectReason.LIMIT_EXCEEDED, what, where=f"scene {public.scene:08x}, {problem.what}") from problem
 
 
 def opened_value(value: LogValue) -> SceneBody:
