@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import random
 
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
 from fuzz.findings import Finding
+from house.sources import ROOT
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.client.births import verified_header_key
 from scenefold.crypto import SigningKey, open_former, seal_former
@@ -17,7 +19,10 @@ from unit.peer.scenes_made import HEADER_KEY, first_header, later_header
 
 _FIRST = first_header()
 _HEADERS = [_FIRST, later_header(_FIRST), later_header(_FIRST, position=9, write_floor=3, key_epoch=1)]
-DECIDED = [header.encode() for header in _HEADERS]
+_VOTED = json.loads((ROOT / "specs" / "vectors" / "consensus.json").read_text(encoding="utf-8"))["scene"]
+DECIDED = [*(header.encode() for header in _HEADERS), *map(bytes.fromhex, _VOTED["headers"])]
+CERTIFICATES = [bytes.fromhex(data) for data in _VOTED["certificates"]]
+VALUES, BODIES = ([bytes.fromhex(_VOTED["value"][part])] for part in ("kept", "body"))
 
 LOCKBOXES = [
     Contents(role, epoch, b"k" * 24, HEADER_KEY.public, name, "user:ada", HEADER_KEY.seed if role is Role.OWNER else None).encode()

@@ -12,7 +12,10 @@ from fuzz.findings import Finding
 from scenefold.wire import (
     FrameReader,
     LogRecord,
+    LogValue,
     MalformedPacket,
+    SceneBody,
+    SceneCertificate,
     SceneLogPublic,
     decode_packet,
     encode_frame,
@@ -101,7 +104,7 @@ def _piece(decode: Callable[[bytes], object], encode: Callable[[object], bytes],
 
 
 def _encoded(value: object) -> bytes:
-    assert isinstance(value, LogRecord | SceneLogPublic | Order | EnrolForm)
+    assert isinstance(value, LogRecord | SceneLogPublic | Order | EnrolForm | SceneCertificate | SceneBody | LogValue)
     return value.encode()
 
 
@@ -117,6 +120,9 @@ TARGETS: dict[str, Target] = {
     "status": _piece(lambda data: unpack_piece(STATUS, data), lambda value: pack_piece(STATUS, value), "Status"),  # type: ignore[arg-type]
     "header": _piece(SceneLogPublic.decode, _encoded, "SceneLogPublic"),
     "decided": scenes.decided,
+    "certificate": _piece(SceneCertificate.decode, _encoded, "SceneCertificate"),
+    "value": _piece(LogValue.decode, _encoded, "LogValue"),
+    "body": _piece(SceneBody.decode, _encoded, "SceneBody"),
     "lockbox": scenes.lockbox,
     "former": scenes.former,
     "former plain": scenes.former_plain,

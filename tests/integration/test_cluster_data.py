@@ -22,16 +22,13 @@ from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING
 from scenefold.wire import (
     AcceptData,
     AcceptSceneProposal,
-    Ballot,
     EmptyData,
     GetData,
     GetMany,
     GetManyReply,
     ListScenes,
     Packet,
-    Phase,
     PingBroadcast,
-    ProposalId,
     ProposeData,
     ProposeSceneLog,
     PutItem,
@@ -92,18 +89,7 @@ class User:
 
 
 def proposal_of(scene: SceneLogPublic) -> ProposeSceneLog:
-    return ProposeSceneLog(
-        genesis=scene.genesis,
-        proposal=ProposalId(scene.position, Ballot(1, NodeId(0)), Phase.ACCEPT),
-        route=(),
-        nodes=(),
-        highest=None,
-        takeover=False,
-        public=scene.proposed(),
-        private=LOG,
-        mac_epoch=0,
-        mac=b"",
-    )
+    return ProposeSceneLog(scene.genesis, scene.proposed(), LOG)
 
 
 def place_in(nodes: Nodes, node: int, offset: int = 5) -> Location:
@@ -121,7 +107,7 @@ async def test_records_live_with_their_owners(tmp_path: Path) -> None:
     async with nodes_here(tmp_path) as nodes, links_of_user(nodes.profile) as links:
         user = User(nodes, links)
         accepted = await user.create(user.scene)
-        assert isinstance(accepted, AcceptSceneProposal) and accepted.genesis == user.scene.genesis
+        assert isinstance(accepted, AcceptSceneProposal) and accepted.position == user.scene.position
 
         await check_writes(user)
         await check_single_packets(user)
@@ -227,7 +213,7 @@ async def check_forgeries(user: User) -> None:
 
 
 async def check_authority_of_names(user: User) -> None:
-    answer = SceneLogAnswer(0, 2, 1, Ballot(0, NodeId(0)), (), user.scene, None, 0, b"")
+    answer = SceneLogAnswer(0, 2, 1, user.scene, None)
     assert await user.refusal(0, RespondSceneLog(answer=answer)) == RejectReason.NOT_AUTHORISED
     mini = user.nodes.contexts[1].own.mini()
     assert await user.refusal(0, RequestTable(mini_status=mini)) == RejectReason.NOT_AUTHORISED

@@ -72,6 +72,14 @@ PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
 DECIDERS_MAX = 33
 """Participants of one position of a log: a proposal visits them one after the other, and its votes are each of 64 bytes and a check."""
+LOG_BODY_BYTES_MAX = 3_801_088
+"""What a value names by hashes: of a scene its header and its sealed log. Two values fit a frame: what somebody asks for, and what was begun before."""
+LOG_VALUE_BYTES_MAX = LOG_RECORD_BYTES_MAX + LOG_BODY_BYTES_MAX + 16
+"""What is decided at one position of a log, as it is kept and sent."""
+DECIDED_MAX = 256
+"""Positions that are told in one packet: as many as 4 MiB hold, and one at least."""
+LOG_EXPOSED_MAX = 256
+"""Values that a node may have put into votes of its own at one position while nothing is decided there: beyond it asks for nothing new."""
 SCENES_LISTED_MAX = 512
 """Scene headers in one answer; a cluster of a small studio holds some dozens."""
 SCENES_PER_USER_MAX = 128
@@ -153,6 +161,7 @@ assert COMPARED_ARCS_MAX * COMPARED_RECORDS_MAX * 128 < BULK_BYTES_MAX
 assert COPIES_TOLD_MAX <= COMPARED_ARCS_MAX
 assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
 assert DECIDERS_MAX <= PARTICIPANTS_MAX
+assert 2 * LOG_VALUE_BYTES_MAX + 2**17 < FRAME_BYTES_MAX
 
 # Connections (world/).
 PENDING_HANDSHAKES_MAX = 64

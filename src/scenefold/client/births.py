@@ -6,7 +6,7 @@ interrupted can announce the very same scene again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from scenefold.base.errors import DamagedData, LocalFault
@@ -39,7 +39,8 @@ from scenefold.scene.log import (
     signed_header,
     unlocked,
 )
-from scenefold.wire import NO_GENESIS, Grant, KeyEntry, Role, SceneLogPublic, SceneMode, SignedRecord, pack_log
+from scenefold.scene.log.roster import by_node
+from scenefold.wire import NO_GENESIS, Grant, KeyEntry, ParticipantEntry, Role, SceneLogPublic, SceneMode, SignedRecord, pack_log
 from scenefold.world.keyring import KeptScene
 
 FIRST_POSITION = 1
@@ -83,33 +84,41 @@ def kept_keys(kept: KeptScene, sealing: SealingKey) -> SceneKeys:
     return replace(keys, name=kept.name)
 
 
-def first_header(kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider) -> SceneLogPublic | None:
-    """The signed first header of a scene, as it is proposed; None if these are not the maker and origin that it was born with."""
+def first_header(
+    kept: KeptScene, keys: SceneKeys, maker: Grant, origin: Decider, participants: Sequence[ParticipantEntry] = ()
+) -> SceneLogPublic | None:
+    """The signed first header of a scene, as it is proposed; None if these are not the maker and origin that it was born with.
+
+    `participants` decide what follows. The genesis does not cover them.
+    """
     if keys.header_seed is None:
         return None
     copies = born_with(keys, maker, origin)
     if copies is None:
         return None
     header = _first_header(keys.header_key, maker, origin, copies)
-    header = replace(header, lockboxes=(kept.lockbox,))
-    return signed_header(header, first_private(keys, maker, origin), SigningKey.from_seed(keys.header_seed))
+    header = replace(header, lockboxes=(kept.lockbox,), participants=by_node(tuple(participants)))
+    return signed_header(header, first_private(keys, maker, origin, participants), SigningKey.from_seed(keys.header_seed))
 
 
-def first_records(keys: SceneKeys, maker: Grant, origin: Decider) -> tuple[SignedRecord, ...]:
-    """The scene's log at its first position: the spaces that every scene has, and its maker."""
+def first_records(
+    keys: SceneKeys, maker: Grant, origin: Decider, participants: Sequence[ParticipantEntry] = ()
+) -> tuple[SignedRecord, ...]:
+    """The scene's log at its first position: the spaces that every scene has, its participants, and its maker."""
     assert keys.header_seed is not None
     copies = born_with(keys, maker, origin) or BY_DEFAULT
-    return (sign_record(first_record(keys.genesis, origin.node, maker, *copies), SigningKey.from_seed(keys.header_seed)),)
+    record = first_record(keys.genesis, origin.node, maker, *copies, participants)
+    return (sign_record(record, SigningKey.from_seed(keys.header_seed)),)
 
 
-def first_private(keys: SceneKeys, maker: Grant, origin: Decider) -> bytes:
+def first_private(keys: SceneKeys, maker: Grant, origin: Decider, participants: Sequence[ParticipantEntry] = ()) -> bytes:
     """That log, sealed; the same bytes each time, since the header names them.
 
     The nonce follows from all that is sealed, so another log gets another one: the genesis covers neither names nor layout of the first
     spaces, and a creation may be resumed by a later version, to which these are others. It is keyed, since a bare hash of the log
     would let nodes try names.
     """
-    records, key = first_records(keys, maker, origin), keys.epochs[FIRST_EPOCH]
+    records, key = first_records(keys, maker, origin, participants), keys.epochs[FIRST_EPOCH]
     nonce = nonce_from(key, _FIRST_NONCE, keys.genesis + pack_log(records))
     return seal_private(records, genesis=keys.genesis, symmetric_key=key, key_epoch=FIRST_EPOCH, nonce=nonce)
 

@@ -8,23 +8,12 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused
 from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log import check_decided
-from scenefold.wire import AcceptSceneProposal, Ballot, Phase, ProposalId, ProposeSceneLog, RejectSceneProposal, SceneLogPublic
+from scenefold.wire import AcceptSceneProposal, ProposeSceneLog, RejectSceneProposal, SceneLogPublic
 
 
 def proposal_of(header: SceneLogPublic, private: bytes) -> ProposeSceneLog:
-    """Packet 7: please have this header, with its sealed log, decided."""
-    return ProposeSceneLog(
-        genesis=header.genesis,
-        proposal=ProposalId(header.position, Ballot(1, header.origin), Phase.ACCEPT),
-        route=(header.origin,),
-        nodes=(),
-        highest=None,
-        takeover=False,
-        public=header,
-        private=private,
-        mac_epoch=0,
-        mac=b"",
-    )
+    """Packet 118: please have this header, with its sealed log, decided."""
+    return ProposeSceneLog(header.genesis, header, private)
 
 
 def as_decided(packet: ProposeSceneLog, reply: AcceptSceneProposal) -> SceneLogPublic:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable
+from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import address_of
 from scenefold.base.limits import CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
@@ -30,6 +30,7 @@ from scenefold.scene.log import (
     SceneKeys,
     SceneLog,
     check_log,
+    check_told,
     follow,
     keys_after,
     keys_with_log,
@@ -295,6 +296,5 @@ def _opened(header: SceneLogPublic, private: bytes, key: bytes, header_key: Publ
         header_keyed_at=keyed_at,
         known=None if before is None else before.log,
     )
-    if log.state.grants.key_epoch != header.key_epoch:
-        raise DamagedData("the scene's log and its header name other key epochs", where=f"scene {header.scene:08x}")
+    check_told(header, log.state)
     return ReadLog(header, log)

@@ -177,7 +177,8 @@ def promise(guest: Visit) -> None:
     """`promised` becomes this ballot, durably; the own promise joins the facts, and `accepted` those of which the highest goes on"""
     accepted = guest.case.slot.accepted
     guest.facts = merged(guest.facts, (guest.case.promise(guest.ballot),))
-    known = (guest.highest, None if accepted is None else accepted.value)
+    # Its own bytes first: these were judged.
+    known = (None if accepted is None else accepted.value, guest.highest)
     guest.highest = highest_of(guest.facts, [value for value in known if value is not None])
 
 

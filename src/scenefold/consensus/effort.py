@@ -58,9 +58,10 @@ class Effort:
         new = true_facts(message.facts, proposal.id, digest, case.setting.genesis, case.participants)
         facts = merged(proposal.facts, new)
         arms = proposal.arms - {sender} if len(facts) < len(case.participants.everyone) else frozenset[NodeId]()
-        values = proposal.values
-        if not isinstance(message, Rejected) and message.highest is not None and message.highest not in values:
-            values = (*values, message.highest)
+        values, highest = proposal.values, None if isinstance(message, Rejected) else message.highest
+        if highest is not None and highest not in values and case.state.judge.refuses(highest) is None:
+            # Who hands it on may have left out or changed what the digest holds at second hand.
+            values = (*values, highest)
         self.change(facts=facts, arms=arms, values=values)
         if isinstance(message, Rejected) and message.refusal.proposal == proposal.id:
             said = message.refusal

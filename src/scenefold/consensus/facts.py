@@ -1,93 +1,31 @@
-"""Facts: what a participant says of itself, signed, and true for ever (specs/25-consensus.md, Facts).
+"""Facts: what a participant says of itself, signed, and true for ever (specs/25-consensus.md, Facts). Their bytes: `wire.facts`.
 
-    promise  =  genesis 32 | position u64 | ballot 8 | accepted ballot 8 | accepted digest 32 | node u32 | incarnation 16
-    vote     =  genesis 32 | position u64 | ballot 8 | digest 32 | node u32 | incarnation 16
-    refusal  =  genesis 32 | position u64 | ballot 8 | phase u8 | reason u8 | hint 8 | node u32 | incarnation 16
-
-Each is signed under a domain of its own, so that none can be taken for another. Who passes facts on can leave some out, and
-can do nothing else to them; so it does not matter by which way, how late or how often they arrive, or in whose company.
+Who passes facts on can leave some out, and can do nothing else to them; so it does not matter by which way, how late or how often they
+arrive, or in whose company.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.reasons import RejectReason
 from scenefold.consensus.participants import Checks, Participants, Signs
-from scenefold.wire import Ballot, Member, Phase, ProposalId
+from scenefold.wire import Fact, Phase, Promise, ProposalId, Refusal, Vote
 
-_HEAD = struct.Struct(">32sQII")
-_BALLOT = struct.Struct(">II")
-_MEMBER = struct.Struct(">I16s")
+__all__ = ["Fact", "Promise", "Refusal", "Vote", "belongs", "is_true", "merged", "signed", "true_facts"]
+
 _REMEMBERED_MAX = 4096
 """Verified facts: a packet brings those again that the one before it brought."""
 
-
-@dataclass(frozen=True, slots=True)
-class Promise:
-    """ "I take part in no lower ballot at this position, and the newest that I have voted in there is this." """
-
-    DOMAIN: ClassVar[bytes] = b"scenefold/promise"
-    position: int
-    ballot: Ballot
-    accepted: Ballot
-    digest: bytes
-    """Of the value that it voted for in `accepted`; zero if it voted in none."""
-    member: Member
-    signature: bytes = b""
-
-
-@dataclass(frozen=True, slots=True)
-class Vote:
-    """ "I have voted for this value in this ballot." """
-
-    DOMAIN: ClassVar[bytes] = b"scenefold/vote"
-    position: int
-    ballot: Ballot
-    digest: bytes
-    member: Member
-    signature: bytes = b""
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """ "I have refused this ballot in this phase, and what I had promised then was the hint." Signed, so that nobody but a
-    participant can end a proposal by it, or drive ballots to where there are no more."""
-
-    DOMAIN: ClassVar[bytes] = b"scenefold/refusal"
-    proposal: ProposalId
-    reason: RejectReason
-    hint: Ballot
-    member: Member
-    signature: bytes = b""
-
-
-Fact = Promise | Vote
 AnyFact = TypeVar("AnyFact", Promise, Vote, Refusal)
-
-
-def message_of(fact: Promise | Vote | Refusal, genesis: bytes) -> bytes:
-    """The bytes that are signed."""
-    member = _MEMBER.pack(fact.member.node, fact.member.incarnation)
-    match fact:
-        case Promise(position, ballot, accepted, digest):
-            middle = _BALLOT.pack(accepted.counter, accepted.node) + digest
-        case Vote(position, ballot, digest):
-            middle = digest
-        case Refusal(proposal, reason, hint):
-            position, ballot = proposal.position, proposal.ballot
-            middle = bytes((proposal.phase, reason)) + _BALLOT.pack(hint.counter, hint.node)
-    return _HEAD.pack(genesis, position, ballot.counter, ballot.node) + middle + member
 
 
 def signed(fact: AnyFact, genesis: bytes, key: Signs) -> AnyFact:
     """The fact with its signature."""
-    return replace(fact, signature=key.sign(fact.DOMAIN, message_of(fact, genesis)))
+    return replace(fact, signature=key.sign(fact.DOMAIN, fact.signable(genesis)))
 
 
 def is_true(fact: Promise | Vote | Refusal, genesis: bytes, participants: Participants) -> bool:
@@ -99,7 +37,7 @@ def is_true(fact: Promise | Vote | Refusal, genesis: bytes, participants: Partic
 @lru_cache(_REMEMBERED_MAX)
 def _verified(fact: Promise | Vote | Refusal, genesis: bytes, key: Checks) -> bool:
     try:
-        key.verify(fact.signature, fact.DOMAIN, message_of(fact, genesis))
+        key.verify(fact.signature, fact.DOMAIN, fact.signable(genesis))
     except DamagedData:
         return False
     return True

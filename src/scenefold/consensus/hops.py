@@ -94,7 +94,7 @@ def of_another_log(back: Return) -> bool:
 
 
 def shows_a_decision(back: Return) -> bool:
-    """its facts, with those that this node handed on, are a certificate, L = c + 1, the value is here, and the disk takes it"""
+    """its facts, with those that this node handed on, are a certificate, L = c + 1, the value is here and not refused by the judge, and the disk takes it"""
     return _decision(back) is not None
 
 
@@ -148,9 +148,14 @@ def _decision(back: Return) -> tuple[Value, Certificate] | None:
         return None
     accepted, digest = back.case.slot.accepted, back.message.digest
     values = (None if back.hop is None else back.hop.value, None if accepted is None else accepted.value)
-    value = next((value for value in values if value is not None and value.digest == digest), None)
     proof = proof_in(back.case, back.proposal, digest, back.facts)
-    return None if value is None or proof is None else (value, proof)
+    if proof is None:
+        return None
+    judge = back.case.state.judge
+    # Its bytes as they were handed on may not be those that were voted for.
+    fitting = (value for value in values if value is not None and value.digest == digest and judge.refuses(value, is_decided=True) is None)
+    value = next(fitting, None)
+    return None if value is None else (value, proof)
 
 
 def _way_home(back: Return) -> NodeId:

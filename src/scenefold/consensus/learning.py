@@ -59,7 +59,7 @@ def unproven(lesson: Lesson) -> bool:
     case, message = lesson.case, lesson.learn
     is_of_it = message.certificate.position == message.position
     proves = is_of_it and message.certificate.proves(message.value, case.setting.genesis, case.participants)
-    return not proves or case.state.judge.refuses(message.value) is not None
+    return not proves or case.state.judge.refuses(message.value, is_decided=True) is not None
 
 
 def cannot_write(lesson: Lesson) -> bool:

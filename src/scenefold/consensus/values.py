@@ -1,32 +1,20 @@
 """What is decided: bytes that only the log's judge understands (specs/25-consensus.md, Terms).
 
-Nodes that decide a scene's log cannot read it. So a value is its digest and its bytes here, and a judge that the log
+Nodes that decide a scene's log cannot read it. So a value is its digest and its bytes here (`wire.LogValue`), and a judge that the log
 brings says whether it may stand, and who decides the position after it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Protocol
 
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus.participants import Participants
-from scenefold.wire import hash_of_record
+from scenefold.wire import LogValue
 
 NO_DIGEST = bytes(32)
 """In a promise of who has voted for nothing."""
-
-
-@dataclass(frozen=True, slots=True)
-class Value:
-    """A value; two with the same bytes are the same one."""
-
-    data: bytes = field(repr=False)
-    digest: bytes = field(init=False, compare=False)
-    """SHA-512/256 of the bytes, like the hash of a log's record."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "digest", hash_of_record(self.data))
+Value = LogValue
 
 
 class Judge(Protocol):
@@ -37,8 +25,11 @@ class Judge(Protocol):
     def participants(self) -> Participants:
         """Who decides the next position."""
 
-    def refuses(self, value: Value) -> RejectReason | None:
-        """Why this value must not stand at the next position; None if it may."""
+    def refuses(self, value: Value, *, is_decided: bool = False) -> RejectReason | None:
+        """Why this value must not stand at the next position; None if it may.
+
+        `is_decided`: a certificate shows that it does. Of its body that may be missing then which newer values hold, too.
+        """
 
     def found(self, value: Value) -> int | None:
         """Where this value is decided, or another one that does what this one asks for (the same request, at another position)."""

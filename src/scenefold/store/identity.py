@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.store.digest_changes import unbuild
-from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, STATISTICS, SUSPECTS, space_of
+from scenefold.store.layout import HOLDING, IDENTITY, LOGS, NOTES, RECORDS, STATISTICS, SUSPECTS, space_of
 from scenefold.store.sealing import WIPE, StoreDamaged
 from scenefold.world.ports import DiskFailed, DiskFull, Environment, WriteTransaction
 
@@ -58,7 +58,7 @@ def claim(environment: Environment, folder: str, node: NodeId, new_incarnation: 
 
 
 def _begin_folder(transaction: WriteTransaction, folder: str, node: NodeId, incarnation: bytes) -> None:
-    for table in (RECORDS, IDENTITY, HOLDING, NOTES, SUSPECTS):
+    for table in (RECORDS, IDENTITY, HOLDING, NOTES, SUSPECTS, LOGS):
         if next(transaction.keys(table, b"", b"\xff" * 64), None) is not None:
             raise StoreDamaged(f"the store has {table} but no identity", where=folder, remedy=WIPE)
     transaction.put(IDENTITY, b"format", _NUMBER.pack(FORMAT_VERSION))

@@ -11,6 +11,7 @@
     debts       as of records                                      ->  version(32) | node(4), for each that is still to get it
     debtors     node(4)                                            ->  records(8) that it is still to get
     suspects    as of records                                      ->  a packed record that a former life has left (suspects.py)
+    logs        genesis(32) [| position(8)]                        ->  what is promised and voted for, what is decided (log_rows.py)
 
 A packed record:
 
@@ -47,7 +48,8 @@ DIGESTS = "digests"
 DEBTS = "debts"
 DEBTORS = "debtors"
 SUSPECTS = "suspects"
-TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS, DEBTS, DEBTORS, SUSPECTS)
+LOGS = "logs"
+TABLES = (RECORDS, OBJECTS, HEADERS, STATISTICS, HOLDING, NOTES, IDENTITY, DIGESTS, DEBTS, DEBTORS, SUSPECTS, LOGS)
 
 FORMER_LIFE = b"former-life"
 """The note that says that records of a former life were not looked through yet."""
@@ -92,6 +94,11 @@ def scene_key(scene: SceneId) -> bytes:
 
 def scene_of(key: bytes) -> SceneId:
     return SceneId(_SCENE.unpack(key)[0])
+
+
+def log_note(scene: SceneId) -> bytes:
+    """The name of the note that keeps a scene's sealed log."""
+    return b"scene-log/%08x" % scene
 
 
 def space_key(scene: SceneId, space: SpaceId) -> bytes:

@@ -1,6 +1,6 @@
 """Values that nothing else checks carry a checksum (specs/10-store.md, Damage).
 
-A record has checks of its own, a scene's header its signature. Whatever else the store keeps (who the node is, what it owns, what
+A record has checks of its own, a scene's header its signature, a log's rows theirs. Whatever else the store keeps (who the node is, what it owns, what
 services noted) is sealed on its way to the disk and opened on its way back, here and nowhere else:
 
     value | CRC-32 of table, key and value (4)
@@ -18,12 +18,12 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from scenefold.base.errors import LocalFault
-from scenefold.store.layout import HEADERS, IDENTITY, RECORDS, SUSPECTS, TABLES
+from scenefold.store.layout import HEADERS, IDENTITY, LOGS, RECORDS, SUSPECTS, TABLES
 from scenefold.world.ports import DiskSpace, Environment, ReadTransaction, WriteTransaction
 
 T = TypeVar("T")
 
-PLAIN = frozenset({RECORDS, HEADERS, SUSPECTS})
+PLAIN = frozenset({RECORDS, HEADERS, SUSPECTS, LOGS})
 SEALED = tuple(table for table in TABLES if table not in PLAIN)
 WIPE = "see to the disk, then wipe the folder: the node comes back as a newcomer (the voter, whose log is nowhere else: put a backup back)"
 _CHECK = struct.Struct(">I")

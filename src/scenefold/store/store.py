@@ -30,7 +30,8 @@ from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, re
 from scenefold.store.husks import HuskStore
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
 from scenefold.store.judging import Outcome, Put, PutResult
-from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, scene_key
+from scenefold.store.layout import HEADERS, NOTES, TABLES, Spot, log_note, scene_key
+from scenefold.store.logs import LogStore
 from scenefold.store.noticing import Noticed
 from scenefold.store.opened import in_view
 from scenefold.store.owing import OwingStore
@@ -48,14 +49,14 @@ SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, SuspectStore):
+class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, SuspectStore, LogStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:
         super().__init__(world.workers, environment, writer)
         self._entropy = world.entropy
         self.identity = identity
-        self._opened_as = identity.incarnation
+        self.opened_as = identity.incarnation
         self.noticed = Noticed(world.clock)
         self.bygone = Bygone(world.clock.now)
 
@@ -196,7 +197,7 @@ class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, SuspectStore):
 
         `copies`: None leaves it as it is. Refused once the identity was renewed: whoever holds this store is of the life before, and a new one opens it anew.
         """
-        await self._writer.submit(PutHolding(self._opened_as, arc, note, copies))
+        await self._writer.submit(PutHolding(self.opened_as, arc, note, copies))
 
     async def renew_identity(self) -> StoreIdentity:
         """Become a newcomer: a new incarnation that holds nothing until the store is opened anew.
@@ -216,12 +217,12 @@ class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, SuspectStore):
 
     async def put_scene_log(self, scene: SceneId, header: bytes, private: bytes) -> None:
         """Keep a scene's public header and its sealed log in one transaction: they are of the same position, always."""
-        values = PutValue(HEADERS, scene_key(scene), header), PutValue(NOTES, _log_note(scene), private)
+        values = PutValue(HEADERS, scene_key(scene), header), PutValue(NOTES, log_note(scene), private)
         await self._writer.submit(PutValues(values))
 
     async def get_scene_log(self, scene: SceneId) -> bytes | None:
         """The sealed log, if this node keeps it."""
-        return await self._view(reading.read_value, NOTES, _log_note(scene))
+        return await self._view(reading.read_value, NOTES, log_note(scene))
 
     async def get_header(self, scene: SceneId) -> bytes | None:
         return await self._view(reading.read_value, HEADERS, scene_key(scene))
@@ -292,7 +293,3 @@ async def open_store(world: World, folder: Path, node_id: NodeId, *, reserve_byt
     finally:
         with trio.CancelScope(shield=True):
             await workers.run("store", environment.close)
-
-
-def _log_note(scene: SceneId) -> bytes:
-    return b"scene-log/%08x" % scene

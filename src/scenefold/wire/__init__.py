@@ -10,8 +10,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scenefold.wire.ballots import Ballot, Phase, ProposalId
     from scenefold.wire.codec import PROTOCOL_VERSION, decode_packet, encode_frame, encode_packet, request_id_of
     from scenefold.wire.common import Carrier, MiniStatus, Packet
+    from scenefold.wire.consensus_packets import AcceptValue, ProposeValue, RejectValue
     from scenefold.wire.copy_packets import (
         ArcSum,
         CompareRange,
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
     from scenefold.wire.documents import Value, pack_value, unpack_value
     from scenefold.wire.enrol_entries import Trust
     from scenefold.wire.errors import MalformedPacket, NotSpoken, UnsupportedPacket
+    from scenefold.wire.facts import Fact, Promise, Refusal, Release, Vote
     from scenefold.wire.frames import FrameReader, frame
     from scenefold.wire.handover_packets import (
         AskRange,
@@ -113,6 +116,7 @@ if TYPE_CHECKING:
         pack_log,
         unpack_log,
     )
+    from scenefold.wire.log_values import DecidedLog, DecidedValue, LogValue
     from scenefold.wire.member_packets import (
         BlacklistChanged,
         ChangeBlacklist,
@@ -124,6 +128,7 @@ if TYPE_CHECKING:
         RequestReport,
         ReturnProof,
     )
+    from scenefold.wire.members import Member, ParticipantEntry
     from scenefold.wire.own_packets import (
         Fault,
         ListScenes,
@@ -164,6 +169,7 @@ if TYPE_CHECKING:
         PassSums,
         StartJob,
     )
+    from scenefold.wire.scene_certificates import NodeSignature, SceneBody, SceneCertificate, digest_of_header, digest_of_participants
     from scenefold.wire.scene_headers import (
         NO_GENESIS,
         NO_LOG,
@@ -178,11 +184,6 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.scene_log_packets import (
         AcceptSceneProposal,
-        Ballot,
-        Highest,
-        Member,
-        Phase,
-        ProposalId,
         ProposeSceneLog,
         RejectSceneProposal,
         RequestSceneLog,
@@ -215,8 +216,10 @@ if TYPE_CHECKING:
     from scenefold.wire.upkeep_packets import ChangeUpkeep, UpkeepChanged
 
 _HOMES = {
+    "ballots": "Ballot Phase ProposalId",
     "codec": "PROTOCOL_VERSION decode_packet encode_frame encode_packet request_id_of",
     "common": "Carrier MiniStatus Packet",
+    "consensus_packets": "AcceptValue ProposeValue RejectValue",
     "copy_packets": "ArcSum CompareRange CopiesFound CopiesLookedAt CopiesStored Copy CopyState GetCopies ListedRecord LookAtCopies RangeCompared Span StoreCopies",
     "custody": "Configuration Confirmed CustodyEntry PassedSegment",
     "custody_packets": "CustodySet FetchHeld HeldFetched HeldListed HeldRecord ListHeld OfferStrays RecordVersion SceneTurn SetCustody StraysJudged",
@@ -224,18 +227,22 @@ _HOMES = {
     "documents": "Value pack_value unpack_value",
     "enrol_entries": "Trust",
     "errors": "MalformedPacket NotSpoken UnsupportedPacket",
+    "facts": "Fact Promise Refusal Release Vote",
     "frames": "FrameReader frame",
     "handover_packets": "AskRange BoundConfirmed ClaimRange ConfirmBound CopyRecords DropHandover HandItem HandRecords HandoverReply OfferRange OfferRecords RecordEntry RecordsWanted",
     "log_entries": "AddNode AddObserver AddParticipant Batch BeginPurge CreateSpace CurveKind Found Founder Grant KeyEpoch LogEntry RemoveNode RemoveObserver RemoveParticipant Revoke RevokeNode Role ScaleSpace SetCopies SetMode SingleEntry TranslateSpace",
     "log_records": "LogRecord NO_RECORD SignedRecord hash_of_record pack_log unpack_log",
+    "log_values": "DecidedLog DecidedValue LogValue",
     "member_packets": "BlacklistChanged ChangeBlacklist DrainNode NodeReport ProbeFor ProbeResult RequestProof RequestReport ReturnProof",
+    "members": "Member ParticipantEntry",
     "own_packets": "Fault ListScenes RequestTable RespondTable ScenesListed",
     "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "purge_packets": "AskPlaces DropPurged PlaceState PlacesAsked PurgeItem PurgeOrder PurgeRecords PurgedDropped RecordsPurged",
     "render_packets": "CancelJob CollectPass FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
+    "scene_certificates": "NodeSignature SceneBody SceneCertificate digest_of_header digest_of_participants",
     "scene_headers": "Decision KeyEntry Lockbox NO_GENESIS NO_LOG SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
     "scene_pages": "check_page page_of",
-    "scene_log_packets": "AcceptSceneProposal Ballot Highest Member Phase ProposalId ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
+    "scene_log_packets": "AcceptSceneProposal ProposeSceneLog RejectSceneProposal RequestSceneLog RespondSceneLog SceneLogAnswer Want",
     "status_packets": "PingBroadcast PublicKeyInfo RequestPublicKey RequestState RespondPublicKey Status UNSIGNED",
     "suspect_packets": "DiscardItem DiscardOrder DiscardSuspects FetchSuspects ListSuspects SUSPECTS_DISCARDED_MAX SuspectsDiscarded SuspectsFetched SuspectsListed",
     "table": "RESERVED ROWS",
@@ -265,6 +272,7 @@ __all__ = [
     "AcceptData",
     "AcceptPoolJoin",
     "AcceptSceneProposal",
+    "AcceptValue",
     "AddNode",
     "AddObserver",
     "AddParticipant",
@@ -296,6 +304,8 @@ __all__ = [
     "CurveKind",
     "CustodyEntry",
     "CustodySet",
+    "DecidedLog",
+    "DecidedValue",
     "Decision",
     "DiscardItem",
     "DiscardOrder",
@@ -304,6 +314,7 @@ __all__ = [
     "DropHandover",
     "DropPurged",
     "EmptyData",
+    "Fact",
     "Fault",
     "FetchHeld",
     "FetchImage",
@@ -323,7 +334,6 @@ __all__ = [
     "HeldFetched",
     "HeldListed",
     "HeldRecord",
-    "Highest",
     "ImagePart",
     "JobAnswer",
     "JobEvent",
@@ -338,17 +348,20 @@ __all__ = [
     "Lockbox",
     "LogEntry",
     "LogRecord",
+    "LogValue",
     "LookAtCopies",
     "MalformedPacket",
     "Member",
     "MergeFilm",
     "MiniStatus",
     "NodeReport",
+    "NodeSignature",
     "NotSpoken",
     "OfferRange",
     "OfferRecords",
     "OfferStrays",
     "Packet",
+    "ParticipantEntry",
     "PassCounts",
     "PassSums",
     "PassedSegment",
@@ -358,9 +371,11 @@ __all__ = [
     "PlacesAsked",
     "ProbeFor",
     "ProbeResult",
+    "Promise",
     "ProposalId",
     "ProposeData",
     "ProposeSceneLog",
+    "ProposeValue",
     "PublicKeyInfo",
     "PurgeItem",
     "PurgeOrder",
@@ -378,10 +393,13 @@ __all__ = [
     "RecordVersion",
     "RecordsPurged",
     "RecordsWanted",
+    "Refusal",
     "RejectData",
     "RejectPoolJoin",
     "RejectRange",
     "RejectSceneProposal",
+    "RejectValue",
+    "Release",
     "RemoveNode",
     "RemoveObserver",
     "RemoveParticipant",
@@ -403,6 +421,8 @@ __all__ = [
     "RevokeNode",
     "Role",
     "ScaleSpace",
+    "SceneBody",
+    "SceneCertificate",
     "SceneLogAnswer",
     "SceneLogPublic",
     "SceneMode",
@@ -429,10 +449,13 @@ __all__ = [
     "UnsupportedPacket",
     "UpkeepChanged",
     "Value",
+    "Vote",
     "Want",
     "WriterEntry",
     "check_page",
     "decode_packet",
+    "digest_of_header",
+    "digest_of_participants",
     "encode_frame",
     "encode_packet",
     "frame",

@@ -42,7 +42,7 @@ from scenefold.wire.data_packets import RECORD_BYTES, RECORD_KEY, RecordBytes, R
 from scenefold.wire.handover_packets import HAND_ITEMS, HandItem
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
 from scenefold.wire.laws import All, Only, Order
-from scenefold.wire.scene_log_packets import MEMBER, Member
+from scenefold.wire.members import MEMBER, Member
 
 
 @dataclass(frozen=True, slots=True)

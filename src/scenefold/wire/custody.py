@@ -22,7 +22,7 @@ from scenefold.wire.common import BOOL, LOCATION, U64, Location
 from scenefold.wire.containers import Many, Struct, many_locations
 from scenefold.wire.kinds import Uint
 from scenefold.wire.laws import All, Order
-from scenefold.wire.scene_log_packets import MEMBER, Member
+from scenefold.wire.members import MEMBER, Member
 
 
 @dataclass(frozen=True, slots=True)

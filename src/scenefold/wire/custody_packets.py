@@ -33,7 +33,7 @@ from scenefold.wire.custody import CUSTODY_ENTRIES, CustodyEntry
 from scenefold.wire.handover_packets import HAND_ITEMS, RECORD_ENTRY, HandItem, RecordEntry
 from scenefold.wire.kinds import Bin, Maybe, Uint
 from scenefold.wire.laws import All, Distinct, Inside, Order
-from scenefold.wire.scene_log_packets import MEMBER, Member
+from scenefold.wire.members import MEMBER, Member
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ from scenefold.wire.containers import Many, Struct
 from scenefold.wire.custody import PASSED_SEGMENTS, PassedSegment
 from scenefold.wire.kinds import Maybe, Uint
 from scenefold.wire.laws import All, Inside, Order
-from scenefold.wire.scene_log_packets import MEMBER, Member
+from scenefold.wire.members import MEMBER, Member
 
 
 @dataclass(frozen=True, slots=True)

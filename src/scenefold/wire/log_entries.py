@@ -24,8 +24,8 @@ from scenefold.wire.containers import Many, Struct, Tagged
 from scenefold.wire.enrol_entries import ENROL_ENTRIES, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.wire.kinds import Bin, Choice, Float, Text, Uint
 from scenefold.wire.laws import Order
+from scenefold.wire.members import MEMBER, Member
 from scenefold.wire.scene_headers import KEY_ENTRY, KeyEntry, SceneMode
-from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import ADDRESS_BYTES_MAX
 
 
@@ -93,7 +93,10 @@ class BeginPurge:
 
 @dataclass(frozen=True, slots=True)
 class AddParticipant:
+    """From the next position on this node decides, too; its facts are signed with this key (specs/25-consensus.md)."""
+
     member: Member
+    key: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +106,10 @@ class RemoveParticipant:
 
 @dataclass(frozen=True, slots=True)
 class AddObserver:
+    """This node holds keys, and takes part in changes of mode, not in decisions (specs/26-modes.md)."""
+
     member: Member
+    key: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,9 +257,9 @@ _SINGLE: dict[int, Struct[Any]] = {
     2: Struct(TranslateSpace, ("space", SPACE), ("offset", _COORDINATES)),
     3: Struct(ScaleSpace, ("space", SPACE), ("factor", Float(positive=True))),
     4: Struct(SetMode, ("mode", Choice(SceneMode))),
-    5: Struct(AddParticipant, ("member", MEMBER)),
+    5: Struct(AddParticipant, ("member", MEMBER), ("key", _KEY)),
     6: Struct(RemoveParticipant, ("member", MEMBER)),
-    7: Struct(AddObserver, ("member", MEMBER)),
+    7: Struct(AddObserver, ("member", MEMBER), ("key", _KEY)),
     8: Struct(RemoveObserver, ("member", MEMBER)),
     9: Struct(Grant, ("name", Text(MEMBER_NAME_BYTES_MAX)), ("role", Choice(Role)), ("signing", KEY_ENTRY), ("sealing", KEY_ENTRY)),
     10: Struct(Revoke, ("key", U32)),

@@ -12,7 +12,7 @@ from scenefold.base.prefixes import AddressPrefix
 from scenefold.wire.common import BOOL, DOCUMENT, SIGNATURE, U64, Carrier, Packet, row
 from scenefold.wire.kinds import Bin, Maybe
 from scenefold.wire.laws import Apart, OneOf
-from scenefold.wire.scene_log_packets import MEMBER, Member
+from scenefold.wire.members import MEMBER, Member
 from scenefold.wire.status_packets import BLACKLIST
 
 

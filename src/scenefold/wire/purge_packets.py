@@ -31,8 +31,8 @@ from scenefold.wire.containers import Many, Struct
 from scenefold.wire.custody_packets import RECORD_VERSION, RecordVersion
 from scenefold.wire.kinds import Choice, Maybe
 from scenefold.wire.laws import Distinct
+from scenefold.wire.members import MEMBER, Member
 from scenefold.wire.pieces import pack_piece
-from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import UNSIGNED
 
 PURGE_ITEMS_MAX = 256

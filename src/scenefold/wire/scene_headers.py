@@ -9,9 +9,11 @@ from enum import IntEnum
 from scenefold.base.limits import (
     CERTIFICATE_BYTES_MAX,
     CERTIFICATES_MAX,
+    DECIDERS_MAX,
     FORMER_KEYS_BYTES_MAX,
     HEADER_KEYS_MAX,
     LOCKBOX_BYTES_MAX,
+    PARTICIPANTS_MAX,
     SPACES_PER_SCENE_MAX,
     WRITERS_PER_SCENE_MAX,
 )
@@ -34,6 +36,7 @@ from scenefold.wire.common import (
 )
 from scenefold.wire.containers import Late, Many, Struct
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
+from scenefold.wire.members import PARTICIPANT_ENTRY, ParticipantEntry
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.status_packets import UNSIGNED
 
@@ -135,7 +138,9 @@ class SceneLogPublic:
     `former_keys`: those before it, sealed under it. `birth` and `first_key` stay as they were at position 1: they are what the genesis
     is the hash of, so a header of any position shows which key the scene began with; and so is `origin_key`, by which `origin` decides.
     `log_hash`: of the sealed log of the same position. `decision` None: it was proposed, and no more. `purged`: the position at which
-    the newest purge of deletions began; 0 if none did (specs/22-purge.md).
+    the newest purge of deletions began; 0 if none did (specs/22-purge.md). `participants` decide the next position, by their nodes' ids; as
+    long as there are none, `origin` does. `observers` likewise. `request` and `previous`, the request id of the newest record and the digest
+    of the header before: of a position that participants have decided, else empty (specs/16-scene-log.md, Participants).
     """
 
     scene: SceneId
@@ -157,6 +162,10 @@ class SceneLogPublic:
     first_key: bytes = NO_GENESIS
     origin_key: bytes = NO_GENESIS
     log_hash: bytes = NO_LOG
+    participants: tuple[ParticipantEntry, ...] = ()
+    observers: tuple[ParticipantEntry, ...] = ()
+    request: bytes = b""
+    previous: bytes = b""
     signature: bytes = UNSIGNED
     decision: Decision | None = None
     purged: int = 0
@@ -170,15 +179,19 @@ class SceneLogPublic:
         return replace(self, decision=None)
 
     def with_genesis(self) -> SceneLogPublic:
-        """This header as the first of its scene: genesis and scene id follow from it, but for lockboxes and log, which name the genesis.
+        """This header as the first of its scene: genesis and scene id follow from it, but for lockboxes and log, which name the genesis,
+        and who takes part.
 
         `first_key` must be there, the key that it is signed with, in full; and `origin_key`.
         """
+        # Who takes part is decided with the header; a creation that was interrupted may go on with others.
         unborn = replace(
             self,
             scene=SceneId(1),
             genesis=NO_GENESIS,
             lockboxes=(),
+            participants=(),
+            observers=(),
             birth=NO_GENESIS,
             log_hash=NO_LOG,
             signature=UNSIGNED,
@@ -224,6 +237,10 @@ SCENE_LOG_PUBLIC = Struct(
     ("first_key", DIGEST),
     ("origin_key", DIGEST),
     ("log_hash", DIGEST),
+    ("participants", Many(PARTICIPANT_ENTRY, DECIDERS_MAX)),
+    ("observers", Many(PARTICIPANT_ENTRY, PARTICIPANTS_MAX)),
+    ("request", Bin(lengths=(0, 16))),
+    ("previous", Bin(lengths=(0, 32))),
     ("signature", SIGNATURE),
     ("decision", DECISION_OR_NONE),
     ("purged", Late(Uint(64, least=1), 0)),

@@ -1,6 +1,7 @@
-"""Packets 5 to 9: scene logs and proposals (design of the consensus §3, thesis C.3).
+"""Packets 5 and 6, who knows what of a log (thesis C.3), and 118 to 120: please have this decided.
 
-The private part of a log is sealed for the participants elsewhere and travels as opaque bytes, as do proposed records.
+The private part of a log is sealed for its members elsewhere and travels as opaque bytes, as do proposed records. How those who decide
+a log agree among themselves: `consensus_packets`.
 """
 
 from __future__ import annotations
@@ -9,12 +10,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
 
-from scenefold.base.limits import PARTICIPANTS_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import (
-    BOOL,
     DIGEST,
-    INCARNATION,
     LOG,
     REASON,
     SCENE,
@@ -28,16 +26,12 @@ from scenefold.wire.common import (
 )
 from scenefold.wire.containers import Many, Struct
 from scenefold.wire.kinds import Bin, Choice, Maybe, Uint
+from scenefold.wire.log_values import DECIDED_LOG, DecidedLog
+from scenefold.wire.members import MEMBER, Member
 from scenefold.wire.scene_headers import DECISION_OR_NONE, SCENE_LOG_PUBLIC, Decision, SceneLogPublic
 
-MAC = Bin(lengths=(0, 32))
 GENESIS_OR_ANY = Bin(lengths=(0, 32))
 PROOF = Bin(lengths=(0, 32, 64, 384))
-
-
-class Phase(IntEnum):
-    PREPARE = 1
-    ACCEPT = 2
 
 
 class Want(IntEnum):
@@ -46,42 +40,8 @@ class Want(IntEnum):
     HEADER = 1
     LOG = 2
     LEASE = 3
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Ballot:
-    """Ordered by counter, then node; (0, 0) is none."""
-
-    counter: int
-    node: NodeId
-
-
-@dataclass(frozen=True, slots=True)
-class ProposalId:
-    position: int
-    ballot: Ballot
-    phase: Phase
-
-
-@dataclass(frozen=True, slots=True)
-class Member:
-    node: NodeId
-    incarnation: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Highest:
-    """The accepted record of the highest ballot that was met on the way."""
-
-    ballot: Ballot
-    record: bytes
-
-
-BALLOT = Struct(Ballot, ("counter", U32), ("node", U32))
-PROPOSAL_ID = Struct(ProposalId, ("position", U64), ("ballot", BALLOT), ("phase", Choice(Phase)))
-MEMBER = Struct(Member, ("node", U32), ("incarnation", INCARNATION))
-MEMBERS = Many(MEMBER, PARTICIPANTS_MAX)
-HIGHEST = Struct(Highest, ("ballot", BALLOT), ("record", LOG))
+    DECIDED = 4
+    """What is decided above `have`, with what shows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +51,8 @@ class SceneLogAnswer:
     nonce: int
     flags: int
     position: int
-    ballot: Ballot
-    nodes: tuple[Member, ...]
     public: SceneLogPublic
     private: bytes | None
-    mac_epoch: int
-    mac: bytes
 
 
 SCENE_LOG_ANSWER = Struct(
@@ -104,12 +60,8 @@ SCENE_LOG_ANSWER = Struct(
     ("nonce", U64),
     ("flags", Uint(8, most=3)),
     ("position", U64),
-    ("ballot", BALLOT),
-    ("nodes", MEMBERS),
     ("public", SCENE_LOG_PUBLIC),
     ("private", Maybe(LOG)),
-    ("mac_epoch", U32),
-    ("mac", MAC),
 )
 
 
@@ -131,53 +83,41 @@ class RequestSceneLog(Packet):
 
 @dataclass(frozen=True, slots=True)
 class RespondSceneLog(Packet):
-    """None: the scene is unknown here."""
+    """`answer` None: the scene is unknown here. `decided`: with DECIDED, and where a decision is told without being asked for; `answer`
+    is None then, and says nothing."""
 
     TYPE: ClassVar[int] = 6
     answer: SceneLogAnswer | None
+    decided: DecidedLog | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ProposeSceneLog(Packet):
-    TYPE: ClassVar[int] = 7
+    """Please have this decided: a scene's header with its sealed log; in the cluster's own log its first header, and the record."""
+
+    TYPE: ClassVar[int] = 118
     genesis: bytes
-    proposal: ProposalId
-    route: tuple[NodeId, ...]
-    nodes: tuple[Member, ...]
-    highest: Highest | None
-    takeover: bool
     public: SceneLogPublic
     private: bytes
-    mac_epoch: int
-    mac: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptSceneProposal(Packet):
     """`decision`: of the proposed header; None in the cluster's own log, whose headers are signed by who decides them."""
 
-    TYPE: ClassVar[int] = 8
-    genesis: bytes
-    proposal: ProposalId
+    TYPE: ClassVar[int] = 119
+    position: int
     record_hash: bytes
-    nodes: tuple[Member, ...]
-    highest: Highest | None
-    mac_epoch: int
-    mac: bytes
     decision: Decision | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class RejectSceneProposal(Packet):
-    TYPE: ClassVar[int] = 9
-    genesis: bytes
-    proposal: ProposalId
+    """`node`: who says so, or decides instead."""
+
+    TYPE: ClassVar[int] = 120
     reason: RejectReason
-    nodes: tuple[Member, ...]
-    hint: Ballot
     node: NodeId
-    mac_epoch: int
-    mac: bytes
 
 
 ROWS = (
@@ -193,50 +133,9 @@ ROWS = (
         ("proof", PROOF),
         ("lives", Many(U64, counts=(0, 2))),
     ),
-    row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER))),
-    row(
-        ProposeSceneLog,
-        Carrier.TCP_HIGH,
-        ("genesis", DIGEST),
-        ("proposal", PROPOSAL_ID),
-        ("route", Many(U32, PARTICIPANTS_MAX)),
-        ("nodes", MEMBERS),
-        ("highest", Maybe(HIGHEST)),
-        ("takeover", BOOL),
-        ("public", SCENE_LOG_PUBLIC),
-        ("private", LOG),
-        ("mac_epoch", U32),
-        ("mac", MAC),
-    ),
-    row(
-        AcceptSceneProposal,
-        Carrier.TCP_HIGH,
-        ("genesis", DIGEST),
-        ("proposal", PROPOSAL_ID),
-        ("record_hash", DIGEST),
-        ("nodes", MEMBERS),
-        ("highest", Maybe(HIGHEST)),
-        ("mac_epoch", U32),
-        ("mac", MAC),
-        ("decision", DECISION_OR_NONE),
-    ),
-    row(
-        RejectSceneProposal,
-        Carrier.TCP_HIGH,
-        ("genesis", DIGEST),
-        ("proposal", PROPOSAL_ID),
-        ("reason", REASON),
-        ("nodes", MEMBERS),
-        ("hint", BALLOT),
-        ("node", U32),
-        ("mac_epoch", U32),
-        ("mac", MAC),
-    ),
+    row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER)), ("decided", Maybe(DECIDED_LOG))),
+    row(ProposeSceneLog, Carrier.TCP_HIGH, ("genesis", DIGEST), ("public", SCENE_LOG_PUBLIC), ("private", LOG)),
+    row(AcceptSceneProposal, Carrier.TCP_HIGH, ("position", U64), ("record_hash", DIGEST), ("decision", DECISION_OR_NONE)),
+    row(RejectSceneProposal, Carrier.TCP_HIGH, ("reason", REASON), ("node", U32)),
 )
-STRUCTS = (
-    BALLOT,
-    PROPOSAL_ID,
-    MEMBER,
-    HIGHEST,
-    SCENE_LOG_ANSWER,
-)
+STRUCTS = (SCENE_LOG_ANSWER,)

@@ -28,8 +28,8 @@ from scenefold.wire.custody_packets import HELD_RECORD, HeldRecord
 from scenefold.wire.handover_packets import HAND_ITEMS, RECORD_ENTRY, HandItem, RecordEntry
 from scenefold.wire.kinds import Bin, Maybe, Uint
 from scenefold.wire.laws import Distinct
+from scenefold.wire.members import MEMBER, Member
 from scenefold.wire.pieces import pack_piece
-from scenefold.wire.scene_log_packets import MEMBER, Member
 from scenefold.wire.status_packets import UNSIGNED
 
 SUSPECTS_DISCARDED_MAX = 256

@@ -7,19 +7,25 @@ A test holds it equal to the table in the spec.
 from __future__ import annotations
 
 from scenefold.wire import (
+    ballots,
+    consensus_packets,
     copy_packets,
     custody,
     custody_packets,
     data_packets,
     enrol_packets,
+    facts,
     handover_packets,
     log_records,
+    log_values,
     member_packets,
+    members,
     orders,
     own_packets,
     pool_packets,
     purge_packets,
     render_packets,
+    scene_certificates,
     scene_headers,
     scene_log_packets,
     status_packets,
@@ -34,6 +40,7 @@ ROWS: dict[int, Row] = {
     for family in (
         status_packets,
         scene_log_packets,
+        consensus_packets,
         data_packets,
         pool_packets,
         own_packets,
@@ -71,7 +78,12 @@ RESERVED: dict[int, str] = {
 STRUCTS = (
     MINI_STATUS,
     *status_packets.STRUCTS,
+    *members.STRUCTS,
     *scene_headers.STRUCTS,
+    *ballots.STRUCTS,
+    *facts.STRUCTS,
+    *log_values.STRUCTS,
+    *scene_certificates.STRUCTS,
     *scene_log_packets.STRUCTS,
     *data_packets.STRUCTS,
     *handover_packets.STRUCTS,
@@ -86,7 +98,7 @@ STRUCTS = (
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 118))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 121))
 assert not any(since_of(kind) for struct in STRUCTS for _, kind in struct.fields), (
     "what stands inside packets has no fields of later versions"
 )

@@ -31,7 +31,6 @@ from scenefold.wire import (
     GetMany,
     GetManyReply,
     ListScenes,
-    Member,
     Packet,
     ProposeSceneLog,
     PutItem,
@@ -55,7 +54,6 @@ from scenefold.wire import (
     encode_packet,
     page_of,
 )
-from scenefold.wire.scene_log_packets import Ballot
 from scenefold.world import Priority, World
 from unit.client.wrecks_made import header_of, judge_of_wreck
 
@@ -215,7 +213,7 @@ class FakeNodes:
                 private = (
                     self.logs.get(packet.scene) if packet.want is Want.LOG and header and address_of(header.origin) == address else None
                 )
-                answer = header and SceneLogAnswer(packet.nonce, 2, 1, Ballot(0, NodeId(0)), (), header, private, 0, b"")
+                answer = header and SceneLogAnswer(packet.nonce, 2, 1, header, private)
                 return RespondSceneLog(answer)
             case ListScenes():
                 return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
@@ -239,10 +237,10 @@ class FakeNodes:
         try:
             scene = decide(packet, None if known is None else KnownScene.of(known), KEEPER_KEY, has_log=True)
         except Refused as refusal:
-            return rejection(packet, refusal.reason, NodeId(0))
+            return rejection(refusal.reason, NodeId(0))
         self.headers[packet.public.scene] = scene.public
         self.logs[packet.public.scene] = packet.private
-        return accepted(packet, scene.public, Member(ORIGIN.node, bytes(16)))
+        return accepted(scene.public)
 
     def _put(self, address: str, item: PutItem) -> PutOutcome:
         if address in self.without_lease:

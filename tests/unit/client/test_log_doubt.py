@@ -16,7 +16,6 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
 from scenefold.client.space import Space
 from scenefold.wire import Packet, ProposeSceneLog, RejectSceneProposal, RespondTable
-from scenefold.wire.scene_log_packets import Ballot
 from scenefold.world import Priority
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import FakeNodes
@@ -53,7 +52,7 @@ class Nodes(FakeNodes):
 
 
 def no(packet: ProposeSceneLog, reason: RejectReason) -> Packet:
-    return RejectSceneProposal(packet.genesis, packet.proposal, reason, (), Ballot(0, NodeId(0)), NodeId(0), 0, b"")
+    return RejectSceneProposal(reason, NodeId(0))
 
 
 async def hall_of(nodes: FakeNodes, folder: Path) -> tuple[Scene, Space]:

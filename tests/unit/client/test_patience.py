@@ -116,7 +116,7 @@ async def test_who_changes_a_scene_too_often_is_told_so_if_waiting_does_not_help
     propose = nodes._propose
 
     def too_often(packet: ProposeSceneLog) -> Packet:
-        return rejection(packet, refusals.pop(), NodeId(0)) if refusals else propose(packet)
+        return rejection(refusals.pop(), NodeId(0)) if refusals else propose(packet)
 
     nodes._propose = too_often  # type: ignore[method-assign]
     await kitchen.create_space("notes", dimensions=3)

@@ -128,7 +128,7 @@ def test_what_connect_comes_with_does_not_hide_it() -> None:
 
 async def test_who_has_made_too_many_scenes_is_told_so(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
-    nodes._propose = lambda packet: rejection(packet, RejectReason.LIMIT_EXCEEDED, ORIGIN.node)  # type: ignore[method-assign]
+    nodes._propose = lambda packet: rejection(RejectReason.LIMIT_EXCEEDED, ORIGIN.node)  # type: ignore[method-assign]
     with pytest.raises(Refused, match="no more scenes: 128 of one user, 512 in all"):
         await _scenes(nodes, tmp_path).create("kitchen")
     assert Keyring(tmp_path).names() == []

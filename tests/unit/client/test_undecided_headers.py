@@ -52,7 +52,7 @@ LIES: dict[str, Callable[[SceneLogPublic], SceneLogPublic]] = {
     "undecided": lambda header: header,
     "decided by a stranger": lambda header: decided(header, EVIL),
     "decided by an owner": lambda header: decided(header, secrets_of(2).signing),
-    "decided in another form": lambda header: replace(header, decision=Decision(2, (bytes(64),))),
+    "decided in another form": lambda header: replace(header, decision=Decision(3, (bytes(64),))),
     "another deciding key": lambda header: decided(replace(header, origin_key=EVIL.public.raw), EVIL),
 }
 
@@ -105,7 +105,7 @@ class LyingRelay:
     async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
         if isinstance(packet, ProposeSceneLog) and address != KEEPER:
             decision = self._decision(packet)
-            return AcceptSceneProposal(packet.genesis, packet.proposal, packet.public.log_hash, (), None, 0, b"", decision)
+            return AcceptSceneProposal(packet.public.position, packet.public.log_hash, decision)
         return await self._honest(address, priority, packet, timeout)
 
 

@@ -74,7 +74,7 @@ class Book:
         what = None if who is None else [change.joins is not None, int(who.node), who.incarnation.hex()]
         return Value(json.dumps([self.position + 1, self.head, request, origin, what]).encode())
 
-    def refuses(self, value: Value) -> RejectReason | None:
+    def refuses(self, value: Value, *, is_decided: bool = False) -> RejectReason | None:
         position, head, request, _, _ = json.loads(value.data)
         if (position, head) != (self.position + 1, self.head) or request in self.requests:
             return RejectReason.ILL_FORMED
@@ -88,7 +88,7 @@ class Book:
         return self.requests.get(request_of(value))
 
     def after(self, value: Value) -> Book:
-        assert self.refuses(value) is None
+        assert self.refuses(value, is_decided=True) is None
         requests = {**self.requests, request_of(value): self.position + 1}
         return replace(
             self,

@@ -18,7 +18,7 @@ from scenefold.consensus import Persist, Promise, Refusal, Send, Slot, Step, Val
 from scenefold.consensus.ballots import COUNTER_MAX, NO_BALLOT, next_ballot
 from scenefold.consensus.certificates import certificate_of
 from scenefold.consensus.choosing import Choice, choose, highest_of
-from scenefold.consensus.facts import Fact, is_true, merged, message_of, signed, true_facts
+from scenefold.consensus.facts import Fact, is_true, merged, signed, true_facts
 from scenefold.consensus.messages import AskLog
 from scenefold.consensus.routes import arms, beyond, first_of, homeward, in_line, straight_to
 from scenefold.consensus.timing import Timing
@@ -59,8 +59,8 @@ def test_the_order_of_participants_means_nothing() -> None:
 @given(FACTS, FACTS)
 def test_no_two_facts_are_signed_by_the_same_bytes(one: Any, other: Any) -> None:
     """Within a kind; and each kind has a domain of its own."""
-    assert (one.DOMAIN, message_of(one, GENESIS)) != (other.DOMAIN, message_of(other, GENESIS)) or one == other
-    assert message_of(one, GENESIS) != message_of(one, bytes(32))
+    assert (one.DOMAIN, one.signable(GENESIS)) != (other.DOMAIN, other.signable(GENESIS)) or one == other
+    assert one.signable(GENESIS) != one.signable(bytes(32))
 
 
 @given(FACTS, st.data())

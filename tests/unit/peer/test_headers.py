@@ -13,6 +13,7 @@ from scenefold.crypto import DECISION_DOMAIN, SigningKey
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.log import decided, succeeded
+from scenefold.scene.log.certified import BY_PARTICIPANTS
 from scenefold.scene.log.decisions import BY_ORIGIN
 from scenefold.wire import Decision, KeyEntry, SceneLogPublic
 from unit.peer.scenes_made import HEADER_KEY, STRANGER, WRITER, first_header, later_header, signed
@@ -36,8 +37,8 @@ def test_a_first_header_vouches_for_itself() -> None:
 
 
 def test_a_decision_in_a_later_form_is_told_from_a_wrong_one() -> None:
-    with pytest.raises(Refused, match="form 2, which this program does not know"):
-        checked_header(replace(FIRST, decision=Decision(2, (bytes(64),) * 3)), None)
+    with pytest.raises(Refused, match="form 3, which this program does not know"):
+        checked_header(replace(FIRST, decision=Decision(3, (bytes(64),) * 3)), None)
 
 
 def test_the_same_header_again_is_no_news_and_no_fault() -> None:
@@ -66,7 +67,8 @@ def test_a_successor_of_the_same_key_is_taken() -> None:
         (replace(FIRST, decision=Decision(BY_ORIGIN, (FIRST.signature,))), RejectReason.SIGNATURE_INVALID),
         (replace(FIRST, decision=Decision(BY_ORIGIN, ())), RejectReason.SIGNATURE_INVALID),
         (replace(FIRST, decision=Decision(BY_ORIGIN, FIRST.decision.certificates * 2)), RejectReason.SIGNATURE_INVALID),
-        (replace(FIRST, decision=Decision(BY_ORIGIN + 1, FIRST.decision.certificates)), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=Decision(BY_PARTICIPANTS, FIRST.decision.certificates)), RejectReason.SIGNATURE_INVALID),
+        (replace(FIRST, decision=Decision(BY_PARTICIPANTS + 1, FIRST.decision.certificates)), RejectReason.SIGNATURE_INVALID),
         (signed(replace(FIRST, origin_key=STRANGER.public.raw), decider=STRANGER), RejectReason.ILL_FORMED),
     ],
     ids=[
@@ -83,6 +85,7 @@ def test_a_successor_of_the_same_key_is_taken() -> None:
         "the owner's signature as a decision",
         "no certificate",
         "two certificates",
+        "decided in another form",
         "decided in an unknown form",
         "another deciding key",
     ],

@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.headers import checked_header
 from scenefold.peer.scene_log.proposals import decide
-from scenefold.wire import Ballot, Phase, ProposalId, ProposeSceneLog, SceneLogPublic
+from scenefold.wire import ProposeSceneLog, SceneLogPublic
 from unit.peer.scenes_made import DECIDER, LOG, STRANGER, first_header, later_header, signed
 
 FIRST = first_header()
@@ -26,11 +25,10 @@ OTHER_LOG = b"another move of the same space"
 def proposal(public: SceneLogPublic, **changes: Any) -> ProposeSceneLog:
     fields: dict[str, Any] = {
         "genesis": public.genesis,
-        "proposal": ProposalId(public.position, Ballot(1, NodeId(0)), Phase.ACCEPT),
         "private": LOG,
         **changes,
     }
-    return ProposeSceneLog(route=(), nodes=(), highest=None, takeover=False, public=public.proposed(), mac_epoch=0, mac=b"", **fields)
+    return ProposeSceneLog(public=public.proposed(), **fields)
 
 
 def outcome(packet: ProposeSceneLog, known: SceneLogPublic | None, key: SigningKey = DECIDER, *, has_log: bool = True) -> SceneLogPublic:
@@ -59,8 +57,6 @@ def test_what_is_repeated_was_decided() -> None:
         (proposal(FIRST), SECOND, RejectReason.POSITION_BEHIND),
         (proposal(THIRD), FIRST, RejectReason.ILL_FORMED),
         (proposal(SECOND, genesis=bytes(32)), FIRST, RejectReason.ILL_FORMED),
-        (proposal(SECOND, proposal=ProposalId(3, Ballot(1, NodeId(0)), Phase.ACCEPT)), FIRST, RejectReason.ILL_FORMED),
-        (proposal(SECOND, proposal=ProposalId(2, Ballot(1, NodeId(0)), Phase.PREPARE)), FIRST, RejectReason.ILL_FORMED),
         (proposal(SECOND, private=OTHER_LOG), FIRST, RejectReason.ILL_FORMED),
         (proposal(SECOND, private=b""), FIRST, RejectReason.ILL_FORMED),
         (replace(proposal(SECOND), public=SECOND), FIRST, RejectReason.ILL_FORMED),
@@ -73,8 +69,6 @@ def test_what_is_repeated_was_decided() -> None:
         "too late",
         "a gap",
         "genesis",
-        "position",
-        "phase",
         "not the log of the header",
         "no log",
         "decided already",

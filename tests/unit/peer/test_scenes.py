@@ -22,13 +22,10 @@ from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.scene.log import FOR_EVER
 from scenefold.wire import (
     AcceptSceneProposal,
-    Ballot,
     KeyEntry,
     ListScenes,
     Member,
     Packet,
-    Phase,
-    ProposalId,
     ProposeSceneLog,
     RejectSceneProposal,
     RequestSceneLog,
@@ -127,7 +124,7 @@ class PlainPeers:
         if not isinstance(packet, RequestSceneLog):
             return packet
         header = self.shown.get(member, self.headers.get(packet.scene))
-        return RespondSceneLog(header and SceneLogAnswer(0, 2, header.position, Ballot(0, NodeId(0)), (), header, None, 0, b""))
+        return RespondSceneLog(header and SceneLogAnswer(0, 2, header.position, header, None))
 
     async def tell(self, member: NodeId, _priority: Any, packet: Packet, _timeout: float) -> None:
         await trio.lowlevel.checkpoint()
@@ -154,19 +151,7 @@ def second_of(first: SceneLogPublic) -> SceneLogPublic:
 
 
 def proposal(public: SceneLogPublic, private: bytes = LOG) -> ProposeSceneLog:
-    number = ProposalId(public.position, Ballot(1, public.origin), Phase.ACCEPT)
-    return ProposeSceneLog(
-        genesis=public.genesis,
-        proposal=number,
-        route=(),
-        nodes=(),
-        highest=None,
-        takeover=False,
-        public=public.proposed(),
-        private=private,
-        mac_epoch=0,
-        mac=b"",
-    )
+    return ProposeSceneLog(public.genesis, public.proposed(), private)
 
 
 def request(want: Want = Want.LOG) -> RequestSceneLog:
@@ -448,4 +433,4 @@ async def test_nobody_makes_scenes_at_the_cost_of_another(autojump_clock: MockCl
 
 
 def pushed(public: SceneLogPublic) -> RespondSceneLog:
-    return RespondSceneLog(SceneLogAnswer(0, 2, public.position, Ballot(0, NodeId(0)), (), public, None, 0, b""))
+    return RespondSceneLog(SceneLogAnswer(0, 2, public.position, public, None))

@@ -12,7 +12,7 @@ from scenefold.wire.custody import Confirmed, CustodyEntry, Enough, LaidOut, Ris
 from scenefold.wire.custody_packets import Assigned
 from scenefold.wire.laws import All, Apart, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
-from scenefold.wire.scene_log_packets import Member
+from scenefold.wire.members import Member
 
 
 def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:

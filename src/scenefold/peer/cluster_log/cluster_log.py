@@ -121,7 +121,7 @@ class ClusterLog:
     # ---------------------------------------------------------------------------------------------------- running
 
     def register(self, handlers: Handlers, scenes: SceneLogs | None = None) -> None:
-        """Answer packets 5 to 7; those of other logs are handed to `scenes`."""
+        """Answer packets 5, 6 and 118; those of other logs are handed to `scenes`."""
         self._scenes = scenes
         handlers.add(ProposeSceneLog, self._on_propose)
         handlers.add(RequestSceneLog, self._on_request)
@@ -206,7 +206,7 @@ class ClusterLog:
             raise Refused(reply.reason, f"the cluster's log refuses a {type(entry).__name__}: {words}", where=address_of(reply.node))
         if not isinstance(reply, AcceptSceneProposal):
             raise PeerFault(f"a proposal was answered with a {type(reply).__name__}", where=address_of(self._facts.voter))
-        position = reply.proposal.position
+        position = reply.position
         await self.pull_from(self._facts.voter)
         if self.registry.position < position:
             await self.pull(at_least=position)
@@ -259,14 +259,14 @@ class ClusterLog:
             record = LogRecord.decode(packet.private)
             position = await self._voter.decide(record.entry, record.request_id, proposer)
         except MalformedPacket as problem:
-            return self._refuse(packet, peer, RejectReason.ILL_FORMED, problem)
+            return self._refuse(peer, RejectReason.ILL_FORMED, problem)
         except Refused as refusal:
-            return self._refuse(packet, peer, refusal.reason, refusal)
-        return accepted(packet, position, self._copy.hash_at(position), self._own.member)
+            return self._refuse(peer, refusal.reason, refusal)
+        return accepted(position, self._copy.hash_at(position))
 
-    def _refuse(self, packet: ProposeSceneLog, peer: str, reason: RejectReason, problem: Exception) -> Packet:
+    def _refuse(self, peer: str, reason: RejectReason, problem: Exception) -> Packet:
         self._quiet.say(self._world.clock.now(), peer, reason.name, f"a proposal is refused: {problem}")
-        return rejected(packet, reason, self._facts.voter)
+        return rejected(reason, self._facts.voter)
 
     async def _on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
         if packet.scene != self._scene and self._scenes is not None:

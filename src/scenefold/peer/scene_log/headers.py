@@ -2,7 +2,7 @@
 
 A header vouches for itself: the scene's name for ever (genesis) is a hash of the first header, of the key that signed it and of that
 which decides. From the first key each one that followed was signed by the one before; and that the scene's log came to this header,
-and to no other, the node that decides has signed. So a node can keep and pass on headers of scenes that it has no key of, whichever
+and to no other, those who decide have signed. So a node can keep and pass on headers of scenes that it has no key of, whichever
 of them it meets first, and whoever shows it.
 """
 
@@ -12,7 +12,9 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, PublicKey, key_id_of
 from scenefold.peer.records.verification import KnownScene
+from scenefold.scene.log.certified import began_with
 from scenefold.scene.log.decisions import check_decided
+from scenefold.scene.log.roster import unlawful
 from scenefold.scene.log.succession import header_key_now, proven_header_key
 from scenefold.wire import SceneLogPublic
 
@@ -29,6 +31,8 @@ def checked_header(public: SceneLogPublic, known: KnownScene | None) -> KnownSce
         check_decided(public)
     except DamagedData as problem:
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
+    if known is not None and began_with(known.public) not in (b"", began_with(public)):
+        raise Refused(RejectReason.NOT_AUTHORISED, "the header names others whom its origin had decide first")
     return scene
 
 
@@ -42,6 +46,9 @@ def checked_proposal(public: SceneLogPublic, known: KnownScene | None) -> KnownS
         raise Refused(RejectReason.ILL_FORMED, "what was signed before the purge began could still be written")
     if any(not entry.parent and entry.offset.number > public.position for entry in public.spaces):
         raise Refused(RejectReason.ILL_FORMED, "copies changed at a position that the log has not come to")
+    unfit = unlawful(public.participants, public.observers)
+    if unfit:
+        raise Refused(RejectReason.ILL_FORMED, unfit)
     expected = _check_alone(public) if known is None else _check_follows(public, known)
     try:
         scene = KnownScene.of(public)
@@ -76,6 +83,8 @@ def _check_follows(public: SceneLogPublic, scene: KnownScene) -> PublicKey:
         raise Refused(RejectReason.POSITION_TAKEN, "another scene has this id here")
     if (public.birth, public.first_key, public.origin_key) != (known.birth, known.first_key, known.origin_key):
         raise Refused(RejectReason.ILL_FORMED, "the header does not show how its scene began")
+    if known.participants and not public.participants and public.position >= known.position:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the header forgets that others than its origin decide")
     if public.origin != known.origin:
         raise Refused(RejectReason.NOT_AUTHORISED, "the header names another origin than the one before")
     if [term.key for term in public.writers[:1]] != [term.key for term in known.writers[:1]]:

@@ -18,9 +18,6 @@ from scenefold.peer.scene_log.headers import FIRST_POSITION, checked_proposal
 from scenefold.scene.log.decisions import check_log, decided
 from scenefold.wire import (
     AcceptSceneProposal,
-    Ballot,
-    Member,
-    Phase,
     ProposeSceneLog,
     RejectSceneProposal,
     SceneLogAnswer,
@@ -37,14 +34,14 @@ def decide(packet: ProposeSceneLog, known: KnownScene | None, key: SigningKey, *
     milliseconds for a long log.
     """
     public = packet.public
-    if packet.genesis != public.genesis or packet.proposal.position != public.position:
-        raise Refused(RejectReason.ILL_FORMED, "the proposal is for another genesis or position than its header's")
-    if packet.proposal.phase is not Phase.ACCEPT:
-        raise Refused(RejectReason.ILL_FORMED, "a scene with one participant has nothing to prepare")
+    if packet.genesis != public.genesis:
+        raise Refused(RejectReason.ILL_FORMED, "the proposal is for another genesis than its header's")
     if public.decision is not None:
         raise Refused(RejectReason.ILL_FORMED, "what is proposed is not decided yet")
     if known is not None and public == known.public.proposed():
         return known
+    if known is not None and known.public.participants:
+        raise Refused(RejectReason.NOT_AUTHORISED, "the scene's participants decide its log, and not its origin alone")
     _check_extends(public, known, has_log)
     if public.origin_key != key.public.raw:
         raise Refused(RejectReason.NOT_AUTHORISED, "the scene's log is decided under another key than this node's")
@@ -72,44 +69,16 @@ def _check_extends(public: SceneLogPublic, known: KnownScene | None, has_log: bo
         raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "this node has lost the scene's log")
 
 
-def accepted(packet: ProposeSceneLog, public: SceneLogPublic, node: Member) -> AcceptSceneProposal:
-    """8: it was decided, as this header shows."""
-    return AcceptSceneProposal(
-        genesis=packet.genesis,
-        proposal=packet.proposal,
-        record_hash=public.log_hash,
-        nodes=(node,),
-        highest=None,
-        mac_epoch=0,
-        mac=b"",
-        decision=public.decision,
-    )
+def accepted(public: SceneLogPublic) -> AcceptSceneProposal:
+    """119: it was decided, as this header shows."""
+    return AcceptSceneProposal(public.position, public.log_hash, public.decision)
 
 
-def rejection(packet: ProposeSceneLog, reason: RejectReason, node: NodeId) -> RejectSceneProposal:
-    """9, by this node or about it."""
-    return RejectSceneProposal(
-        genesis=packet.genesis,
-        proposal=packet.proposal,
-        reason=reason,
-        nodes=(),
-        hint=Ballot(0, NodeId(0)),
-        node=node,
-        mac_epoch=0,
-        mac=b"",
-    )
+def rejection(reason: RejectReason, node: NodeId) -> RejectSceneProposal:
+    """120, by this node or about it."""
+    return RejectSceneProposal(reason, node)
 
 
 def answer_of(public: SceneLogPublic, nonce: int, private: bytes | None) -> SceneLogAnswer:
     """What a 6 says of a position that was decided."""
-    return SceneLogAnswer(
-        nonce=nonce,
-        flags=_COMMIT_FLAG,
-        position=public.position,
-        ballot=Ballot(0, NodeId(0)),
-        nodes=(),
-        public=public,
-        private=private,
-        mac_epoch=0,
-        mac=b"",
-    )
+    return SceneLogAnswer(nonce, _COMMIT_FLAG, public.position, public, private)

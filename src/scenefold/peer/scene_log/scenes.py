@@ -81,7 +81,7 @@ class Scenes:
         self._quiet, self._quiet_info = QuietLog(_log), QuietLog(_log, logging.INFO)
 
     def register(self, handlers: Handlers) -> None:
-        """Packet 37. Those of logs, 5 to 7, are the cluster's too: its log hands on what is not its own."""
+        """Packet 37. Those of logs, 5, 6 and 118, are the cluster's too: its log hands on what is not its own."""
         handlers.add(ListScenes, self._on_list)
 
     async def load(self) -> None:
@@ -247,22 +247,22 @@ class Scenes:
     # ------------------------------------------------------------------------------------------------- handlers
 
     async def on_propose(self, packet: ProposeSceneLog, peer: str) -> Packet:
-        """7: decide, if this node is the scene's origin; hand a user's proposal on to it otherwise."""
+        """118: decide, if this node is the scene's origin; hand a user's proposal on to it otherwise."""
         known = self._known.get(packet.public.scene)
         origin = packet.public.origin if known is None else known.public.origin
         if origin != self._own.me:
             if node_of(peer) is not None:
-                return rejection(packet, RejectReason.NOT_MY_LOCATION, origin)
+                return rejection(RejectReason.NOT_MY_LOCATION, origin)
             if origin not in self._peers.others():
-                return rejection(packet, RejectReason.NOT_AUTHORISED, origin)
+                return rejection(RejectReason.NOT_AUTHORISED, origin)
             return await self._peers.ask(origin, Priority.HIGH, packet, Packet, RELAY_S_MAX)
         try:
             scene = await self._decide(packet)
         except Refused as refusal:
             self._quiet_info.say(self._world.clock.now(), peer, refusal.reason.name, f"a scene proposal is refused: {refusal}")
-            return rejection(packet, refusal.reason, self._own.me)
+            return rejection(refusal.reason, self._own.me)
         await tell_all(self._peers, scene.public)
-        return accepted(packet, scene.public, self._own.member)
+        return accepted(scene.public)
 
     async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
         """5: the newest header, and the sealed log with it if that was asked for and is kept here. Refused (13) if others had to be asked for it, and were not."""

@@ -21,6 +21,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.grants import Grants
 from scenefold.scene.log.resolution import lost_by
+from scenefold.scene.log.roster import Roster
 from scenefold.scene.log.shadows import check_added
 from scenefold.scene.log.space import LoggedSpace, Step
 from scenefold.scene.log.turning import may_turn, turned
@@ -36,7 +37,6 @@ from scenefold.wire import (
     KeyEpoch,
     LogEntry,
     LogRecord,
-    Member,
     RemoveObserver,
     RemoveParticipant,
     Revoke,
@@ -65,8 +65,7 @@ class SceneLog:
     """Position at which the newest purge of deletions began; 0: none did."""
     spaces: Mapping[SpaceId, LoggedSpace] = field(default_factory=lambda: MappingProxyType({}))
     """In the order of their creation."""
-    participants: tuple[Member, ...] = ()
-    observers: tuple[Member, ...] = ()
+    roster: Roster = field(default_factory=Roster)
     grants: Grants = field(default_factory=Grants)
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     """The position of every request id that is in the log."""
@@ -98,6 +97,7 @@ class SceneLog:
             raise _ill_formed(f"this request is in the log already, at position {requests[record.request_id]}")
         log = self._entered(record.entry, record.position)
         log.grants.check_whole(record.position)
+        log.roster.check_follows(self.roster)
         spaces = turned(self.spaces, log.spaces, record.position) if may_turn(record.entry) else log.spaces
         return replace(log, position=record.position, head=record.hash(), spaces=spaces)
 
@@ -160,7 +160,7 @@ class SceneLog:
             case Grant() | Revoke() | KeyEpoch():
                 return self._regranted(entry, position)
             case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
-                return self._joined_or_left(entry)
+                return replace(self, roster=self.roster.entered(entry))
             case _:
                 raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
 
@@ -177,17 +177,6 @@ class SceneLog:
                 return replace(self, grants=self.grants.revoked(entry, position), write_floor=position)
             case KeyEpoch():
                 return replace(self, grants=self.grants.rekeyed(entry, position), write_floor=position)
-
-    def _joined_or_left(self, entry: AddParticipant | RemoveParticipant | AddObserver | RemoveObserver) -> SceneLog:
-        match entry:
-            case AddParticipant():
-                return replace(self, participants=_joined(self.participants, entry.member))
-            case RemoveParticipant():
-                return replace(self, participants=_left(self.participants, entry.member))
-            case AddObserver():
-                return replace(self, observers=_joined(self.observers, entry.member))
-            case RemoveObserver():
-                return replace(self, observers=_left(self.observers, entry.member))
 
     def _created(self, entry: CreateSpace, position: int) -> SceneLog:
         if entry.space in self.spaces:
@@ -256,18 +245,6 @@ class SceneLog:
         for shadow in [other for other in spaces.values() if other.parent == space.id]:
             spaces[shadow.id] = replace(shadow, transform=moved.transform, steps=moved.steps)
         return replace(self, spaces=MappingProxyType(spaces))
-
-
-def _joined(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:
-    if any(other.node == member.node for other in members):
-        raise _ill_formed(f"node {member.node} is a member already")
-    return (*members, member)
-
-
-def _left(members: tuple[Member, ...], member: Member) -> tuple[Member, ...]:
-    if member not in members:
-        raise _ill_formed(f"node {member.node} is no member in this incarnation")
-    return tuple(other for other in members if other != member)
 
 
 def _with(mapping: Mapping[Key, Value], key: Key, value: Value) -> Mapping[Key, Value]:

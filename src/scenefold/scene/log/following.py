@@ -29,7 +29,7 @@ from scenefold.scene.log.grants import Granted, newly_granted
 from scenefold.scene.log.keys import HEADER_SEED_BYTES, EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox
 from scenefold.scene.log.succession import header_key_now, succeeded
-from scenefold.wire import KeyEntry, Lockbox, LogRecord, Role, SceneLogPublic
+from scenefold.wire import KeyEntry, Lockbox, LogRecord, Role, SceneLogPublic, digest_of_header
 
 Token = Callable[[int], bytes]
 
@@ -94,6 +94,8 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         heir = SigningKey.from_seed(token(HEADER_SEED_BYTES))
         succession = (*succession, succeeded(signer, heir.public, header.genesis, record.position))
         signer, keys = heir, replace(keys, header_key=heir.public, header_seed=heir.seed)
+    # What participants decide says what was asked for, and what it follows.
+    by_others = bool(before.roster.participants)
     public = replace(
         header,
         position=state.position,
@@ -108,6 +110,10 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         former_keys=former,
         lockboxes=_lockboxes(header, before, state, keys, author, token),
         succession=succession,
+        participants=state.roster.participants,
+        observers=state.roster.observers,
+        request=record.request_id if by_others else b"",
+        previous=digest_of_header(header) if by_others else b"",
     )
     return Draft(public, OpenedLog(state, (*log.records, sign_record(record, signer))), keys, signer, token(NONCE_BYTES))
 

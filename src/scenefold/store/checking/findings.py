@@ -11,7 +11,8 @@ from typing import NamedTuple
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import LOCATION_BYTES
 from scenefold.base.printable import printable
-from scenefold.store.layout import DEBTORS, DEBTS, HOLDING, IDENTITY, NOTES, RECORDS, SPACE_BYTES, Spot, scene_of, space_of, spot_of
+from scenefold.store.layout import DEBTORS, DEBTS, HOLDING, IDENTITY, LOGS, NOTES, RECORDS, SPACE_BYTES, Spot, scene_of, space_of, spot_of
+from scenefold.store.log_rows import log_named
 from scenefold.store.statistics import Counts
 from scenefold.store.walking import describe
 from scenefold.world.ports import WriteTransaction
@@ -86,6 +87,8 @@ def named(table: str, key: bytes) -> str:
     """The place of a value, for people."""
     if table in _BY_NAME:
         return printable(key.decode(errors="replace"))
+    if table == LOGS:
+        return log_named(key)
     if table == DEBTORS and len(key) == _NODE_BYTES:
         return f"node {address_of(NodeId(int.from_bytes(key, 'big')))}"
     if len(key) == SCENE_BYTES:

@@ -8,12 +8,13 @@ from contextlib import contextmanager
 from scenefold.store.checking.debts import check_debts
 from scenefold.store.checking.derived import check_objects, check_statistics
 from scenefold.store.checking.findings import Finding, Findings, Helps
+from scenefold.store.checking.logs import check_logs
 from scenefold.store.checking.records import Judge, Tell, check_records, nobody_can_tell
 from scenefold.store.checking.singles import check_identity, check_values, sound_holding
 from scenefold.store.checking.suspects import check_suspects
 from scenefold.store.checking.tables import EVERY_KEY, Sound
 from scenefold.store.checking.trees import check_trees
-from scenefold.store.layout import DEBTS, DIGESTS, HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, STATISTICS, SUSPECTS, SpaceAddress
+from scenefold.store.layout import DEBTS, DIGESTS, HOLDING, IDENTITY, LOGS, NOTES, OBJECTS, RECORDS, STATISTICS, SUSPECTS, SpaceAddress
 from scenefold.store.sealing import StoreDamaged
 from scenefold.store.statistics import Counts, read_counts
 from scenefold.world.ports import ReadTransaction
@@ -45,6 +46,7 @@ def check_store(raw: ReadTransaction, judge: Judge = nobody_can_tell, *, spare: 
     look(IDENTITY, lambda: check_identity(raw, is_empty=_is_empty(raw)))
     look(HOLDING, lambda: _holding(raw))
     look(SUSPECTS, lambda: check_suspects(raw))
+    look(LOGS, lambda: check_logs(raw))
     counted: dict[SpaceAddress, Counts] | None = None
     with as_far_as_it_goes(RECORDS, found):
         counted = check_records(raw, judge, found, tell, _expected(raw))
@@ -78,7 +80,7 @@ def _holding(raw: ReadTransaction) -> Iterator[Finding]:
 
 
 def _is_empty(raw: ReadTransaction) -> bool:
-    return all(next(raw.keys(table, *EVERY_KEY), None) is None for table in (RECORDS, HOLDING, NOTES, SUSPECTS))
+    return all(next(raw.keys(table, *EVERY_KEY), None) is None for table in (RECORDS, HOLDING, NOTES, SUSPECTS, LOGS))
 
 
 def _expected(raw: ReadTransaction) -> int | None:

@@ -30,17 +30,12 @@ from scenefold.scene.log import (
 )
 from scenefold.scene.log.turns import shift_of, shifted
 from scenefold.wire import (
-    AddObserver,
-    AddParticipant,
     Batch,
     CreateSpace,
     CurveKind,
     LogEntry,
     LogRecord,
     MalformedPacket,
-    Member,
-    RemoveObserver,
-    RemoveParticipant,
     ScaleSpace,
     SceneMode,
     SetCopies,
@@ -91,12 +86,6 @@ def test_entries_add_up() -> None:
     assert [entry.space for entry in log.public_spaces()] == list(range(1, 12))
 
 
-def test_members_come_and_go() -> None:
-    one, two = Member(NodeId(1), bytes(16)), Member(NodeId(2), bytes(16))
-    log = with_entries(AddParticipant(one), AddParticipant(two), AddObserver(two), RemoveParticipant(one), RemoveObserver(two))
-    assert (log.participants, log.observers) == ((two,), ())
-
-
 def at(number: int) -> Location:
     return Location.from_number(number)
 
@@ -136,8 +125,6 @@ def test_a_shadow_lies_where_its_parent_lies() -> None:
         [space(), ScaleSpace(HALL, 1e-200), ScaleSpace(HALL, 1e-200)],
         [space(), ScaleSpace(HALL, 1e200), ScaleSpace(HALL, 1e200)],
         [space(node_managed=True), ScaleSpace(HALL, 2.0)],
-        [AddParticipant(Member(NodeId(1), bytes(16))), AddParticipant(Member(NodeId(1), b"i" * 16))],
-        [RemoveObserver(Member(NodeId(1), bytes(16)))],
         [Trust(NodeId(1), True, bytes(32))],
         [Batch((space(), space()))],
     ],

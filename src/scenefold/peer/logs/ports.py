@@ -1,0 +1,59 @@
+"""What a log needs of the node that it runs on, and of whoever it belongs to."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.consensus import Decide, Judge, Message, Reply, Value
+from scenefold.store.logs import NOTHING_BESIDE, Beside
+
+
+class Carrier(Protocol):
+    """The way to other nodes."""
+
+    async def send(self, target: NodeId, message: Message, /) -> None:
+        """Return once it is on its way, which it may get lost on; Unreachable if the connection is refused, or broken."""
+
+
+class Surroundings(Protocol):
+    """The world as this node sees it now. What must be right does not depend on it."""
+
+    def line(self) -> tuple[NodeId, ...]:
+        """Nodes in the order of the line."""
+
+    def reachable(self) -> frozenset[NodeId]:
+        """To whom packets can be sent."""
+
+    def alive(self) -> frozenset[NodeId]:
+        """Who is believed to be alive."""
+
+
+class Owner:
+    """Whose log it is, and what he does about it; by itself nothing. All of these return at once: what takes time he does elsewhere."""
+
+    def veto(self, value: Value | None) -> RejectReason | None:
+        """Why what is proposed does not suit this node now (specs/26-modes.md, The switch)."""
+        return None
+
+    def abstains(self, value: Value) -> bool:
+        """Whether this node must not vote for this yet."""
+        return False
+
+    def votes(self, value: Value) -> None:
+        """This node is about to vote for this: it is durable, and seen, only after this returns. It may fail then."""
+
+    def beside(self, decided: Decide, after: Judge) -> Beside:
+        """What else is to be written in the transaction that makes this decided."""
+        return NOTHING_BESIDE
+
+    def leaner(self, value: Value) -> Value:
+        """The value with as much of its body as has to be kept once the position behind it is decided, too."""
+        return value
+
+    def decided(self, decided: Decide, after: Judge) -> None:
+        """It is decided, durably, and so is what was beside it."""
+
+    def settled(self, reply: Reply) -> None:
+        """What became of a value whose asker was told that it is unknown, or who waits no more."""
