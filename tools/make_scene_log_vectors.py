@@ -2,7 +2,7 @@
 
     .venv/bin/python tools/make_scene_log_vectors.py
 
-A log of six records, its hashes, the sealed bytes, a decided header, what its spaces are then, where places lie, and lockboxes. The inputs are
+A log of six records, its hashes, the sealed bytes, the same with a snapshot, a decided header, what its spaces are then, where places lie, and lockboxes. The inputs are
 fixed, signatures and cipher deterministic, so the file changes only when the format does. Floats are in hexadecimal.
 """
 
@@ -19,7 +19,9 @@ from scenefold.crypto import SealingKey, SigningKey
 from scenefold.scene.log import (
     Contents,
     LoggedSpace,
+    OpenedLog,
     SceneLog,
+    cut_at,
     decided,
     first_record,
     locked,
@@ -53,6 +55,7 @@ SYMMETRIC_KEY = bytes(range(24))
 NEW_SYMMETRIC_KEY = bytes(range(100, 124))
 NONCE = bytes(range(12))
 HALL, WIDE = SpaceId(11), SpaceId(12)
+SNAPSHOT_AT = 4
 
 
 def member(number: int, role: Role) -> Grant:
@@ -98,9 +101,25 @@ def document() -> dict[str, Any]:
             {"record": one.record.hex(), "signature": one.signature.hex(), "hash": log[i].hash().hex()} for i, one in enumerate(signed)
         ],
         "sealed": sealed.hex(),
+        "shortened": shortened(OpenedLog(state, tuple(signed)), key),
         "lockbox": lockbox(key),
         "header": header(key, state, sealed),
         "places": [_places(state.space(space)) for space in (HALL, WIDE)],
+    }
+
+
+def shortened(log: OpenedLog, header_key: SigningKey) -> dict[str, Any]:
+    """The same log with its first records in a snapshot."""
+    short = cut_at(log, SNAPSHOT_AT, GENESIS, header_key)
+    assert short.snapshot is not None
+    sealed = seal_private(
+        short.records, genesis=GENESIS, symmetric_key=NEW_SYMMETRIC_KEY, key_epoch=1, nonce=NONCE, snapshot=short.snapshot
+    )
+    return {
+        "position": SNAPSHOT_AT,
+        "state": short.snapshot.state.hex(),
+        "signature": short.snapshot.signature.hex(),
+        "sealed": sealed.hex(),
     }
 
 

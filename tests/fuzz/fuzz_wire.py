@@ -28,6 +28,7 @@ from scenefold.base.limits import FRAME_BYTES_MAX
 from scenefold.wire import encode_packet, frame, pack_value
 from scenefold.wire.log_entries import LOG_ENTRY
 from scenefold.wire.log_records import SignedRecord, pack_log
+from scenefold.wire.log_snapshots import SHORTENED_LOG, SNAPSHOT_STATE
 from scenefold.wire.orders import FORM, ORDER
 from scenefold.wire.pieces import pack_piece
 from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC
@@ -86,6 +87,9 @@ def seeds() -> dict[str, list[bytes]]:
         "former plain": scenes.FORMER_PLAIN,
         "record": records,
         "log": logs,
+        "shortened": scenes.SHORTENED + [pack_piece(SHORTENED_LOG, example(SHORTENED_LOG, salt)) for salt in range(4)],
+        "snapshot": scenes.STATES + [pack_piece(SNAPSHOT_STATE, example(SNAPSHOT_STATE, salt)) for salt in range(4)],
+        "state": scenes.STATES,
         "datagram": datagrams.SEALED,
         "contents": datagrams.CONTENTS,
         "order": [pack_piece(ORDER, example(ORDER, salt)) for salt in range(4)],

@@ -1,4 +1,4 @@
-"""What members and nodes show of scenes: headers with their decisions, lockboxes, former keys. A value or the refusal of its kind, nothing else."""
+"""What members and nodes show of scenes: headers with their decisions, lockboxes, former keys, snapshots. A value or the refusal of its kind, nothing else."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.client.births import verified_header_key
 from scenefold.crypto import SigningKey, open_former, seal_former
 from scenefold.peer.scene_log.headers import checked_header
-from scenefold.scene.log import Contents
-from scenefold.wire import MalformedPacket, Role, SceneLogPublic
+from scenefold.scene.log import Contents, packed_state, unpacked_state
+from scenefold.wire import MalformedPacket, Role, SceneLogPublic, ShortenedLog, SignedSnapshot
 from unit.peer.scenes_made import HEADER_KEY, first_header, later_header
 
 _FIRST = first_header()
@@ -23,6 +23,10 @@ _VOTED = json.loads((ROOT / "specs" / "vectors" / "consensus.json").read_text(en
 DECIDED = [*(header.encode() for header in _HEADERS), *map(bytes.fromhex, _VOTED["headers"])]
 CERTIFICATES = [bytes.fromhex(data) for data in _VOTED["certificates"]]
 VALUES, BODIES = ([bytes.fromhex(_VOTED["value"][part])] for part in ("kept", "body"))
+
+_SNAPSHOT = json.loads((ROOT / "specs" / "vectors" / "scene_log.json").read_text(encoding="utf-8"))["shortened"]
+STATES = [bytes.fromhex(_SNAPSHOT["state"])]
+SHORTENED = [ShortenedLog(SignedSnapshot(STATES[0], bytes.fromhex(_SNAPSHOT["signature"])), ()).encode()]
 
 LOCKBOXES = [
     Contents(role, epoch, b"k" * 24, HEADER_KEY.public, name, "user:ada", HEADER_KEY.seed if role is Role.OWNER else None).encode()
@@ -66,6 +70,22 @@ def lockbox(data: bytes, _dice: random.Random) -> str:
     if found.header_seed is not None and SigningKey(found.header_seed).public != found.header_key:
         raise Finding("a lockbox was accepted with the seed of another key")
     return f"accepted lockbox of a {found.role.name}"
+
+
+def state(data: bytes, _dice: random.Random) -> str:
+    """What an owner has signed in place of records, and no fold has ever come to, perhaps."""
+    try:
+        found = unpacked_state(data)
+    except MalformedPacket as error:
+        return f"refused {error.field}"
+    except (DamagedData, Refused) as error:
+        return f"refused {error.what}"
+    if packed_state(found) != data:
+        raise Finding("a state was accepted from bytes that are not its own")
+    for space in found.spaces.values():
+        if not (space.name and space.transform.factor > 0.0 and found.grants.members):
+            raise Finding("a state was accepted that no log comes to")
+    return f"accepted a state of {len(found.spaces)} spaces"
 
 
 def former(data: bytes, _dice: random.Random) -> str:

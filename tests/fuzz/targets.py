@@ -17,6 +17,8 @@ from scenefold.wire import (
     SceneBody,
     SceneCertificate,
     SceneLogPublic,
+    ShortenedLog,
+    SnapshotState,
     decode_packet,
     encode_frame,
     encode_packet,
@@ -103,8 +105,11 @@ def _piece(decode: Callable[[bytes], object], encode: Callable[[object], bytes],
     return target
 
 
+_PIECES = LogRecord | SceneLogPublic | Order | EnrolForm | SceneCertificate | SceneBody | LogValue | ShortenedLog | SnapshotState
+
+
 def _encoded(value: object) -> bytes:
-    assert isinstance(value, LogRecord | SceneLogPublic | Order | EnrolForm | SceneCertificate | SceneBody | LogValue)
+    assert isinstance(value, _PIECES)
     return value.encode()
 
 
@@ -128,6 +133,9 @@ TARGETS: dict[str, Target] = {
     "former plain": scenes.former_plain,
     "record": _piece(LogRecord.decode, _encoded, "LogRecord"),
     "log": _piece(unpack_log, _packed_log, "log"),
+    "shortened": _piece(ShortenedLog.decode, _encoded, "ShortenedLog"),
+    "snapshot": _piece(SnapshotState.decode, _encoded, "SnapshotState"),
+    "state": scenes.state,
     "datagram": datagrams.datagram,
     "contents": datagrams.contents,
     "order": _piece(Order.decode, _encoded, "Order"),

@@ -44,7 +44,11 @@ class Unreachable(ScenefoldError):
     """The cluster, or the node that had to answer, did not (exit code 3)."""
 
 
-class TurnedAway(Unreachable):
+class NotReached(Unreachable):
+    """There was no connection, so nothing that was to be said has left."""
+
+
+class TurnedAway(NotReached):
     """Somebody is there, but none of this cluster, or none that speaks as we do: no trying again mends that, and it tells more than silence."""
 
 

@@ -45,6 +45,16 @@ LOG_RECORD_BYTES_MAX = 256 * 1024
 """One log record: the founding of the largest cluster takes 110 KiB."""
 LOG_RECORDS_MAX = 65_536
 """Records of a log that travel together: LOG_BYTES_MAX holds fewer, each with its signature of 64 bytes."""
+LOG_REQUESTS_KEPT = 65_536
+"""Positions of a scene's log whose request ids count: nine hours of changes at the rate that nodes allow, in 1 MiB of a snapshot."""
+LOG_TAIL_RECORDS_MAX = 1_024
+"""Records of a scene's log behind its snapshot; with one more its author makes a newer one. They are folded in a tenth of a second or two."""
+LOG_TAIL_BYTES_MAX = 512 * 1024
+"""Likewise their bytes: a seventh of what a value holds."""
+LOG_TAIL_RECORDS_KEPT = 256
+"""The newest records, which stay behind a new snapshot: who reads now and then can compare it with what was read."""
+LOG_TAIL_BYTES_KEPT = 128 * 1024
+"""As many of these as have so many bytes, and one at least."""
 SPACE_NAME_BYTES_MAX = 64
 """A space's name in its scene's log."""
 SPACES_PER_SCENE_MAX = 256
@@ -72,6 +82,8 @@ PARTICIPANTS_MAX = 127
 """Members named in one packet of the scene-log protocol: those who vote, never all nodes."""
 DECIDERS_MAX = 33
 """Participants of one position of a log: a proposal visits them one after the other, and its votes are each of 64 bytes and a check."""
+VOTERS_MAX = 7
+"""Nodes that decide the cluster's own log and grant owner leases: of these, three may be away."""
 LOG_BODY_BYTES_MAX = 3_801_088
 """What a value names by hashes: of a scene its header and its sealed log. Two values fit a frame: what somebody asks for, and what was begun before."""
 LOG_VALUE_BYTES_MAX = LOG_RECORD_BYTES_MAX + LOG_BODY_BYTES_MAX + 16
@@ -156,11 +168,12 @@ assert CIPHERTEXT_BYTES_MAX + RECORD_OVERHEAD_BYTES_MAX < FRAME_BYTES_MAX
 assert LOG_BYTES_MAX < BULK_BYTES_MAX < FRAME_BYTES_MAX
 assert RANGE_LOCATIONS_MAX * (22 + 18) < BULK_BYTES_MAX
 assert LOG_RECORD_BYTES_MAX < LOG_BYTES_MAX < LOG_RECORDS_MAX * 66
+assert LOG_TAIL_RECORDS_KEPT < LOG_TAIL_RECORDS_MAX and LOG_TAIL_BYTES_KEPT + LOG_RECORD_BYTES_MAX < LOG_TAIL_BYTES_MAX < LOG_BODY_BYTES_MAX
 assert CONFIGURATIONS_MAX * 1_000 < BULK_BYTES_MAX
 assert COMPARED_ARCS_MAX * COMPARED_RECORDS_MAX * 128 < BULK_BYTES_MAX
 assert COPIES_TOLD_MAX <= COMPARED_ARCS_MAX
 assert POOL_NODES_MAX <= PARTICIPANTS_MAX <= NODES_MAX
-assert DECIDERS_MAX <= PARTICIPANTS_MAX
+assert VOTERS_MAX <= DECIDERS_MAX <= PARTICIPANTS_MAX
 assert 2 * LOG_VALUE_BYTES_MAX + 2**17 < FRAME_BYTES_MAX
 
 # Connections (world/).
@@ -250,6 +263,12 @@ CLIENT_TRIES_MAX = 4
 """Tries of one call; with the pauses between them a restarting node is waited for about two seconds."""
 CLIENT_LOG_TRIES_MAX = 12
 """Tries to change a scene's log while others change it, too: each try loses against one of them at most."""
+CLIENT_DECIDE_S = 10.0
+"""Seconds that a node may take over a proposal that participants decide: it tries for a part of them, and then says why it could not."""
+CLIENT_DECIDE_NEXT_S = 3.0
+"""Seconds of silence of one participant after which the next one is asked as well: two that propose at once hold each other up."""
+CLIENT_AUTHOR_S = 30.0
+"""Seconds after which an author makes no further try to have something decided by participants."""
 CLIENT_BOX_ARCS = 64
 """Arcs of the line that a box is looked for in: each costs a request, and fewer arcs hold more that is not in the box."""
 CLIENT_BUSY_TRIES_MAX = 12

@@ -68,6 +68,11 @@ class Case:
     def change_proposal(self, proposal: Proposal) -> None:
         self.state = replace(self.state, proposal=proposal)
 
+    def count_try(self) -> int:
+        """One more ballot for the open position came to nothing; how many have."""
+        self.state = replace(self.state, tries=self.state.tries + 1)
+        return self.state.tries
+
     def promise(self, ballot: Ballot) -> Promise:
         """Promise a ballot, and say so."""
         accepted, digest = self.slot.accepted_ballot, self.slot.accepted_digest
@@ -107,7 +112,7 @@ class Case:
                 reason = None if is_it else RejectReason.POSITION_BEHIND
                 self.do(Reply(digest, Outcome.COMMITTED if is_it else Outcome.REJECTED, self.open_position, reason))
         position, judge = self.open_position, self.state.judge.after(value)
-        self.state = replace(self.state, judge=judge, position=position, slot=Slot(), heard_at=NEVER)
+        self.state = replace(self.state, judge=judge, position=position, slot=Slot(), tries=0, heard_at=NEVER)
 
     def tell_everybody(self) -> None:
         """All who took part in what was decided, and all who take part in what comes next."""

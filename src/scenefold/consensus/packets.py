@@ -5,7 +5,7 @@ What comes in a packet is what somebody says: nothing of it is verified here, bu
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 from scenefold.base.ids import SceneId
 from scenefold.base.limits import DECIDED_MAX, LOG_BYTES_MAX
@@ -60,6 +60,14 @@ def messages_of(packet: Packet) -> tuple[Message, ...]:
             return (Rejected(genesis, proposal, digest, refusal, facts),)
         case _:
             return ()
+
+
+def pages_of(learns: Sequence[Learn]) -> Iterator[Packet]:
+    """Packets that tell these, which are of one log and follow each other."""
+    while learns:
+        page = decided_page(learns[0].genesis, learns[-1].position, map(decided_value, learns))
+        learns = learns[len(page.decided) :]
+        yield RespondSceneLog(None, page)
 
 
 def decided_value(learn: Learn, releases: tuple[Release, ...] = ()) -> DecidedValue:

@@ -119,9 +119,8 @@ def note_who_is_missing(effort: Effort) -> None:
 
 
 def rest(effort: Effort) -> None:
-    """pause for between T_BASE and T_BASE · 2^k, k being the number of ballots so far, at most 6"""
-    tries = effort.proposal.tries + 1
-    effort.change(tries=tries)
+    """pause for between T_BASE and T_BASE · 2^k, k being the number of this node's ballots for L so far, whoever asked, at most 6"""
+    tries = effort.case.count_try()
     effort.case.set_timer(Timer(Waits.REST, effort.proposal.id), *effort.case.setting.timing.rest_s(tries))
 
 

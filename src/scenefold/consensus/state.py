@@ -50,7 +50,6 @@ class Proposal:
     """Somebody waits for the outcome."""
     is_for_all: bool = False
     deadline: float = NEVER
-    tries: int = 0
     met: Ballot | None = None
     """The highest ballot that somebody has refused this one for."""
     reason: RejectReason = RejectReason.NO_MAJORITY
@@ -97,6 +96,8 @@ class State:
     """The newest that is decided here. The one after it is open, and no other."""
     slot: Slot = field(default_factory=Slot)
     proposal: Proposal = IDLE
+    tries: int = 0
+    """Ballots of this node for the open position that came to nothing, whoever asked for what: so many others want it, too."""
     hops: tuple[Hop, ...] = ()
     """The newest last."""
     heard_at: float = NEVER

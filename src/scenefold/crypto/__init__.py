@@ -24,13 +24,14 @@ from scenefold.crypto.keys import (
     PURGE_DOMAIN,
     RECORD_DOMAIN,
     SIGNATURE_BYTES,
+    SNAPSHOT_DOMAIN,
     STATUS_DOMAIN,
     InvalidSignature,
     PublicKey,
     SigningKey,
     key_id_of,
 )
-from scenefold.crypto.logs import open_log, seal_log
+from scenefold.crypto.logs import is_shortened, open_log, seal_log
 from scenefold.crypto.member_secrets import MemberSecrets
 from scenefold.crypto.names import NAME_PATTERN, node_named
 from scenefold.crypto.nonces import nonce_from
@@ -102,6 +103,7 @@ __all__ = [
     "SALT_BYTES",
     "SEALED_OVERHEAD_BYTES",
     "SIGNATURE_BYTES",
+    "SNAPSHOT_DOMAIN",
     "STATUS_DOMAIN",
     "SUITES",
     "SUITE_NAMES",
@@ -146,6 +148,7 @@ __all__ = [
     "client_context",
     "head_of",
     "is_husk",
+    "is_shortened",
     "key_id_of",
     "make_private_folder",
     "mark_of",

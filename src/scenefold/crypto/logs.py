@@ -1,6 +1,6 @@
 """The private part of a scene's log, sealed so that nodes can keep it and only key holders read it (specs/16-scene-log.md).
 
-    sealed      =  version (1 byte, 1) | suite (1, 1) | key epoch (4) | nonce (12) | ciphertext with its tag of 16 bytes
+    sealed      =  version (1 byte, 1; 2 of a log that begins with a snapshot) | suite (1, 1) | key epoch (4) | nonce (12) | ciphertext with its tag of 16 bytes
     associated  =  length of domain (1 byte) | "scenefold/scene-log" | genesis (32) | position (8) | the 6 bytes in front of the nonce
 
 AES-192-GCM under the scene's symmetric key. A record's associated data begins with its version, 2, and this with 19, so that
@@ -21,15 +21,18 @@ from scenefold.crypto.records import SYMMETRIC_KEY_BYTES
 
 _DOMAIN = b"scenefold/scene-log"
 _HEAD = struct.Struct(">BBI")
-_VERSION = 1
+_WHOLE, _SHORTENED = 1, 2
+"""Versions: all records, or a snapshot in place of the first ones."""
 _SUITE = 1
 
 
-def seal_log(log: bytes, *, genesis: bytes, position: int, symmetric_key: bytes, key_epoch: int, nonce: bytes) -> bytes:
-    """The sealed log. `nonce`: 12 bytes, others for every other log under this key: random, or a keyed hash of all that is sealed."""
+def seal_log(
+    log: bytes, *, genesis: bytes, position: int, symmetric_key: bytes, key_epoch: int, nonce: bytes, shortened: bool = False
+) -> bytes:
+    """The sealed log. `shortened`: it begins with a snapshot. `nonce`: 12 bytes, others for every other log under this key: random, or a keyed hash of all that is sealed."""
     if len(nonce) != NONCE_BYTES:
         raise LocalFault(f"a nonce has {NONCE_BYTES} bytes, not {len(nonce)}")
-    head = _HEAD.pack(_VERSION, _SUITE, key_epoch)
+    head = _HEAD.pack(_SHORTENED if shortened else _WHOLE, _SUITE, key_epoch)
     return b"".join((head, nonce, _cipher(symmetric_key).encrypt(nonce, log, _associated(genesis, position, head))))
 
 
@@ -40,13 +43,18 @@ def open_log(sealed: bytes, *, genesis: bytes, position: int, symmetric_key: byt
         raise DamagedData(f"a sealed log of {len(sealed)} bytes is too short", where=where)
     head, nonce, ciphertext = sealed[: _HEAD.size], sealed[_HEAD.size :][:NONCE_BYTES], sealed[_HEAD.size + NONCE_BYTES :]
     version, suite, _ = _HEAD.unpack(head)
-    if (version, suite) != (_VERSION, _SUITE):
+    if version not in (_WHOLE, _SHORTENED) or suite != _SUITE:
         raise DamagedData(f"a sealed log of version {version}, suite {suite}", where=where, remedy="update this program")
     try:
         return _cipher(symmetric_key).decrypt(nonce, ciphertext, _associated(genesis, position, head))
     except InvalidTag:
         remedy = "check that the scene's key is the right one; if it is, a node gave an older or damaged log"
         raise DamagedData("the scene's log cannot be opened with this key", where=where, remedy=remedy) from None
+
+
+def is_shortened(sealed: bytes) -> bool:
+    """Whether a log that `open_log` opens begins with a snapshot."""
+    return sealed[:1] == bytes((_SHORTENED,))
 
 
 def _associated(genesis: bytes, position: int, head: bytes) -> bytes:

@@ -12,6 +12,7 @@ from scenefold.base.errors import DamagedData
 from scenefold.consensus import Slot
 from scenefold.store.layout import LOGS
 from scenefold.store.log_rows import (
+    GENESIS_BYTES,
     POSITION_MAX,
     Decided,
     StoredLog,
@@ -86,3 +87,29 @@ def read_decided(transaction: ReadTransaction, genesis: bytes, above: int, count
             break
         found.append(decided)
     return found
+
+
+def read_kept(transaction: ReadTransaction, genesis: bytes, above: int, count_max: int, bytes_max: int) -> Sequence[Decided]:
+    """What is kept above a position, be there gaps or not; what has changed on the disk is left out."""
+    found, size_bytes = list[Decided](), 0
+    for key, stored in transaction.scan(LOGS, decided_key(genesis, above + 1), decided_key(genesis, POSITION_MAX)):
+        if found and (len(found) >= count_max or size_bytes + len(stored) > bytes_max):
+            break
+        try:
+            found.append(unpack_decided(key, stored))
+        except DamagedData:
+            continue
+        size_bytes += len(stored)
+    return found
+
+
+def read_names(transaction: ReadTransaction) -> frozenset[bytes]:
+    """The logs of which there is any row."""
+    found, genesis = set[bytes](), bytes(GENESIS_BYTES)
+    last = decided_key(b"\xff" * GENESIS_BYTES, POSITION_MAX)
+    while (key := next(transaction.keys(LOGS, genesis, last), None)) is not None:
+        name = bytes(key[:GENESIS_BYTES])
+        found.add(name)
+        # On to whatever lies behind its last row.
+        genesis = decided_key(name, POSITION_MAX) + b"\0"
+    return frozenset(found)

@@ -83,6 +83,7 @@ if TYPE_CHECKING:
         RecordEntry,
         RecordsWanted,
     )
+    from scenefold.wire.lease_packets import BorrowLease, LeaseUse, LentLease
     from scenefold.wire.log_entries import (
         AddNode,
         AddObserver,
@@ -116,6 +117,7 @@ if TYPE_CHECKING:
         pack_log,
         unpack_log,
     )
+    from scenefold.wire.log_snapshots import ShortenedLog, SignedSnapshot, SnapshotMember, SnapshotSpace, SnapshotState
     from scenefold.wire.log_values import DecidedLog, DecidedValue, LogValue
     from scenefold.wire.member_packets import (
         BlacklistChanged,
@@ -230,8 +232,10 @@ _HOMES = {
     "facts": "Fact Promise Refusal Release Vote",
     "frames": "FrameReader frame",
     "handover_packets": "AskRange BoundConfirmed ClaimRange ConfirmBound CopyRecords DropHandover HandItem HandRecords HandoverReply OfferRange OfferRecords RecordEntry RecordsWanted",
+    "lease_packets": "BorrowLease LeaseUse LentLease",
     "log_entries": "AddNode AddObserver AddParticipant Batch BeginPurge CreateSpace CurveKind Found Founder Grant KeyEpoch LogEntry RemoveNode RemoveObserver RemoveParticipant Revoke RevokeNode Role ScaleSpace SetCopies SetMode SingleEntry TranslateSpace",
     "log_records": "LogRecord NO_RECORD SignedRecord hash_of_record pack_log unpack_log",
+    "log_snapshots": "ShortenedLog SignedSnapshot SnapshotMember SnapshotSpace SnapshotState",
     "log_values": "DecidedLog DecidedValue LogValue",
     "member_packets": "BlacklistChanged ChangeBlacklist DrainNode NodeReport ProbeFor ProbeResult RequestProof RequestReport ReturnProof",
     "members": "Member ParticipantEntry",
@@ -283,6 +287,7 @@ __all__ = [
     "Batch",
     "BeginPurge",
     "BlacklistChanged",
+    "BorrowLease",
     "BoundConfirmed",
     "CancelJob",
     "Carrier",
@@ -341,6 +346,8 @@ __all__ = [
     "JobStateReply",
     "KeyEntry",
     "KeyEpoch",
+    "LeaseUse",
+    "LentLease",
     "ListHeld",
     "ListScenes",
     "ListSuspects",
@@ -432,8 +439,13 @@ __all__ = [
     "SetCopies",
     "SetCustody",
     "SetMode",
+    "ShortenedLog",
     "SignedRecord",
+    "SignedSnapshot",
     "SingleEntry",
+    "SnapshotMember",
+    "SnapshotSpace",
+    "SnapshotState",
     "SpaceEntry",
     "Span",
     "StartJob",

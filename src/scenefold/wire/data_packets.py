@@ -242,11 +242,14 @@ class GetManyReply(Packet):
     """Records of the first keys asked for, in order, as many as fit a frame (at least one); None: nothing there.
 
     DAMAGED_RECORD: something is there that nobody can have. The asker asks again for the rest. `stale`: of some record a newer version may exist.
+    `position`, `write_floor`: of the oldest header that an answerer goes by.
     """
 
     TYPE: ClassVar[int] = 35
     records: tuple[RecordBytes | None, ...]
     stale: bool = False
+    position: int = 0
+    write_floor: int = 0
 
 
 _KEY = (("scene", SCENE), ("space", SPACE), ("location", LOCATION))
@@ -276,6 +279,6 @@ ROWS = (
     row(PutMany, Carrier.TCP_LOW, ("items", Many(PUT_ITEM, BULK_ITEMS_MAX))),
     row(PutManyReply, Carrier.TCP_LOW, ("outcomes", Many(PUT_OUTCOME, BULK_ITEMS_MAX))),
     row(GetMany, Carrier.TCP_LOW, ("scene", SCENE), ("position", U64), ("keys", Many(RECORD_KEY, BULK_ITEMS_MAX))),
-    row(GetManyReply, Carrier.TCP_LOW, ("records", Many(Maybe(RECORD_BYTES), BULK_ITEMS_MAX)), ("stale", BOOL)),
+    row(GetManyReply, Carrier.TCP_LOW, ("records", Many(Maybe(RECORD_BYTES), BULK_ITEMS_MAX)), ("stale", BOOL), *_FRESHNESS),
 )
 STRUCTS = (PUT_ITEM, PUT_OUTCOME, RECORD_KEY, RECORD_BYTES)

@@ -237,23 +237,25 @@ _KEY = Bin(lengths=(32,))
 _ADDRESS = Text(ADDRESS_BYTES_MAX)
 _COPIES = Uint(8, least=1, most=COPIES_MAX)
 FOUNDER = Struct(Founder, ("node", U32), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS))
+CREATE_SPACE = Struct(
+    CreateSpace,
+    ("space", SPACE),
+    ("dimensions", Uint(8, least=1, most=SPACE_DIMENSIONS_MAX)),
+    ("curve", Choice(CurveKind)),
+    ("node_managed", BOOL),
+    ("parent", SPACE_OR_NONE),
+    ("offset", LOCATION),
+    ("copies", U8),
+    ("copies_min", U8),
+    ("render_output", BOOL),
+    ("name", Text(SPACE_NAME_BYTES_MAX)),
+    ("low", _COORDINATES),
+    ("high", _COORDINATES),
+    law=Boxed(),
+)
+GRANT = Struct(Grant, ("name", Text(MEMBER_NAME_BYTES_MAX)), ("role", Choice(Role)), ("signing", KEY_ENTRY), ("sealing", KEY_ENTRY))
 _SINGLE: dict[int, Struct[Any]] = {
-    1: Struct(
-        CreateSpace,
-        ("space", SPACE),
-        ("dimensions", Uint(8, least=1, most=SPACE_DIMENSIONS_MAX)),
-        ("curve", Choice(CurveKind)),
-        ("node_managed", BOOL),
-        ("parent", SPACE_OR_NONE),
-        ("offset", LOCATION),
-        ("copies", U8),
-        ("copies_min", U8),
-        ("render_output", BOOL),
-        ("name", Text(SPACE_NAME_BYTES_MAX)),
-        ("low", _COORDINATES),
-        ("high", _COORDINATES),
-        law=Boxed(),
-    ),
+    1: CREATE_SPACE,
     2: Struct(TranslateSpace, ("space", SPACE), ("offset", _COORDINATES)),
     3: Struct(ScaleSpace, ("space", SPACE), ("factor", Float(positive=True))),
     4: Struct(SetMode, ("mode", Choice(SceneMode))),
@@ -261,7 +263,7 @@ _SINGLE: dict[int, Struct[Any]] = {
     6: Struct(RemoveParticipant, ("member", MEMBER)),
     7: Struct(AddObserver, ("member", MEMBER), ("key", _KEY)),
     8: Struct(RemoveObserver, ("member", MEMBER)),
-    9: Struct(Grant, ("name", Text(MEMBER_NAME_BYTES_MAX)), ("role", Choice(Role)), ("signing", KEY_ENTRY), ("sealing", KEY_ENTRY)),
+    9: GRANT,
     10: Struct(Revoke, ("key", U32)),
     11: Struct(KeyEpoch, ("epoch", U32), ("previous", Bin(lengths=(24,)))),
     32: Struct(AddNode, ("member", MEMBER), ("key", _KEY), ("sealing_key", _KEY), ("address", _ADDRESS), ("left_of", U32)),

@@ -42,13 +42,17 @@ class LogValue:
 
 @dataclass(frozen=True, slots=True)
 class DecidedValue:
-    """A value that was decided, the votes that show it, and the releases that were seen (specs/26-modes.md)."""
+    """A value that was decided, the votes that show it, and the releases that were seen (specs/26-modes.md).
+
+    `seen`: when whoever tells this learnt it, in milliseconds since the epoch; 0: not said.
+    """
 
     position: int
     value: LogValue
     ballot: Ballot
     votes: tuple[Vote, ...]
     releases: tuple[Release, ...] = ()
+    seen: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,7 @@ DECIDED_VALUE = Struct(
     ("ballot", BALLOT),
     ("votes", VOTES),
     ("releases", RELEASES),
+    ("seen", U64),
 )
 DECIDED_LOG = Struct(DecidedLog, ("genesis", DIGEST), ("newest", U64), ("decided", Many(DECIDED_VALUE, DECIDED_MAX)))
 STRUCTS = (LOG_VALUE, DECIDED_VALUE, DECIDED_LOG)

@@ -16,7 +16,9 @@ from scenefold.wire import (
     enrol_packets,
     facts,
     handover_packets,
+    lease_packets,
     log_records,
+    log_snapshots,
     log_values,
     member_packets,
     members,
@@ -53,6 +55,7 @@ ROWS: dict[int, Row] = {
         purge_packets,
         suspect_packets,
         upkeep_packets,
+        lease_packets,
     )
     for row in family.ROWS
 }
@@ -93,12 +96,13 @@ STRUCTS = (
     *purge_packets.STRUCTS,
     *suspect_packets.STRUCTS,
     *log_records.STRUCTS,
+    *log_snapshots.STRUCTS,
     *orders.STRUCTS,
 )
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 121))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 123))
 assert not any(since_of(kind) for struct in STRUCTS for _, kind in struct.fields), (
     "what stands inside packets has no fields of later versions"
 )

@@ -19,7 +19,7 @@ from scenefold.base.limits import (
     LOG_VALUE_BYTES_MAX,
 )
 from scenefold.consensus import AskLog, Certificate, Learn, Value
-from scenefold.consensus.packets import decided_page, decided_value, messages_of, packet_of, scene_of
+from scenefold.consensus.packets import decided_page, decided_value, messages_of, packet_of, pages_of, scene_of
 from scenefold.wire import (
     Ballot,
     DecidedValue,
@@ -123,3 +123,12 @@ def test_a_value_is_kept_with_both_its_parts(data: bytes, body: bytes) -> None:
     assert kept == Value(data), "what is decided is the data"
     with pytest.raises(MalformedPacket):
         Value.decode(value.encode() + b"\0")
+
+
+def test_what_is_told_at_once_is_told_in_as_many_packets_as_it_takes() -> None:
+    learns = [learn(position, body=bytes(LOG_BYTES_MAX // 3)) for position in range(6, 11)]
+    packets = list(pages_of(learns))
+    assert [len(messages_of(packet)) for packet in packets] == [2, 2, 1]
+    assert [message for packet in packets for message in messages_of(packet)] == learns
+    assert all(isinstance(packet, RespondSceneLog) and packet.decided is not None and packet.decided.newest == 10 for packet in packets)
+    assert list(pages_of([])) == []

@@ -44,7 +44,7 @@ def test_07_three_duel(delay_s: float) -> None:
     def ended() -> bool:
         for node in values:
             state = world.nodes[node].state
-            tries[node] = max(tries[node], 0 if state is None else state.proposal.tries)
+            tries[node] = max(tries[node], 0 if state is None else state.tries)
         return all(known.disk.log for known in world.nodes.values())
 
     world.run(300.0, ended)
@@ -65,6 +65,27 @@ def test_08_three_and_two() -> None:
     world.keep_in_step()
     world.run(60.0)
     assert world.agree() == ["three"]
+
+
+def test_08_the_next_request_waits_as_long_as_the_one_before() -> None:
+    """Where many want the same position, each of them asks again and again: if all began anew with short pauses, none would ever get it."""
+    world = World(1, A, B, C)
+    world.part({A}, {B, C})
+    for request in ("one", "two"):
+        before = tries_of(world, A)
+        world.ask(A, request, within=5.0)
+        world.run(20.0)
+        assert world.nodes[A].replies[-1].outcome is Outcome.REJECTED and tries_of(world, A) > before
+    world.heal()
+    world.ask(A, "three", within=5.0)
+    world.run(20.0)
+    assert world.agree() == ["three"] and tries_of(world, A) == 0
+
+
+def tries_of(world: World, node: int) -> int:
+    state = world.nodes[node].state
+    assert state is not None
+    return state.tries
 
 
 def test_09_two_and_two() -> None:

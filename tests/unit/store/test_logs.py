@@ -204,3 +204,51 @@ async def test_a_key_that_names_no_log_is_deleted(tmp_path: Path) -> None:
     change(tmp_path, lambda transaction: transaction.put(LOGS, b"log", b"row"))
     with findings(tmp_path) as found:
         assert found == [(b"log".hex(), Helps.MEND)]
+
+
+async def test_a_log_begins_behind_a_header_and_what_lies_before_is_passed_over(tmp_path: Path) -> None:
+    async with open_store(world(), tmp_path, NODE) as store:
+        await decide(store, 1, 2)
+        before = store.commits
+        await store.begin_log(GENESIS, Votes(store.identity.incarnation, 8), Beside({SCENE: b"header 7"}))
+        assert store.commits == before + 1, "one transaction"
+        assert await store.get_header(SCENE) == b"header 7"
+        assert await store.read_log(GENESIS, 7) == StoredLog((), Slot())
+        await decide(store, 8, 9)
+        assert await store.read_log(GENESIS, 7) == StoredLog((decided(8), decided(9)), Slot())
+        assert await store.decided(GENESIS, 2, 10, 1 << 20) == [], "nothing follows there"
+        assert await store.kept_decisions(GENESIS, 1, 10, 1 << 20) == [decided(8), decided(9)]
+        assert await store.kept_decisions(GENESIS, 1, 1, 1 << 20) == [decided(8)]
+        assert await store.kept_decisions(GENESIS, 0, 9, 1) == [decided(8)], "one at least"
+    with findings(tmp_path) as found:
+        assert found == []
+    rot(tmp_path, decided_key(GENESIS, 8))
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.kept_decisions(GENESIS, 0, 10, 1 << 20) == [decided(9)]
+        await store.renew_identity()
+        with pytest.raises(Refused):
+            await store.begin_log(GENESIS, Votes(store.opened_as, 12), Beside())
+        assert await store.kept_decisions(GENESIS, 0, 10, 1 << 20) == [decided(9)]
+
+
+async def test_the_names_of_all_logs_of_which_anything_is_kept(tmp_path: Path) -> None:
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.logs_kept() == frozenset()
+        last = b"\xff" * 32
+        for genesis in (GENESIS, OTHER, last):
+            await store.put_votes(genesis, Votes(store.identity.incarnation, 1))
+        await decide(store, *range(1, 5))
+        assert await store.logs_kept() == {GENESIS, OTHER, last}
+
+
+async def test_a_sealed_log_is_kept_only_with_its_own_header(tmp_path: Path) -> None:
+    async with open_store(world(), tmp_path, NODE) as store:
+        assert await store.scene_with_log(SCENE) is None
+        assert not await store.keep_scene_log(SCENE, b"header", b"log")
+        await store.put_header(SCENE, b"header")
+        assert await store.scene_with_log(SCENE) is None
+        assert await store.keep_scene_log(SCENE, b"header", b"log")
+        assert await store.scene_with_log(SCENE) == (b"header", b"log")
+        await decide(store, 1, beside=Beside({SCENE: b"header 2"}, {SCENE: b"log 2"}))
+        assert not await store.keep_scene_log(SCENE, b"header", b"log")
+        assert await store.scene_with_log(SCENE) == (b"header 2", b"log 2")

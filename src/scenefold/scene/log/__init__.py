@@ -5,7 +5,7 @@ Light to import: numpy and the curves come with the first position that is asked
 
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.book import SceneLog
-from scenefold.scene.log.bytes import OpenedLog, open_private, seal_private, sign_record
+from scenefold.scene.log.bytes import OpenedLog, open_private, seal_private, sign_record, sign_snapshot
 from scenefold.scene.log.certified import BY_PARTICIPANTS, CHANGES_MAX, changes_before, decided_by_votes
 from scenefold.scene.log.decisions import Decider, check_decided, check_log, check_told, decided, hash_of_log
 from scenefold.scene.log.first import first_entry, first_log, first_record
@@ -16,7 +16,9 @@ from scenefold.scene.log.lockboxes import Contents, check_granter, keys_in, lock
 from scenefold.scene.log.new_shadows import free_offset, missing_shadows, with_shadows
 from scenefold.scene.log.roster import Roster
 from scenefold.scene.log.shadows import Layouts, free_offsets
+from scenefold.scene.log.shortening import cut_at, shortened
 from scenefold.scene.log.space import CellBox, LoggedSpace, SpaceFault
+from scenefold.scene.log.states import packed_state, unpacked_state
 from scenefold.scene.log.succession import header_key_now, proven_header_key, succeeded
 from scenefold.scene.log.turns import Turn
 from scenefold.scene.log.undecided import Undecided
@@ -49,6 +51,7 @@ __all__ = [
     "check_granter",
     "check_log",
     "check_told",
+    "cut_at",
     "decided",
     "decided_by_votes",
     "deciders_after",
@@ -70,12 +73,16 @@ __all__ = [
     "open_private",
     "opened_value",
     "own_lockbox",
+    "packed_state",
     "proven_header_key",
     "seal_private",
+    "shortened",
     "sign_record",
+    "sign_snapshot",
     "signed_header",
     "succeeded",
     "unlocked",
+    "unpacked_state",
     "value_of",
     "with_shadows",
     "without_log",

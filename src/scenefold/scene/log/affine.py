@@ -11,6 +11,7 @@ Steps are composed exactly and rounded once, so there and back again is where it
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
@@ -40,13 +41,21 @@ class Affine:
 
     def translated(self, by: tuple[float, ...]) -> Affine:
         """This, and then a translation."""
-        factor, *offset = self._exactly()
-        return _rounded(factor, *(here.plus(Dyadic.of(step)) for here, step in zip(offset, by, strict=True)))
+        return _rounded(*_translated(self._exactly(), by))
 
     def scaled(self, by: float) -> Affine:
         """This, and then a scale about the world's origin."""
-        step = Dyadic.of(by)
-        return _rounded(*(here.times(step) for here in self._exactly()))
+        return _rounded(*_scaled(self._exactly(), by))
+
+    def carried_on(self, steps: Iterable[tuple[float, tuple[float, ...]]]) -> Affine:
+        """This, and then many steps, each a factor and an offset: what one at a time gives, and rounded once.
+
+        A scale leaves the offset of its step at 0, a translation the factor at 1: one of the two is nothing.
+        """
+        begun = exact = self._exactly()
+        for factor, offset in steps:
+            exact = _scaled(exact, factor) if factor != 1.0 else _translated(exact, offset)
+        return self if exact is begun else _rounded(*exact)
 
     def _exactly(self) -> tuple[Dyadic, ...]:
         return self.exact or tuple(map(Dyadic.of, (self.factor, *self.offset)))
@@ -66,6 +75,16 @@ class Affine:
         with np.errstate(over="ignore", invalid="ignore"):
             found: npt.NDArray[np.float64] = (np.asarray(points, np.float64) - np.asarray(self.offset)) / self.factor
         return found
+
+
+def _translated(exact: Sequence[Dyadic], by: tuple[float, ...]) -> tuple[Dyadic, ...]:
+    factor, *offset = exact
+    return (factor, *(here.plus(Dyadic.of(step)) for here, step in zip(offset, by, strict=True)))
+
+
+def _scaled(exact: Sequence[Dyadic], by: float) -> tuple[Dyadic, ...]:
+    step = Dyadic.of(by)
+    return tuple(here.times(step) for here in exact)
 
 
 def _rounded(factor: Dyadic, *offset: Dyadic) -> Affine:

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SPACE_ID_MAX, NodeId, SpaceId
-from scenefold.base.limits import SPACES_PER_SCENE_MAX
+from scenefold.base.limits import LOG_REQUESTS_KEPT, SPACES_PER_SCENE_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.grants import Grants
@@ -68,7 +68,7 @@ class SceneLog:
     roster: Roster = field(default_factory=Roster)
     grants: Grants = field(default_factory=Grants)
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """The position of every request id that is in the log."""
+    """The positions of the request ids that are in the log, of the newest LOG_REQUESTS_KEPT positions: all, of most logs."""
 
     @classmethod
     def of(cls, records: Iterable[LogRecord]) -> SceneLog:
@@ -88,12 +88,14 @@ class SceneLog:
         for record in records:
             log = log._followed(record, requests)
             requests[record.request_id] = record.position
+        if len(requests) > LOG_REQUESTS_KEPT:
+            requests = {request: position for request, position in requests.items() if position > log.position - LOG_REQUESTS_KEPT}
         return replace(log, requests=MappingProxyType(requests))
 
     def _followed(self, record: LogRecord, requests: Mapping[bytes, int]) -> SceneLog:
         if record.position != self.position + 1 or record.prev_hash != self.head:
             raise _ill_formed(f"a record for position {record.position} does not follow position {self.position}")
-        if record.request_id in requests:
+        if requests.get(record.request_id, 0) > max(0, self.position - LOG_REQUESTS_KEPT):
             raise _ill_formed(f"this request is in the log already, at position {requests[record.request_id]}")
         log = self._entered(record.entry, record.position)
         log.grants.check_whole(record.position)
@@ -104,6 +106,10 @@ class SceneLog:
     def next_record(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> LogRecord:
         """The record that would bring `entry` into this log."""
         return LogRecord(self.position + 1, self.head, request_id, origin, entry)
+
+    def tells_of(self, position: int) -> bool:
+        """Whether a request that was never offered before this position, and is not among `requests`, is not in the log."""
+        return position > self.position - LOG_REQUESTS_KEPT
 
     def space(self, space: SpaceId) -> LoggedSpace:
         """The space of this id; LocalFault if there is none."""
@@ -141,7 +147,7 @@ class SceneLog:
                     log = log._entered(part, position)
                 return log
             case CreateSpace():
-                return self._created(entry, position)
+                return self.with_space(entry, position)
             case TranslateSpace():
                 space = self._moved(entry.space)
                 if len(entry.offset) != space.dimensions:
@@ -178,7 +184,8 @@ class SceneLog:
             case KeyEpoch():
                 return replace(self, grants=self.grants.rekeyed(entry, position), write_floor=position)
 
-    def _created(self, entry: CreateSpace, position: int) -> SceneLog:
+    def with_space(self, entry: CreateSpace, position: int) -> SceneLog:
+        """The log with one more space, created at this position; Refused if it does not fit."""
         if entry.space in self.spaces:
             raise _ill_formed(f"there is a space {entry.space} already")
         if not entry.name or any(space.name == entry.name for space in self.spaces.values()):

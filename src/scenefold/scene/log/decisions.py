@@ -62,13 +62,22 @@ def hash_of_log(private: bytes) -> bytes:
     return hash_of_record(private)
 
 
-def check_told(public: SceneLogPublic, log: SceneLog) -> None:
-    """DamagedData unless the header says of keys, and of those who take part, what its log says. Who decides cannot read the log."""
+def check_told(public: SceneLogPublic, log: SceneLog, *, is_shortened: bool = False) -> None:
+    """DamagedData unless the header says of keys, and of those who take part, what its log says. Who decides cannot read the log.
+
+    `is_shortened`: it begins with a snapshot. Then all else is compared as well: headers of early programs, which knew none, may differ.
+    """
     where = f"scene {public.scene:08x}, log position {public.position}"
     if log.grants.key_epoch != public.key_epoch:
         raise DamagedData("the scene's log and its header name other key epochs", where=where)
     if (log.roster.participants, log.roster.observers) != (public.participants, public.observers):
         raise DamagedData("the scene's log and its header name others who take part", where=where)
+    if is_shortened and (
+        (log.mode, log.public_spaces(), log.grants.writers) != (public.mode, public.spaces, public.writers)
+        or public.write_floor < log.write_floor
+        or public.purged < log.purged
+    ):
+        raise DamagedData("the scene's log and its header tell otherwise of its mode, spaces or writers", where=where)
 
 
 def check_log(public: SceneLogPublic, private: bytes) -> None:

@@ -28,6 +28,7 @@ from scenefold.scene.log.decisions import check_decided, hash_of_log
 from scenefold.scene.log.grants import Granted, newly_granted
 from scenefold.scene.log.keys import HEADER_SEED_BYTES, EpochKeys, SceneKeys
 from scenefold.scene.log.lockboxes import Contents, keys_in, locked, own_lockbox
+from scenefold.scene.log.shortening import shortened
 from scenefold.scene.log.succession import header_key_now, succeeded
 from scenefold.wire import KeyEntry, Lockbox, LogRecord, Role, SceneLogPublic, digest_of_header
 
@@ -55,16 +56,23 @@ class Draft:
     _nonce: bytes
 
     def sealed(self) -> Followed:
-        """The log sealed, the header signed over it."""
+        """The log sealed, shortened if it is long, and the header signed over it. LocalFault if it is too long all the same."""
         header, epoch = self._header, self._header.key_epoch
-        private = seal_private(
-            self._log.records,
-            genesis=header.genesis,
-            symmetric_key=self._keys.epochs[epoch],
-            key_epoch=epoch,
-            nonce=self._nonce,
-        )
-        return Followed(signed_header(header, private, self._signer), self._log, self._keys, private)
+        try:
+            log = shortened(self._log, header.genesis, self._signer)
+            private = seal_private(
+                log.records,
+                genesis=header.genesis,
+                symmetric_key=self._keys.epochs[epoch],
+                key_epoch=epoch,
+                nonce=self._nonce,
+                snapshot=log.snapshot,
+            )
+        except LocalFault as problem:
+            what, where = f"the scene's log has become too long: {problem.what}", f"scene {self._keys.name}, log position {header.position}"
+            remedy = "put its content into a new scene, whose spaces are created where those of this one lie now"
+            raise LocalFault(what, where=where, remedy=remedy) from problem
+        return Followed(signed_header(header, private, self._signer), log, self._keys, private)
 
 
 def signed_header(header: SceneLogPublic, private: bytes, signer: SigningKey) -> SceneLogPublic:
@@ -115,7 +123,8 @@ def follow(header: SceneLogPublic, log: OpenedLog, record: LogRecord, keys: Scen
         request=record.request_id if by_others else b"",
         previous=digest_of_header(header) if by_others else b"",
     )
-    return Draft(public, OpenedLog(state, (*log.records, sign_record(record, signer))), keys, signer, token(NONCE_BYTES))
+    grown = OpenedLog(state, (*log.records, sign_record(record, signer)), log.snapshot)
+    return Draft(public, grown, keys, signer, token(NONCE_BYTES))
 
 
 def header_keys(header_key: PublicKey, state: SceneLog) -> tuple[KeyEntry, ...]:

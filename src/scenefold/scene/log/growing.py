@@ -6,7 +6,7 @@ tuple of chunks, each a power of two long and shorter than the one before, as in
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import TypeAlias, TypeVar
 
@@ -21,6 +21,16 @@ def grown(row: Row[Item], item: Item) -> Row[Item]:
     while row and len(row[-1]) == len(end):
         row, end = row[:-1], row[-1] + end
     return (*row, end)
+
+
+def row_of(items: Sequence[Item]) -> Row[Item]:
+    """The row that these items make, one after the other."""
+    chunks, start = [], 0
+    for bit in reversed(range(len(items).bit_length())):
+        if len(items) >> bit & 1:
+            chunks.append(tuple(items[start : start + (1 << bit)]))
+            start += 1 << bit
+    return tuple(chunks)
 
 
 def items_of(row: Row[Item]) -> Iterator[Item]:

@@ -8,7 +8,7 @@ from itertools import count
 
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import SPACE_NAME_BYTES_MAX
-from scenefold.base.location import FIRST, Location
+from scenefold.base.location import Location
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.shadows import free_offsets, sound_shadows
 from scenefold.scene.log.space import LoggedSpace
@@ -26,7 +26,7 @@ def missing_shadows(space: LoggedSpace, copies: int, log: SceneLog) -> list[Crea
     """What a space of this log lacks for so many copies; those of its shadows that could count are used again."""
     sound = [shadow.offset for shadow in sound_shadows(log.public_spaces()).get(space.id, ())]
     offsets = free_offsets(sound, max(0, copies - 1 - len(sound)))
-    return shadows_of(_entry_of(space), offsets, log.free_ids(), {other.name for other in log.spaces.values()})
+    return shadows_of(entry_of(space), offsets, log.free_ids(), {other.name for other in log.spaces.values()})
 
 
 def free_offset(space: LoggedSpace, log: SceneLog) -> Location:
@@ -54,14 +54,15 @@ def _free_name(parent: str, taken: set[str]) -> str:
     raise AssertionError("numbers do not end")
 
 
-def _entry_of(space: LoggedSpace) -> CreateSpace:
+def entry_of(space: LoggedSpace) -> CreateSpace:
+    """What would create this space, with the copies that it has now."""
     return CreateSpace(
         space=space.id,
         dimensions=space.dimensions,
         curve=CurveKind.Z_ORDER if space.curve == "z-order" else CurveKind.HILBERT,
         node_managed=space.node_managed,
-        parent=SpaceId(0),
-        offset=FIRST,
+        parent=space.parent,
+        offset=space.offset,
         copies=space.copies,
         copies_min=space.copies_min,
         render_output=space.render_output,

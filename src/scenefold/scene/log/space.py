@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import FIRST, Arc, Location
 from scenefold.scene.log.affine import Affine
-from scenefold.scene.log.growing import Row, grown, items_of
+from scenefold.scene.log.growing import Row, grown, items_of, row_of
 from scenefold.wire import SpaceEntry
 
 if TYPE_CHECKING:
@@ -87,6 +87,10 @@ class LoggedSpace:
         """The space after one more step."""
         return replace(self, steps=grown(self.steps, step), transform=_after(self.transform, step))
 
+    def placed(self, steps: Sequence[Step]) -> LoggedSpace:
+        """The space, which was not moved yet, after all these steps."""
+        return replace(self, steps=row_of(steps), transform=self._composed(steps))
+
     def transform_since(self, position: int) -> Affine:
         """What happened after this log position."""
         return self._composed([step for step in items_of(self.steps) if step.position > position])
@@ -96,7 +100,7 @@ class LoggedSpace:
         return self._composed([step for step in items_of(self.steps) if step.position <= position])
 
     def _composed(self, steps: Iterable[Step]) -> Affine:
-        return reduce(_after, steps, Affine.identity(self.dimensions))
+        return Affine.identity(self.dimensions).carried_on((step.factor, step.offset) for step in steps)
 
     @cached_property
     def world_box(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

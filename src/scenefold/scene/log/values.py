@@ -34,6 +34,11 @@ def deciders_after(public: SceneLogPublic) -> Entries:
     return public.participants or (origin_alone(public),)
 
 
+def deciding(public: SceneLogPublic) -> frozenset[NodeId]:
+    """The nodes of these."""
+    return frozenset(entry.member.node for entry in deciders_after(public))
+
+
 def origin_alone(public: SceneLogPublic) -> ParticipantEntry:
     """The node that decides as long as there are no participants."""
     return ParticipantEntry(Member(NodeId(public.origin), ORIGINS_INCARNATION), public.origin_key)

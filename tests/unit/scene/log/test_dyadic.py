@@ -53,6 +53,18 @@ def test_translations_alone_are_exact_whatever_they_are(steps: list[float], star
     assert exact(here) == Fraction(start) + sum(map(Fraction, steps))
 
 
+@given(st.lists(st.tuples(st.one_of(st.just(1.0), st.floats(0.01, 100.0)), st.tuples(FLOATS, FLOATS)), max_size=20), st.integers(0, 200))
+def test_many_steps_at_once_are_the_same_as_one_by_one(steps: list[tuple[float, tuple[float, float]]], scales: int) -> None:
+    """Also where numbers are cut to so many bits, which depends on the order of what is done to them."""
+    every = [*[(1.0 / 3.0, (0.0, 0.0))] * scales, *((factor, (0.0, 0.0) if factor != 1.0 else offset) for factor, offset in steps)]
+    here = Affine.identity(2)
+    for factor, offset in every:
+        here = here.scaled(factor) if factor != 1.0 else here.translated(offset)
+    at_once = Affine.identity(2).carried_on(every)
+    assert (at_once, at_once.exact) == (here, here.exact)
+    assert Affine.identity(2).carried_on(()) == Affine.identity(2)
+
+
 def test_ten_thousand_scales_are_no_longer_than_a_hundred() -> None:
     transform = Affine.identity(3).translated((0.1, 0.2, 0.3))
     for step in range(10_000):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenefold.scene.log.growing import Row, grown, items_of
+from scenefold.scene.log.growing import Row, grown, items_of, row_of
 
 
 def test_every_row_keeps_its_items_in_their_order_and_is_cut_the_same_way() -> None:
@@ -11,6 +11,7 @@ def test_every_row_keeps_its_items_in_their_order_and_is_cut_the_same_way() -> N
         rows.append(grown(rows[-1], item))
     for count, row in enumerate(rows):
         assert list(items_of(row)) == list(range(count))
+        assert row_of(range(count)) == row
         assert [len(chunk) for chunk in row] == [1 << bit for bit in reversed(range(9)) if count >> bit & 1]
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 from make_scene_log_vectors import TARGET, document
 
 from house.sources import ROOT
 from scenefold.client.births import verified_header_key
 from scenefold.crypto import SealingKey, SigningKey
-from scenefold.scene.log import check_granter, check_log, open_private, unlocked
-from scenefold.wire import Decision, Lockbox, Role, SceneLogPublic
+from scenefold.scene.log import SceneLog, check_granter, check_log, open_private, unlocked
+from scenefold.wire import Decision, Lockbox, Role, SceneLogPublic, SignedSnapshot
 
 
 def test_the_golden_log_is_what_we_make() -> None:
@@ -37,6 +38,21 @@ def test_the_golden_log_is_read() -> None:
         assert [float(number).hex() for number in space.transform.offset] == row["offset"]
         positions = [[float.fromhex(number) for number in point] for point in row["positions"]]
         assert [location.hex() for location in space.locations_of(positions)] == row["locations"]
+
+
+def test_the_golden_log_with_a_snapshot_says_the_same() -> None:
+    golden = json.loads(TARGET.read_text(encoding="utf-8"))
+    told: dict[str, Any] = {
+        "genesis": bytes.fromhex(golden["genesis"]),
+        "position": len(golden["records"]),
+        "symmetric_key": bytes.fromhex(golden["symmetric_key"]),
+        "header_key": SigningKey.from_seed(bytes.fromhex(golden["header_seed"])).public,
+    }
+    whole, short = (open_private(bytes.fromhex(part["sealed"]), **told) for part in (golden, golden["shortened"]))
+    assert short.state == whole.state
+    assert short.records == whole.records[golden["shortened"]["position"] :]
+    assert short.snapshot == SignedSnapshot(*(bytes.fromhex(golden["shortened"][part]) for part in ("state", "signature")))
+    assert short.beginning() == SceneLog.of(record.decoded() for record in whole.records[: golden["shortened"]["position"]])
 
 
 def test_the_golden_header_is_believed() -> None:
