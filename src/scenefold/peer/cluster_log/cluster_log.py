@@ -65,7 +65,7 @@ class SceneLogs(Protocol):
     """Who handles the same packets for scenes' logs."""
 
     async def on_propose(self, packet: ProposeSceneLog, peer: str) -> Packet: ...
-    async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet: ...
+    async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet | None: ...
     async def on_push(self, packet: RespondSceneLog, peer: str) -> None: ...
 
 
@@ -121,7 +121,7 @@ class ClusterLog:
     # ---------------------------------------------------------------------------------------------------- running
 
     def register(self, handlers: Handlers, scenes: SceneLogs | None = None) -> None:
-        """Answer packets 5, 6 and 118; those of other logs are handed to `scenes`."""
+        """Answer packets 5, 6 and 118; those of other logs, and all that are about decisions, are handed to `scenes`."""
         self._scenes = scenes
         handlers.add(ProposeSceneLog, self._on_propose)
         handlers.add(RequestSceneLog, self._on_request)
@@ -268,8 +268,8 @@ class ClusterLog:
         self._quiet.say(self._world.clock.now(), peer, reason.name, f"a proposal is refused: {problem}")
         return rejected(reason, self._facts.voter)
 
-    async def _on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
-        if packet.scene != self._scene and self._scenes is not None:
+    async def _on_request(self, packet: RequestSceneLog, peer: str) -> Packet | None:
+        if (packet.scene != self._scene or packet.want is Want.DECIDED) and self._scenes is not None:
             return await self._scenes.on_request(packet, peer)
         if packet.genesis not in (b"", self._genesis):
             return RespondSceneLog(answer=None)
@@ -285,15 +285,12 @@ class ClusterLog:
         return RespondSceneLog(answer=self._copy.answer(packet.nonce, have, is_granted=is_granted))
 
     async def _on_push(self, packet: RespondSceneLog, peer: str) -> None:
-        if packet.answer is None:
-            return
-        if packet.answer.public.scene != self._scene:
+        answer, source = packet.answer, node_of(peer)
+        if answer is None or answer.public.scene != self._scene:
             if self._scenes is not None:
                 await self._scenes.on_push(packet, peer)
-            return
-        source = node_of(peer)
-        if source is not None:
-            await self._puller.take(packet.answer, source)
+        elif source is not None:
+            await self._puller.take(answer, source)
 
     def _push_from(self, have: int) -> RespondSceneLog:
         return RespondSceneLog(answer=self._copy.answer(0, have))

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 
-from scenefold.base.errors import DamagedData
+from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.limits import LOG_RECORDS_MAX
+from scenefold.base.reasons import RejectReason
 from scenefold.crypto import LOG_DOMAIN, PublicKey
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.store import Store
@@ -86,7 +87,7 @@ class LogBook:
 def verified(registry: Registry, records: Sequence[SignedRecord], key: PublicKey) -> tuple[Registry, list[SignedRecord]]:
     """The registry after those of the records that it lacks, and these.
 
-    MalformedPacket, InvalidSignature, or Refused (a gap or another chain): then nothing of them counts.
+    MalformedPacket, InvalidSignature, or Refused (a gap or another chain, or the key decides no more): then nothing of them counts.
     """
     fresh: list[SignedRecord] = []
     decoded: list[LogRecord] = []
@@ -95,7 +96,11 @@ def verified(registry: Registry, records: Sequence[SignedRecord], key: PublicKey
         if record.position > registry.position:
             fresh.append(signed)
             decoded.append(record)
-    return registry.extended(decoded), fresh
+    after = registry.extended(decoded)
+    if fresh and after.position > after.voting.certified_from:
+        what = f"behind position {after.voting.certified_from} voters decide the cluster's log, and its key does not any more"
+        raise Refused(RejectReason.NOT_AUTHORISED, what)
+    return after, fresh
 
 
 @lru_cache(maxsize=_REMEMBERED_RECORDS)

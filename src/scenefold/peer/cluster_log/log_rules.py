@@ -16,43 +16,68 @@ from scenefold.crypto import Card
 from scenefold.peer.cluster_log.lives import Lives
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.card_rules import check_issued, check_others_administer, check_others_issue, check_trust, credential_of
-from scenefold.wire import AddNode, Found, LogEntry, Member, RemoveNode, RevokeNode
+from scenefold.wire import AddNode, AddParticipant, Found, LogEntry, Member, RemoveNode, RemoveParticipant, RevokeNode
 from scenefold.wire.enrol_entries import ANY_NODE, Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.facts import ClusterFacts
 
 
 def check_proposer(entry: LogEntry, proposer: NodeId, registry: Registry, facts: ClusterFacts, now: float) -> None:
-    """Refused (12) if this node may not propose this entry. `now`: seconds since 1970, by the voter's clock."""
+    """Refused (12) if this node may not propose this entry. `now`: seconds since 1970, by the voter's clock.
+
+    What follows was judged when it was ordered, too; but another order may have come in between.
+    """
+    if isinstance(entry, AddParticipant | RemoveParticipant):
+        raise Refused(RejectReason.ILL_FORMED, "the cluster's log has one voter, and several are not for this program yet")
+    check_by_log(entry, proposer, registry)
     match entry:
         case AddNode():
-            _check_registration(entry, proposer, registry, facts)
+            _check_credential(entry, registry, facts)
+        case Enrol() | RenewCard():
+            check_issued(entry, registry, facts, now)
+        case Trust():
+            check_trust(entry, registry, facts)
+        case RevokeUser(name):
+            check_others_administer(name, registry, facts)
+        case _:
+            pass
+
+
+def check_by_log(entry: LogEntry, proposer: NodeId, registry: Registry) -> None:
+    """As far as the log alone can tell, so that all who know it say the same."""
+    match entry:
+        case AddNode(member):
+            if member.node != proposer:
+                raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
         case RemoveNode():
             if registry.current(proposer) is None:
                 raise _not_authorised(f"{address_of(proposer)} is no member, and removes nobody")
         case Enrol() | RenewCard():
-            check_issued(entry, registry, facts, now)
+            pass
         case Trust(node, True, _, sealed) if sealed and registry.is_trusted(node):
             if not registry.is_trusted(proposer):
                 raise _not_authorised("only a trusted node seals the authority's key to another one")
-            check_trust(entry, registry, facts)
-        case Trust() | RevokeNode() | Invite() | Withdraw() | RevokeUser():
+        case Trust() | RevokeNode() | Invite() | Withdraw() | RevokeUser() | AddParticipant() | RemoveParticipant():
             if proposer not in registry.voters:
-                raise _not_authorised("only a voter takes an administrator's orders into the log")
-            if isinstance(entry, Trust):
-                check_trust(entry, registry, facts)
-            # What follows was judged when it was ordered, too; but another order may have come in between.
-            if isinstance(entry, RevokeNode) or (isinstance(entry, Trust) and not entry.trusted):
-                check_others_issue(entry.node, registry)
-            if isinstance(entry, RevokeUser):
-                check_others_administer(entry.name, registry, facts)
+                raise _not_authorised("only a voter takes an administrator's orders into the log, or says who votes")
         case _:
             raise Refused(RejectReason.ILL_FORMED, f"nobody proposes a {type(entry).__name__} to the cluster's log")
+    if isinstance(entry, RevokeNode) or (isinstance(entry, Trust) and not entry.trusted):
+        check_others_issue(entry.node, registry)
 
 
-def _check_registration(entry: AddNode, proposer: NodeId, registry: Registry, facts: ClusterFacts) -> None:
+def committed_at(entry: LogEntry, request_id: bytes, registry: Registry) -> int | None:
+    """Where this was committed already; a member that registers again, not knowing that it has, is welcome, wherever it would stand.
+
+    Refused (5) if the request's id stands in the log with another entry.
+    """
+    known = registry.current(entry.member.node) if isinstance(entry, AddNode) else None
+    if known is not None and isinstance(entry, AddNode) and known.member == entry.member:
+        return known.position
+    return registry.committed_at(request_id, entry)
+
+
+def _check_credential(entry: AddNode, registry: Registry, facts: ClusterFacts) -> None:
     node = entry.member.node
-    if node != proposer:
-        raise _not_authorised(f"{address_of(proposer)} registers another node than itself")
     credential = credential_of(node, registry, facts)
     if credential is not None and (credential.public_key.raw, credential.sealing_key.raw) != (entry.key, entry.sealing_key):
         raise _not_authorised(f"{address_of(node)} was certified with other keys")
@@ -97,6 +122,8 @@ def in_words(entry: LogEntry) -> str:
             return f"the key {key:08x} of {name} is revoked"
         case RevokeNode(node, key):
             return f"the key {key:08x} of {address_of(node)} is revoked"
+        case AddParticipant(member) | RemoveParticipant(member):
+            return f"{address_of(member.node)} is {'a voter' if isinstance(entry, AddParticipant) else 'no voter any more'}"
         case _:
             return type(entry).__name__
 

@@ -21,7 +21,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
 from scenefold.peer.cluster_log.beginnings import Beginnings
 from scenefold.peer.cluster_log.lives import Lives, is_restored, lives_asked_with, note_of, pack_granted, unpack_granted
-from scenefold.peer.cluster_log.log_rules import check_proposer, in_words, lease_message, predecessor
+from scenefold.peer.cluster_log.log_rules import check_proposer, committed_at, in_words, lease_message, predecessor
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.card_rules import credential_of
 from scenefold.peer.timing import T_WAIT_S
@@ -130,15 +130,7 @@ class Voter:
                 attempt += 1
 
     def _committed_at(self, entry: LogEntry, request_id: bytes) -> int | None:
-        """Where this was committed already; a member that registers again, not knowing that it has, is welcome, wherever it would stand.
-
-        Refused (5) if the request's id stands in the log with another entry.
-        """
-        registry = self._registry()
-        known = registry.current(entry.member.node) if isinstance(entry, AddNode) else None
-        if known is not None and isinstance(entry, AddNode) and known.member == entry.member:
-            return known.position
-        return registry.committed_at(request_id, entry)
+        return committed_at(entry, request_id, self._registry())
 
     def _refuse_unless_allowed(self, entry: LogEntry, request_id: bytes, proposer: NodeId) -> None:
         if self._committed_at(entry, request_id) is None:

@@ -100,5 +100,17 @@ def check_address(node: NodeId, address: str) -> None:
         raise _ill_formed(f"node {node} is at {address_of(node)}, not at {address}")
 
 
+def inserted(order: tuple[NodeId, ...], node: NodeId, left_of: NodeId) -> tuple[NodeId, ...]:
+    """The line with one more node on it, directly left of another one."""
+    if node in order:
+        raise _ill_formed(f"{address_of(node)} has a founding seat and takes that")
+    if left_of not in order:
+        raise _ill_formed(f"{address_of(left_of)}, which the node would stand left of, is not on the line")
+    if len(order) >= NODES_MAX:
+        raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster has {NODES_MAX} nodes already")
+    rank = order.index(left_of)
+    return (*order[:rank], node, *order[rank:])
+
+
 def _ill_formed(what: str) -> Refused:
     return Refused(RejectReason.ILL_FORMED, what)

@@ -26,12 +26,14 @@ from scenefold.peer.cluster_log.registered import (
     Seat,
     check_address,
     committed,
+    inserted,
     sealing_key_from,
     signing_key_from,
 )
-from scenefold.wire import NO_RECORD, AddNode, Found, LogEntry, LogRecord, Member, RemoveNode, RevokeNode
+from scenefold.peer.cluster_log.voter_rules import VoterList, check_voters_stay
+from scenefold.wire import NO_RECORD, AddNode, AddParticipant, Found, LogEntry, LogRecord, Member, RemoveNode, RemoveParticipant, RevokeNode
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
-from scenefold.world.roll import Roll
+from scenefold.world.roll import Roll, card_in
 
 
 class Registry:
@@ -50,7 +52,7 @@ class Registry:
         "order",
         "position",
         "roll",
-        "voters",
+        "voting",
     )
 
     position: int
@@ -59,7 +61,7 @@ class Registry:
     """Hash of the newest record."""
     order: tuple[NodeId, ...]
     """All nodes on the line from left to right, founders that have not registered yet included."""
-    voters: tuple[NodeId, ...]
+    voting: VoterList
     roll: Roll
     """Who was invited, enrolled, trusted, revoked."""
     left_at: int
@@ -69,7 +71,7 @@ class Registry:
         self.position = 0
         self.head = NO_RECORD
         self.order = ()
-        self.voters = ()
+        self.voting = VoterList()
         self.left_at = 0
         self._founders: dict[NodeId, Seat] = {}
         self._registered: dict[NodeId, Registered] = {}
@@ -116,9 +118,7 @@ class Registry:
     def neighbours(self, node: NodeId) -> tuple[NodeId | None, NodeId | None]:
         """Who stands directly left and right of a node, None at the ends; KeyError if it is not on the line."""
         rank = self._ranks[node]
-        left = self.order[rank - 1] if rank else None
-        right = self.order[rank + 1] if rank + 1 < len(self.order) else None
-        return left, right
+        return (self.order[rank - 1] if rank else None), (self.order[rank + 1] if rank + 1 < len(self.order) else None)
 
     def vacant_seat(self, node: NodeId) -> Seat | None:
         """The founder's seat that the node may still take; None if it is none, or has registered, or was removed."""
@@ -163,7 +163,11 @@ class Registry:
     @property
     def issuers(self) -> frozenset[NodeId]:
         """The trusted nodes that the authority's key is sealed to."""
-        return self.roll.trusted & {*self.roll.sealed, *self.voters}
+        return self.roll.trusted & {*self.roll.sealed, *self.voting.endowed}
+
+    @property
+    def voters(self) -> tuple[NodeId, ...]:
+        return self.voting.nodes
 
     def position_of(self, request_id: bytes) -> int | None:
         """Where a request was committed, whatever it asked for; None if it was not."""
@@ -192,7 +196,7 @@ class Registry:
     def _copy(self) -> Registry:
         copy = Registry()
         copy.position, copy.head, copy.left_at = self.position, self.head, self.left_at
-        copy.order, copy.voters = self.order, self.voters
+        copy.order, copy.voting = self.order, self.voting
         copy._founders, copy._founding_arcs = self._founders, self._founding_arcs
         copy._revoked, copy.roll = self._revoked, self.roll
         copy._registered, copy._removals, copy._requests = dict(self._registered), dict(self._removals), dict(self._requests)
@@ -206,6 +210,7 @@ class Registry:
             raise _ill_formed("the record belongs behind another one than the newest here")
         if record.request_id in self._requests:
             raise _ill_formed("this request is in the log already")
+        check_voters_stay(self, record.entry)
         match record.entry:
             case Found():
                 self._found(record.entry)
@@ -216,7 +221,11 @@ class Registry:
             case RevokeNode(node, key):
                 self._revoked = self._revoked | {(node, key)}
                 self.roll = self.roll.without(f"node:{node}", key)
-            case Trust() | Invite() | Enrol() | RenewCard() | RevokeUser() | Withdraw():
+            case AddParticipant() | RemoveParticipant():
+                self.voting = self.voting.after(self, record.entry, record.position)
+            case Enrol(card=card):
+                self.roll, self.voting = self.roll.after(record.entry), self.voting.begun_anew(card_in(card).name)
+            case Trust() | Invite() | RenewCard() | RevokeUser() | Withdraw():
                 self.roll = self.roll.after(record.entry)
             case _:
                 raise _ill_formed(f"a {type(record.entry).__name__} has no place in the cluster's log")
@@ -242,7 +251,7 @@ class Registry:
         }
         self._founding_arcs = dict(zip(nodes, arcs_between(even_right_bounds(len(nodes))), strict=True))
         self.order = tuple(nodes)
-        self.voters = entry.voters
+        self.voting = VoterList.founded(entry.voters)
         # It was given the authority's key when the cluster was made.
         self.roll = self.roll.after(Trust(entry.voters[0], True, self._founders[entry.voters[0]].sealing_key.raw))
 
@@ -267,18 +276,8 @@ class Registry:
             if (seat.key, seat.sealing_key) != (key, sealing_key):
                 raise Refused(RejectReason.NOT_AUTHORISED, f"the founding seat of {address_of(node)} waits for other keys")
         else:
-            self._insert(node, entry.left_of)
+            self.order = inserted(self.order, node, entry.left_of)
         self._registered[node] = Registered(node, incarnation, key, sealing_key, entry.address, position, founding)
-
-    def _insert(self, node: NodeId, left_of: NodeId) -> None:
-        if node in self.order:
-            raise _ill_formed(f"{address_of(node)} has a founding seat and takes that")
-        if left_of not in self.order:
-            raise _ill_formed(f"{address_of(left_of)}, which the node would stand left of, is not on the line")
-        if len(self.order) >= NODES_MAX:
-            raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster has {NODES_MAX} nodes already")
-        rank = self.order.index(left_of)
-        self.order = (*self.order[:rank], node, *self.order[rank:])
 
     def _remove(self, entry: RemoveNode, position: int) -> None:
         node, incarnation = entry.member.node, entry.member.incarnation
