@@ -93,6 +93,10 @@ class LocalCluster:
         """Return once a node's process has ended, as that of one does that has left the cluster."""
         await self._nodes[address].ended.wait()
 
+    def expect_end(self, address: str) -> None:
+        """This node may die by itself from now on, which ends nothing else; `ended` tells."""
+        self._nodes[address].expect_end()
+
     async def stop(self, address: str) -> None:
         """End one node in order."""
         await self._nodes[address].stop()

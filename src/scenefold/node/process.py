@@ -82,6 +82,10 @@ class NodeProcess:
             self._process.kill()
         await self.ended.wait()
 
+    def expect_end(self) -> None:
+        """However it ends from now on, it is no error."""
+        self._expected_end = True
+
     async def _listen(self, process: trio.Process) -> None:
         assert process.stdout is not None
         async for event in _events(process.stdout):

@@ -15,6 +15,7 @@ from scenefold.peer.enrolment.discovery import Discovery
 from scenefold.peer.enrolment.enrolment import Enrolment
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Line
+from scenefold.peer.logs import Logs
 from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.probing import Probing
 from scenefold.peer.membership.roster import Roster
@@ -25,6 +26,7 @@ from scenefold.peer.records.data import DataService
 from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.replication import Replication
 from scenefold.peer.routing import Routing
+from scenefold.peer.scene_log.participation import Participation
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Scrub
 from scenefold.peer.settings import NodeSettings
@@ -58,6 +60,10 @@ class NodeContext:
     line: Line
     """What this node owns, and how pieces of it change hands."""
     scenes: Scenes
+    logs: Logs
+    """Those that this node decides with others, or learns, by genesis."""
+    participation: Participation
+    """Which of them are those of scenes."""
     replication: Replication
     """Who holds copies of what it owns, and what it holds for others."""
     data: DataService

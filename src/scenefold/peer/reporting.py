@@ -33,6 +33,8 @@ STRAYS_COUNTED_MAX = 1_000
 """There may be many more; whoever reads the number wants to know whether there are any, and whether they get fewer."""
 DROPPED, TURNED_AWAY = "datagrams dropped", "connections turned away"
 """Of the events: what came from strangers, or was too much, at all ports. Clients know these names."""
+LOG_PACKETS = "packets of logs sent"
+"""Likewise: by those who decide logs, to each other."""
 STALL_S_MIN = 5.0
 """A look that comes so much later than it should is worth telling."""
 
@@ -226,6 +228,7 @@ class Reporting:
                 **line.events,
                 DROPPED: context.gossip.dropped + context.range_datagrams.dropped + context.discovery.dropped,
                 TURNED_AWAY: context.world.network.turned_away,
+                LOG_PACKETS: context.logs.packets_sent,
             },
             balance=context.balancer.report(),
             scrub=context.scrub.progress(statistics.bytes).document(),

@@ -9,13 +9,11 @@ it at this moment; the roster who seems alive. Everything else asks these four.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Awaitable, Callable
 from functools import partial
 
 import trio
 
-from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.peer.balance import Balancer, Draining, Joining, OwnLoad, Sharing
@@ -33,13 +31,16 @@ from scenefold.peer.enrolment.renewal import Renewal
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line import Claims, Line
 from scenefold.peer.line.parting import lies_with_all_others
+from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.blacklist import OwnBlacklist
 from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.members import Members
 from scenefold.peer.membership.probing import Probing
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.seeds import watch_seeds
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.membership.tables import Tables
+from scenefold.peer.modes.lending import Lending
 from scenefold.peer.peers import Peers
 from scenefold.peer.public_keys import PublicKeys
 from scenefold.peer.purging import Arriving, Purging
@@ -51,6 +52,7 @@ from scenefold.peer.replication import Replication
 from scenefold.peer.reporting import Reporting
 from scenefold.peer.routing import Routing
 from scenefold.peer.scene_log.makers import check_decider
+from scenefold.peer.scene_log.participation import Participation
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Pace, Scrub
 from scenefold.peer.settings import NodeSettings
@@ -61,15 +63,11 @@ from scenefold.world.facts import ClusterFacts
 
 LOAD_S = 1.0
 """Pause between two looks at how full the disk is."""
-SEED_WARNING_S_MAX = 5.0
-"""A person who starts a node wants to hear soon that nobody answers."""
 JOIN_WAIT_S = 5.0
 """For members that may be alive to be heard. Who is away then is no reason to keep this node's users waiting."""
 
 TILING_LOOK_S = 0.05
 """Until the first second look at whether all arcs are known."""
-
-_log = logging.getLogger("scenefold.peer")
 
 
 class PeerServices:
@@ -105,7 +103,10 @@ class PeerServices:
         cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
         lease = OwnerLease(world, store, cluster_log, own)
         check_new = partial(check_decider, voter=facts.credential(facts.voter))
-        scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts), check_new)
+        ports = NodePorts(world.clock, me, peers, routing, roster, links)
+        participation = Participation(world, store, peers, own, ports)
+        scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts), check_new, participation)
+        lending = Lending(world, peers, me, participation.modes_of, scenes.here)
         claims = Claims(world.clock, cluster_log, roster, me)
         line = Line(
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
@@ -132,7 +133,7 @@ class PeerServices:
             roster,
             cluster_log,
             own,
-            lambda: scenes.decided_by(me),
+            lambda: scenes.relying_on(me),
             has_lease=lease.holds,
             may_order=may_order,
             lies_elsewhere=partial(lies_with_all_others, line.parts),
@@ -154,6 +155,8 @@ class PeerServices:
         enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
         members = Members(own, roster, registry)
         for service in (
+            ports.intake,
+            lending,
             scenes,
             line,
             self._replication,
@@ -205,6 +208,8 @@ class PeerServices:
             lease=lease,
             line=line,
             scenes=scenes,
+            logs=ports.logs,
+            participation=participation,
             replication=self._replication,
             data=data,
             enrolment=enrolment,
@@ -234,6 +239,7 @@ class PeerServices:
         await self._blacklist.load()
         await context.upkeep.load()
         async with trio.open_nursery() as nursery:
+            await nursery.start(partial(context.participation.run, context.scenes))
             await nursery.start(context.gossip.run)
             await nursery.start(context.range_datagrams.run)
             # Nor one that does not know what of that counts.
@@ -249,7 +255,7 @@ class PeerServices:
             for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run, *self._background):
                 nursery.start_soon(service)
             nursery.start_soon(self._watch_load)
-            nursery.start_soon(self._watch_seeds)
+            nursery.start_soon(watch_seeds, context.gossip, context.settings.seed_wait_s, self._is_seed)
             nursery.start_soon(self._join)
             task_status.started()
 
@@ -270,27 +276,6 @@ class PeerServices:
         while not self.context.gossip.is_line_tiled():
             await self.context.world.clock.sleep(pause_s)
             pause_s *= 2
-
-    async def _watch_seeds(self) -> None:
-        """Say once that no seed answers; give up in the end, unless others have found us, or this node is a seed that they look for."""
-        wait_s = self.context.settings.seed_wait_s
-        warning_s = min(SEED_WARNING_S_MAX, wait_s / 2)
-        gossip = self.context.gossip
-        silent = ", ".join(gossip.seeds)
-        with trio.move_on_after(warning_s):
-            await gossip.a_seed_heard()
-            return
-        _log.warning("no seed answers yet (%s): trying on", silent)
-        with trio.move_on_after(wait_s - warning_s):
-            await gossip.a_seed_heard()
-            return
-        if not self._is_seed and not gossip.met():
-            raise Unreachable(
-                f"no seed answered within {wait_s:g} s",
-                where=silent,
-                remedy="start these nodes first, or name others as seeds",
-            )
-        await gossip.a_seed_heard()
 
     async def _watch_load(self) -> None:
         context = self.context

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import trio
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import NotReached, Refused, Unreachable
 from scenefold.wire import Packet
 from scenefold.world.channel import Channel, open_channel
 from scenefold.world.ports import Connection, Network, Priority, World
@@ -44,6 +44,8 @@ class Links:
         self._is_closed = False
         self.refusal_of: Callable[[Connection], Refused | None] = lambda _: None
         """Why a peer that answers, and has shown its certificate, is told and asked nothing. Set by who knows whose keys count."""
+        self.on_lost: Callable[[str, Priority], None] = lambda _address, _priority: None
+        """Called when a connection to an address is refused, or has ended."""
 
     def close(self) -> None:
         """End all channels."""
@@ -61,12 +63,13 @@ class Links:
     async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
         """Ask the node at an address, connecting first if need be, within `timeout_s` seconds in all.
 
-        Errors are those of `Channel.request`. A request that failed may have been carried out.
+        Errors are those of `Channel.request`. A request that failed may have been carried out, but after NotReached.
         """
+        channel = None
         with trio.move_on_after(timeout_s):
             channel = await self._channel(address, priority)
             return await channel.request(packet, timeout_s)
-        raise _too_slow(address, timeout_s)
+        raise _too_slow(NotReached if channel is None else Unreachable, address, timeout_s)
 
     async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
         """Send a packet that has no answer; it is on its way when this returns."""
@@ -74,7 +77,7 @@ class Links:
             channel = await self._channel(address, priority)
             await channel.send(packet)
             return
-        raise _too_slow(address, timeout_s)
+        raise _too_slow(Unreachable, address, timeout_s)
 
     async def _channel(self, address: str, priority: Priority) -> Channel:
         key = (address, priority)
@@ -87,7 +90,8 @@ class Links:
         if link.channel is None:
             assert link.failure is not None
             failure = link.failure
-            raise type(failure)(failure.what, where=failure.where, remedy=failure.remedy) from failure
+            kind = type(failure) if isinstance(failure, NotReached) else NotReached
+            raise kind(failure.what, where=failure.where, remedy=failure.remedy) from failure
         return link.channel
 
     async def _keep(self, key: Key, link: _Link) -> None:
@@ -117,6 +121,8 @@ class Links:
                 link.settled.set()
                 if self._links.get(key) is link:
                     del self._links[key]
+                if not self._is_closed:
+                    self.on_lost(address, priority)
 
 
 @asynccontextmanager
@@ -130,5 +136,5 @@ async def open_links(world: World) -> AsyncIterator[Links]:
             links.close()
 
 
-def _too_slow(address: str, timeout_s: float) -> Unreachable:
-    return Unreachable(f"the node does not answer within {timeout_s:g} s", where=address, remedy="see that it runs, then try again")
+def _too_slow(kind: type[Unreachable], address: str, timeout_s: float) -> Unreachable:
+    return kind(f"the node does not answer within {timeout_s:g} s", where=address, remedy="see that it runs, then try again")

@@ -18,7 +18,7 @@ from scenefold.crypto import EXPECTS_ANYTHING, PLACED_BY_NODE, signed_place
 from scenefold.peer.records.data import DataService
 from scenefold.peer.records.verification import KnownScene
 from scenefold.store import Store, open_store
-from scenefold.wire import Fault, Packet, PutItem
+from scenefold.wire import Fault, Packet, PutItem, SceneLogPublic
 from scenefold.world import World
 from scenefold.world.sim import SimDisk, SimNet, run_simulated
 from unit.peer.scenes_made import first_header, offered, sealed
@@ -130,6 +130,10 @@ class Neighbours:
         """Scenes, or later headers of them, that others would be asked for, each with the position and on whose behalf."""
         self.meanwhile: Callable[[], object] = lambda: None
         """What happens while they are."""
+        self.headers: dict[NodeId, SceneLogPublic] = {}
+        """Of the scene, at nodes that have not the first one."""
+        self.newest = SCENE
+        """What anybody finds who asks the others."""
         self.unknown_is = RejectReason.UNKNOWN_SCENE_OR_SPACE
 
     def seen_by(self, me: NodeId) -> Any:
@@ -161,16 +165,22 @@ class _Seen:
         return reply
 
     async def known(self, scene: SceneId, *, position: int = 0, ask: bool = True, asker: str = "") -> KnownScene:
-        if ask and (scene != SCENE.scene or position > SCENE.position):
+        if ask and (scene != SCENE.scene or position > self._header.position):
             await trio.lowlevel.checkpoint()
             self._all.looked_for.append((scene, position, asker))
             self._all.meanwhile()
+            if self._all.newest.position > self._header.position:
+                self._all.headers[self._me] = self._all.newest
         if scene != SCENE.scene:
             raise Refused(self._all.unknown_is, "unknown")
-        return KnownScene.of(SCENE)
+        return KnownScene.of(self._header)
+
+    @property
+    def _header(self) -> SceneLogPublic:
+        return self._all.headers.get(self._me, SCENE)
 
     def here(self, scene: SceneId) -> KnownScene | None:
-        return KnownScene.of(SCENE) if scene == SCENE.scene else None
+        return KnownScene.of(self._header) if scene == SCENE.scene else None
 
 
 def with_nodes(test: Callable[..., Awaitable[None]], *arcs: Arc | None, seed: int = 1) -> None:

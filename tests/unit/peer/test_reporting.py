@@ -12,7 +12,7 @@ from scenefold.client.reports import read_report
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.line import Handover, Side, Step
 from scenefold.peer.membership.roster import Roster
-from scenefold.peer.reporting import DROPPED, LOOK_S, TURNED_AWAY, Memory, Moment, report_of, role_of
+from scenefold.peer.reporting import DROPPED, LOG_PACKETS, LOOK_S, TURNED_AWAY, Memory, Moment, report_of, role_of
 from scenefold.store import StoreStatistics
 from scenefold.store.statistics import Counts
 from scenefold.wire import RemoveNode, pack_value
@@ -41,7 +41,7 @@ def moment(**changes: Any) -> Moment:
         "strays": 2,
         "damaged": 0,
         "rays_per_second": 5,
-        "events": {"given": 1, DROPPED: 4, TURNED_AWAY: 5},
+        "events": {"given": 1, DROPPED: 4, TURNED_AWAY: 5, LOG_PACKETS: 6},
         "balance": {"paused": False, "to_give": {"left": 9}},
         "blacklist": Blacklist(7, (address_prefix("10.1.2.0/24"), address_prefix("10.9.9.9"))),
     }
@@ -67,7 +67,7 @@ def test_a_client_reads_what_a_node_writes() -> None:
     assert (handover.gives, handover.open, handover.peer, handover.piece) == (True, True, address_of(node(1)), PIECE)
     assert (handover.seconds, handover.records, handover.bytes) == (4.0, 7, 700)
     assert not handover.peer_removed
-    assert (read.dropped, read.turned_away) == (4, 5)
+    assert (read.dropped, read.turned_away, read.log_packets) == (4, 5, 6)
     assert list(read.peers) == [address_of(node(1)), address_of(node(2))]
     assert all(peer.heard_s is None and not peer.alive for peer in read.peers.values())
 

@@ -83,7 +83,7 @@ class Draining:
         lies_elsewhere: Callable[[], Awaitable[bool]] = _never,
         close: Callable[[bool], None] = _ignored,
     ) -> None:
-        """`decides`: scenes whose log this node alone keeps. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
+        """`decides`: scenes whose log this node decides. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
 
         `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
         """

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.registry import Registry
 
 
 def why_never(node: NodeId, registry: Registry, decides: Sequence[SceneId]) -> Refused | None:
-    """What to say to who asks it to; None if it can. `decides`: scenes whose log it alone keeps."""
+    """What to say to who asks it to; None if it can. `decides`: scenes whose log it decides, alone or with others."""
     if node in registry.voters:
         return Refused(
             RejectReason.NOT_AUTHORISED,
@@ -29,7 +29,7 @@ def why_never(node: NodeId, registry: Registry, decides: Sequence[SceneId]) -> R
         names = ", ".join(f"{scene:08x}" for scene in decides[:4]) + (" and others" if len(decides) > 4 else "")
         return Refused(
             RejectReason.NOT_AUTHORISED,
-            f"this node alone keeps the log of scene {names}",
-            remedy="keep this node: for now a scene's log cannot move to another one",
+            f"this node decides what becomes of scene {names}",
+            remedy=f"let the scene's owners have others decide in its place: `scenectl scene relieve {address_of(node)}`",
         )
     return None

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator
 
 from scenefold.base.errors import DamagedData
+from scenefold.peer.cluster_log.held_notes import READY, unpack_page, unpack_ready
 from scenefold.peer.cluster_log.lives import unpack_granted, unpack_lives
 from scenefold.peer.copies.copies_note import decode_copies
 from scenefold.peer.line.holding_note import decode_holding
@@ -31,6 +32,8 @@ _READERS: tuple[tuple[str, Callable[[bytes], object]], ...] = (
     (r"cluster-log/header", SceneLogPublic.decode),
     (r"cluster-log/lives", unpack_lives),
     (r"cluster-log/life/[0-9a-f]{8}", unpack_granted),
+    (r"cluster-log/held/[0-9a-f]{2}", unpack_page),
+    (READY, unpack_ready),
     (r"blacklist", decode_blacklist),
     (SCRUB, decode_round),
     (UPKEEP, decode_orders),

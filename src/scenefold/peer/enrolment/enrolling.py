@@ -217,7 +217,7 @@ class Enrolling:
     async def _shared(self, registry: Registry) -> bool:
         """Whether nothing is left to do."""
         authority = self._authority()
-        wanting = registry.roll.trusted - registry.roll.sealed.keys() - {*registry.voters, self._me}
+        wanting = registry.roll.trusted - registry.issuers - {self._me}
         if authority is None or not wanting:
             return True
         try:

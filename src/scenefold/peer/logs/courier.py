@@ -12,7 +12,7 @@ import trio
 
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId
-from scenefold.consensus import Message
+from scenefold.consensus import Learn, Message
 from scenefold.peer.logs.ports import Carrier
 
 WAITING_MAX = 512
@@ -39,8 +39,22 @@ class Courier:
         waiting = self._waiting[target]
         try:
             while waiting:
-                await self._carrier.send(target, waiting.popleft())
+                message = waiting.popleft()
+                await self._carrier.send(target, message, *_behind(message, waiting))
         except Unreachable:
             self._lost(target)
         finally:
             del self._waiting[target]
+
+
+def _behind(message: Message, waiting: deque[Message]) -> list[Learn]:
+    """What is decided behind this one without a gap, and waits for the same target: it is taken out."""
+    found: list[Learn] = []
+    while isinstance(message, Learn) and waiting:
+        following = waiting[0]
+        if not isinstance(following, Learn) or following.position != message.position + 1:
+            break
+        waiting.popleft()
+        found.append(following)
+        message = following
+    return found

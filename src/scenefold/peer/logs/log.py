@@ -6,6 +6,7 @@ node that cannot write. Everything else may fail, come late or be forgotten.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import trio
@@ -13,6 +14,7 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.consensus import (
+    Ask,
     AskLog,
     Decide,
     Effect,
@@ -51,6 +53,8 @@ SYNC_S = 10.0
 """T_SYNC: a random participant is asked for what is lacking, 20 % sooner or later."""
 SHUN_S = 1.0
 """So long nobody is sent to a node that could not be reached."""
+ASK_AGAIN_S = 0.9
+"""So long `catch_up` asks nobody again."""
 TELL_MAX = 256
 TELL_BYTES_MAX = 4 * 1024 * 1024
 """What is told at once of a log that somebody lacks, beside the newest position: that one makes him ask again."""
@@ -77,6 +81,8 @@ class Log:
         self._timers = Timers(world.clock, world.entropy)
         self._shunned: dict[NodeId, float] = {}
         self._sync_at = world.clock.now()
+        self._to_ask: set[NodeId] = set()
+        self._asked_at = float("-inf")
         self.taken_over = 0
         """Proposals of others that this node has begun to bring to an end."""
 
@@ -111,6 +117,14 @@ class Log:
         self._shunned[node] = self._world.clock.now() + SHUN_S
         self._inbox.put(Lost(node))
 
+    def catch_up(self, others: Iterable[NodeId]) -> None:
+        """There is more than is known here: these may tell it. They are asked at once, if nobody was a moment ago."""
+        now = self._world.clock.now()
+        if now - self._asked_at >= ASK_AGAIN_S:
+            self._asked_at = now
+            self._to_ask = {*others} - {self._setting.me.node}
+            self._inbox.wake()
+
     async def ask(self, make: Make | None, within_s: float, *, is_for_all: bool = False) -> Answer:
         """Have something decided, at whatever position; without `make` look whether anything may have been begun (a barrier).
 
@@ -125,6 +139,7 @@ class Log:
         try:
             async with trio.open_nursery() as nursery:
                 courier = Courier(nursery, self._carrier, self.lost)
+                self._owner.stands(self._state.slot, is_silent=self.is_silent)
                 await self._happen(courier, Started())
                 task_status.started()
                 while True:
@@ -133,6 +148,7 @@ class Log:
                     if event is not None:
                         await self._happen(courier, event)
                         continue
+                    self._ask_others(courier)
                     now = self._world.clock.now()
                     if now >= self._sync_at:
                         self._sync(courier, now)
@@ -153,6 +169,11 @@ class Log:
             event = self._asking.next(self._state, self._world.clock.now())
         return event
 
+    def _ask_others(self, courier: Courier) -> None:
+        asked, self._to_ask = sorted(self._to_ask), set()
+        for other in asked:
+            courier.send(other, AskLog(self.genesis, self._state.position))
+
     def _sync(self, courier: Courier, now: float) -> None:
         self._sync_at = now + SYNC_S * (0.8 + 0.4 * self._world.entropy.uniform())
         others = sorted(self._state.judge.participants.nodes - {self._setting.me.node})
@@ -170,6 +191,8 @@ class Log:
             except Refused:
                 step = await self._step(event, replace(view, can_write=False))
                 assert step.write is None, "who cannot write changes nothing"
+            self._state = step.after
+            self._owner.stands(step.after.slot, is_silent=self.is_silent)
         self._state = step.after
         self._count(before, step.after)
         for effect in step.effects:
@@ -177,8 +200,8 @@ class Log:
 
     async def _step(self, event: Event, view: View) -> Step[State]:
         setting = self._memory.setting(self._state)
-        if isinstance(event, Received) and not isinstance(event.message, AskLog):
-            # A packet may bring some dozens of signatures.
+        if isinstance(event, Ask) or (isinstance(event, Received) and not isinstance(event.message, AskLog)):
+            # A packet may bring some dozens of signatures, and a value be long.
             return await self._world.workers.run("crypto", take, setting, self._state, event, view)
         return take(setting, self._state, event, view)
 

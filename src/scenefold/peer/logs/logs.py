@@ -14,6 +14,8 @@ class Logs:
 
     def __init__(self) -> None:
         self._logs: dict[bytes, Log] = {}
+        self.packets_sent = 0
+        """Of all logs together, to other nodes, since the start."""
 
     def add(self, log: Log) -> None:
         """From now on packets for it come to it."""

@@ -6,15 +6,18 @@ from typing import Protocol
 
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Decide, Judge, Message, Reply, Value
+from scenefold.consensus import Decide, Judge, Learn, Message, Reply, Slot, Value
 from scenefold.store.logs import NOTHING_BESIDE, Beside
 
 
 class Carrier(Protocol):
     """The way to other nodes."""
 
-    async def send(self, target: NodeId, message: Message, /) -> None:
-        """Return once it is on its way, which it may get lost on; Unreachable if the connection is refused, or broken."""
+    async def send(self, target: NodeId, message: Message, /, *more: Learn) -> None:
+        """Return once it is on its way, which it may get lost on; Unreachable if the connection is refused, or broken.
+
+        `more`: the positions behind a Learn, one after the other.
+        """
 
 
 class Surroundings(Protocol):
@@ -42,7 +45,16 @@ class Owner:
         return False
 
     def votes(self, value: Value) -> None:
-        """This node is about to vote for this: it is durable, and seen, only after this returns. It may fail then."""
+        """This node is about to vote for this: it is durable, and seen, only after this returns. It may fail then.
+
+        Refused if it must not vote for this now: then it does not, as if the disk had refused.
+        """
+
+    def stands(self, slot: Slot, *, is_silent: bool) -> None:
+        """What is durable of the open position: at the start of the log's task, and after each try to write.
+
+        `is_silent`: this node has forgotten what it said there, and says nothing.
+        """
 
     def beside(self, decided: Decide, after: Judge) -> Beside:
         """What else is to be written in the transaction that makes this decided."""

@@ -12,12 +12,13 @@ from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import AllKnown, Holdings, Known, Lease, Owners
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.copying import Copying, OneCopy
+from scenefold.peer.records.fence import Fence
 from scenefold.peer.records.ranges import Ranges
-from scenefold.peer.records.reads import Reads
+from scenefold.peer.records.reads import Reads, behind
 from scenefold.peer.records.writes import Writes
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Store
-from scenefold.wire import RecordBytes, RecordKey
+from scenefold.wire import RecordBytes, RecordKey, SceneMode
 from scenefold.world import World
 
 
@@ -38,9 +39,10 @@ class DataService:
         known: Known | None = None,
     ) -> None:
         """`copying`: None where every space has one copy. `known`: None where no place is ever adopted."""
-        copying, known = copying or OneCopy(store), known or AllKnown()
-        self.writes = Writes(world, store, scenes, line, lease, routing, me, copying, known)
-        self.reads = Reads(store, peers, scenes, line, lease, routing, me, copying, known)
+        copying, known, fence = copying or OneCopy(store), known or AllKnown(), Fence()
+        self._scenes = scenes
+        self.writes = Writes(world, store, scenes, line, lease, routing, me, copying, known, fence)
+        self.reads = Reads(store, peers, scenes, line, lease, routing, me, copying, known, fence)
         self.ranges = Ranges(store, scenes, line, lease, copying, known)
 
     def register(self, handlers: Handlers) -> None:
@@ -51,9 +53,13 @@ class DataService:
     async def read(self, scene: SceneId, keys: Sequence[RecordKey], position: int) -> list[RecordBytes | None]:
         """All records at the keys, wherever they lie, stale ones too; for services of this node.
 
-        Refused (16) if an owner is away, or cannot say that nothing is there.
+        Refused (16) if an owner is away, cannot say that nothing is there, or does not know yet what the mode of this position forbids.
         """
         found: list[RecordBytes | None] = []
+        public = (await self._scenes.known(scene, position=position)).public
         while len(found) < len(keys):
-            found += (await self.reads.get(scene, keys[len(found) :], position, forward=True)).records
+            part = await self.reads.get(scene, keys[len(found) :], position, forward=True)
+            if public.mode is SceneMode.RENDER and part.write_floor < public.write_floor:
+                raise behind()
+            found += part.records
         return found

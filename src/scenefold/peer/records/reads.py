@@ -3,7 +3,8 @@
 A read at the wrong node is forwarded to the owner, once: what one node asks another is never forwarded again, so
 tables that disagree cannot send a request in circles. A node without a lease may have been replaced without knowing: what
 it has it gives, marked stale, and what it lacks it does not call absent. A record that has rotted on the disk is said to
-be damaged, in its place, and keeps nobody from the others.
+be damaged, in its place, and keeps nobody from the others. An answer says how far whoever gave it knows the scene's log: for an image
+only those count that what is forbidden by now cannot change any more (fence.py).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.holdings import LOOKS_MAX, Holdings, Known, Lease, Owners, no_lease, not_recovered, other_candidates, silent_owner
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.copying import TOLD_S_MAX, Copying
+from scenefold.peer.records.fence import Fence
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Spot, Store
 from scenefold.wire import DAMAGED_RECORD, EmptyData, GetData, GetMany, GetManyReply, Packet, RecordBytes, RecordKey, ReturnData
@@ -34,15 +36,22 @@ READ_BATCH = 128
 FORWARD_S_MAX = 10.0
 FORWARD_OTHER_S = 3.0
 """For one that is not the last who may have it: a node that hangs must not hold up what the next one can answer."""
+_NO_HEADER = 2**64 - 1
+"""What nobody was asked about is as new as can be."""
 _RECORD_FRAMING_BYTES = 16
 """MessagePack heads of one record in a reply."""
 
 
 class Found(NamedTuple):
-    """Records in the order of their keys, None where nothing is, DAMAGED_RECORD where one has rotted. `stale`: newer versions may be elsewhere."""
+    """Records in the order of their keys, None where nothing is, DAMAGED_RECORD where one has rotted. `stale`: newer versions may be elsewhere.
+
+    `position`, `write_floor`: of the oldest header that some answerer goes by.
+    """
 
     records: list[RecordBytes | None]
     stale: bool
+    position: int
+    write_floor: int
 
 
 class Reads:
@@ -59,6 +68,7 @@ class Reads:
         me: NodeId,
         copying: Copying,
         known: Known,
+        fence: Fence,
     ) -> None:
         self._store = store
         self._peers = peers
@@ -69,6 +79,7 @@ class Reads:
         self._me = me
         self._copying = copying
         self._known = known
+        self._fence = fence
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(GetData, self._on_get)
@@ -79,17 +90,25 @@ class Reads:
         found: list[RecordBytes | None] = []
         stale = False
         room = BULK_BYTES_MAX
+        position_said, floor = await self._fenced(scene, position)
         # However many batches there are: what is unsettled is waited for once.
         until = trio.current_time() + TOLD_S_MAX
         for start in range(0, len(keys), READ_BATCH):
             batch = await self._read_batch(scene, keys[start : start + READ_BATCH], position, until, forward=forward)
             stale = stale or batch.stale
+            position_said, floor = min(position_said, batch.position), min(floor, batch.write_floor)
             for record in batch.records:
                 room -= _size_of(record)
                 if room < 0 and found:
-                    return Found(found, stale)
+                    return Found(found, stale, position_said, floor)
                 found.append(record)
-        return Found(found, stale)
+        return Found(found, stale, position_said, floor)
+
+    async def _fenced(self, scene: SceneId, position: int) -> tuple[int, int]:
+        """Position and write floor of the header that is here, durably; what it forbids comes in no more from now on."""
+        known = self._scenes.here(scene) or await self._scenes.known(scene, position=position)
+        await self._fence.passed(scene, known.public.write_floor)
+        return known.public.position, known.public.write_floor
 
     async def _read_batch(self, scene: SceneId, keys: Sequence[RecordKey], position: int, until: float, *, forward: bool) -> Found:
         found: dict[RecordKey, RecordBytes | None] = {}
@@ -101,17 +120,19 @@ class Reads:
         if by_candidates and not forward:
             raise Refused(RejectReason.NOT_MY_LOCATION, "the location belongs to another node")
         stale = await self._read_own(scene, own, found, until)
+        position_said, floor = _NO_HEADER, _NO_HEADER
 
         async def fetch(candidates: tuple[NodeId, ...], theirs: Sequence[RecordKey]) -> None:
-            nonlocal stale
+            nonlocal stale, position_said, floor
             while theirs:
                 reply = await self._ask_in_turn(candidates, GetMany(scene=scene, position=position, keys=tuple(theirs)))
                 stale = stale or reply.stale
+                position_said, floor = min(position_said, reply.position), min(floor, reply.write_floor)
                 found.update(zip(theirs, reply.records, strict=False))
                 theirs = theirs[len(reply.records) :]
 
         await _all_at_once([partial(fetch, candidates, theirs) for candidates, theirs in by_candidates.items()])
-        return Found([found[key] for key in keys], stale)
+        return Found([found[key] for key in keys], stale, position_said, floor)
 
     async def _read_own(self, scene: SceneId, keys: Sequence[RecordKey], found: dict[RecordKey, RecordBytes | None], until: float) -> bool:
         """Read what is ours into `found`; True if it may be stale."""
@@ -175,12 +196,11 @@ class Reads:
         for space in sorted({key.space for key in packet.keys}):
             known.check_no_shadow(space, "read")
         found = await self.get(packet.scene, packet.keys, packet.position, forward=node_of(peer) is None)
-        return GetManyReply(records=tuple(found.records), stale=found.stale)
+        return GetManyReply(tuple(found.records), found.stale, found.position, found.write_floor)
 
     async def _on_get(self, packet: GetData, peer: str) -> Packet:
         known = await self._scenes.known(packet.scene, position=packet.position, asker=peer)
         known.check_no_shadow(packet.space, "read")
-        public = known.public
         key = RecordKey(packet.space, packet.location, packet.object)
         found = await self.get(packet.scene, [key], packet.position, forward=node_of(peer) is None)
         record = found.records[0]
@@ -191,8 +211,8 @@ class Reads:
                 scene=packet.scene,
                 space=packet.space,
                 location=packet.location,
-                position=public.position,
-                write_floor=public.write_floor,
+                position=found.position,
+                write_floor=found.write_floor,
             )
         return ReturnData(
             scene=packet.scene,
@@ -201,10 +221,15 @@ class Reads:
             signature=record.signature,
             header=record.header,
             ciphertext=record.ciphertext,
-            position=public.position,
-            write_floor=public.write_floor,
+            position=found.position,
+            write_floor=found.write_floor,
             stale=found.stale,
         )
+
+
+def behind() -> Refused:
+    """For an answer that is none for an image: whoever gave it may still take what the scene's mode forbids."""
+    return Refused(RejectReason.NOT_READY, "an owner does not know the scene's mode yet", remedy="ask again in a while")
 
 
 async def _all_at_once(fetches: Sequence[Callable[[], Awaitable[None]]]) -> None:

@@ -2,7 +2,7 @@
 
 In this order, cheapest first: the header is that of the scene with this genesis, and the log has come to its epoch, else nothing definite can be
 said of it; the scene's public header lists the space, and the writer for that epoch; it is that of the place it is offered for; the epoch is not below
-the write floor; the signature and the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
+the write floor, and the scene's mode allows it; the signature and the digest of the ciphertext are right. Nothing here needs the scene's key: a node cannot read what it stores.
 
 Copies that another node hands over are verified alike, but for the write floor and former keys: they were accepted once, and must
 be movable in every mode. Of an epoch that has not come, or under a key that the scene does not have yet, no record was ever accepted.
@@ -38,7 +38,7 @@ from scenefold.crypto import (
 )
 from scenefold.scene.log import Layouts, Turn
 from scenefold.store import Put
-from scenefold.wire import HandItem, PutItem, SceneLogPublic, WriterEntry
+from scenefold.wire import HandItem, PutItem, SceneLogPublic, SceneMode, WriterEntry
 
 Item = TypeVar("Item", PutItem, HandItem)
 
@@ -61,6 +61,8 @@ class KnownScene:
     """Of each shadow: the space whose records it holds. Nobody writes to it, reads or lists it."""
     turns: Mapping[SpaceId, Turn]
     """Of each space that has had other copies before (specs/23-turns.md)."""
+    outputs: frozenset[SpaceId] | None = None
+    """In render mode the spaces that may still be written; None: edit mode."""
 
     @classmethod
     def of(cls, public: SceneLogPublic) -> KnownScene:
@@ -75,7 +77,8 @@ class KnownScene:
         managed = frozenset(entry.space for entry in public.spaces if entry.node_managed)
         spaces = frozenset(entry.space for entry in public.spaces)
         copies = Layouts.of(public.spaces, public.scene)
-        return cls(public, keys, writers, spaces, managed, copies.offsets, copies.needed, copies.parents, copies.turns)
+        outputs = frozenset(entry.space for entry in public.spaces if entry.render_output) if public.mode is SceneMode.RENDER else None
+        return cls(public, keys, writers, spaces, managed, copies.offsets, copies.needed, copies.parents, copies.turns, outputs)
 
     @property
     def turned(self) -> int:
@@ -88,6 +91,15 @@ class KnownScene:
         if parent is not None:
             what = f"space {space} holds the copies of space {parent}"
             raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, what, remedy=f"{to_do} space {parent}")
+
+    def check_mode(self, header: RecordHeader) -> None:
+        """Refused (9) for what must not be written any more (specs/26-modes.md, What storage nodes do in render mode)."""
+        if header.epoch < self.public.write_floor:
+            raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
+        if self.outputs is not None and header.space not in self.outputs:
+            raise Refused(RejectReason.MODE_FORBIDS, f"the scene is in render mode, and space {header.space} holds no output of a render")
+        if header.key_epoch < self.public.key_epoch:
+            raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
 
     def writer_key(self, header: RecordHeader) -> PublicKey:
         """The key of the header's writer, if it may write at the header's epoch; Refused otherwise."""
@@ -125,10 +137,7 @@ def _claimed_put(item: PutItem, scene: KnownScene) -> Claim:
     scene.check_no_shadow(header.space, "write to")
     if header.placement != PLACED_BY_NODE and header.space in scene.managed:
         raise Refused(RejectReason.ILL_FORMED, "nodes choose the places in this space, and the record names one")
-    if header.epoch < scene.public.write_floor:
-        raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
-    if header.key_epoch < scene.public.key_epoch:
-        raise Refused(RejectReason.MODE_FORBIDS, "the record is sealed under a former key of the scene")
+    scene.check_mode(header)
     _check_key_epoch(header, scene)
     return Claim(Put(record), key)
 

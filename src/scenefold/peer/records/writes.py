@@ -20,6 +20,7 @@ from scenefold.crypto import PLACED_BY_NODE
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.holdings import Holdings, Known, Lease, Owners, other_owner
 from scenefold.peer.records.copying import TOLD_S_MAX, Copying, NotKept
+from scenefold.peer.records.fence import Fence
 from scenefold.peer.records.verification import KnownScene, epochs_of, home_of, verify_all
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.store import Outcome, Put, PutResult, Store
@@ -53,6 +54,7 @@ class Writes:
         me: NodeId,
         copying: Copying,
         known: Known,
+        fence: Fence,
     ) -> None:
         self._world = world
         self._store = store
@@ -63,6 +65,7 @@ class Writes:
         self._me = me
         self._copying = copying
         self._known = known
+        self._fence = fence
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(ProposeData, self._on_propose)
@@ -149,9 +152,22 @@ class Writes:
                 await stack.enter_async_context(self._line.writing(places, anywhere=len(places) < len(puts)))
             if patience.cancelled_caught:
                 return [RejectReason.BUSY] * len(puts)
-            if any(known.turns or any(known.layouts.values()) for known in self._newest(scenes)):
-                return list(await self._copying.put(puts, scenes))
-            return list(await self._store.put(puts))
+            # While records were looked at, a header may have come by which they must not be stored any more.
+            newest = self._newest(scenes)
+            results: list[PutResult | NotKept | RejectReason | None] = [_forbidden(put, newest) for put in puts]
+            allowed = [put for put, result in zip(puts, results, strict=True) if result is None]
+            with self._fence.storing({scene: known.public.position for scene, known in newest.items()}):
+                stored = iter(await self._put(allowed, scenes, newest))
+            return [next(stored) if result is None else result for result in results]
+
+    async def _put(
+        self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], newest: Mapping[SceneId, KnownScene]
+    ) -> Sequence[PutResult | NotKept]:
+        if not puts:
+            return []
+        if any(known.turns or any(known.layouts.values()) for known in newest.values()):
+            return await self._copying.put(puts, scenes)
+        return await self._store.put(puts)
 
     def _judged(self, item: PutItem, result: PutResult | NotKept | RejectReason) -> PutOutcome:
         """What is said of a result at this very moment: without a lease nothing that a later owner could contradict."""
@@ -181,9 +197,9 @@ class Writes:
                 reasons[scene] = refusal.reason
         return scenes, reasons, has_waited
 
-    def _newest(self, scenes: Mapping[SceneId, KnownScene]) -> list[KnownScene]:
-        """As they are by now: since they were looked up, a space may have come to have copies."""
-        return [self._scenes.here(scene) or known for scene, known in scenes.items()]
+    def _newest(self, scenes: Mapping[SceneId, KnownScene]) -> dict[SceneId, KnownScene]:
+        """As they are by now: since they were looked up, a space may have come to have copies, or the mode have changed."""
+        return {scene: self._scenes.here(scene) or known for scene, known in scenes.items()}
 
     async def _here(self, scene: SceneId) -> KnownScene | None:
         """What this node itself has of the scene; this waits for nobody."""
@@ -211,6 +227,17 @@ class Writes:
         behind = reason in (RejectReason.MODE_FORBIDS, RejectReason.KEY_REVOKED)
         public = (await self._scenes.known(packet.scene)).public if behind else None
         return RejectData(reason=reason, owner=outcome.owner, public=public)
+
+
+def _forbidden(put: Put, scenes: Mapping[SceneId, KnownScene]) -> RejectReason | None:
+    header = put.record.header
+    for known in scenes.values():
+        if known.public.genesis == header.genesis:
+            try:
+                known.check_mode(header)
+            except Refused as refusal:
+                return refusal.reason
+    return None
 
 
 def _outcome(item: PutItem, reason: RejectReason) -> PutOutcome:

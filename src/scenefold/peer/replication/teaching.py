@@ -16,6 +16,7 @@ from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.telling_words import members_of
 from scenefold.peer.scene_log.proposals import answer_of
 from scenefold.peer.scene_log.scene_asking import ASK_S_MAX, said_by
+from scenefold.scene.log.values import deciding
 from scenefold.wire import Member, RespondSceneLog, SceneTurn
 from scenefold.world import Priority
 
@@ -65,7 +66,7 @@ class Teaching:
         if not self.view():
             return []
         found = dict.fromkeys(members_of(parts.keeper.copies.configurations))
-        if any(known.turns and known.public.origin == parts.own.me for known in parts.scenes.everyone()):
+        if any(known.turns and parts.own.me in deciding(known.public) for known in parts.scenes.everyone()):
             registry = parts.cluster_log.registry
             known_members = [known.member for node in registry.members if (known := registry.current(node)) is not None]
             found.update(dict.fromkeys(known_members))

@@ -9,10 +9,11 @@ another. The first voter takes so many scenes of each user, and no more: else on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.limits import SCENES_PER_USER_MAX
+from scenefold.base.ids import NodeId
+from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey
 from scenefold.peer.records.verification import KnownScene
@@ -32,6 +33,17 @@ def maker_of(scene: KnownScene) -> PublicKey | None:
     """The key of the scene's maker; None for a header without writers."""
     writers = scene.public.writers
     return scene.keys.get(writers[0].key) if writers else None
+
+
+def check_room(known: Collection[object]) -> None:
+    """Refused if there are so many scenes already."""
+    if len(known) >= SCENES_LISTED_MAX:
+        raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster holds {SCENES_LISTED_MAX} scenes already")
+
+
+def begun_by(node: NodeId, key: PublicKey, known: Iterable[KnownScene]) -> list[KnownScene]:
+    """The scenes whose maker that node has looked at. Who decides elsewhere can name any user in its headers."""
+    return [one for one in known if one.public.origin == node and one.public.origin_key == key.raw]
 
 
 def check_maker(scene: KnownScene, decided_here: Iterable[KnownScene], may_make: Callable[[PublicKey], bool]) -> None:

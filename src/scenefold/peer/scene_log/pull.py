@@ -13,6 +13,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.rounds import ASKED_OF_KNOWN, BEYOND_ORIGIN, Rounds
 from scenefold.peer.scene_log.scene_asking import shown_by
+from scenefold.scene.log.values import deciding
 from scenefold.wire import RequestSceneLog, SceneLogPublic, Want
 from scenefold.world import World
 
@@ -73,7 +74,7 @@ class Pull:
         else:
             return True
         known = self._known(scene)
-        order = self._peers.others(first=None if known is None else known.public.origin)
+        order = self._in_order(known)
         if not self._begun.begin(asker, len(order), self._world.clock.now(), is_known=known is not None):
             return False
         begun = self._rounds[scene] = _Round({asker})
@@ -103,13 +104,13 @@ class Pull:
             found = self._known(scene)
             if found is None:
                 continue
-            origin = found.public.origin
-            if is_new and origin in order:
+            deciders = deciding(found.public)
+            if is_new and deciders & {*order}:
                 # It was decided, and may be old: who decides knows.
-                order = [origin, *(other for other in order if other != origin)]
+                order = sorted(order, key=lambda other: other not in deciders)
             elif self._is_known(scene, position):
                 break
-            elif member == origin:
+            elif member in deciders:
                 # Somebody claims too much, most likely. But it may have lost its disk.
                 order = order[:BEYOND_ORIGIN]
         if self._is_known(scene, position):
@@ -118,6 +119,11 @@ class Pull:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
         return True
+
+    def _in_order(self, known: KnownScene | None) -> list[NodeId]:
+        """All others, first whoever decides the scene."""
+        deciders = set() if known is None else deciding(known.public)
+        return sorted(self._peers.others(), key=lambda other: other not in deciders)
 
     def _is_known(self, scene: SceneId, position: int) -> bool:
         found = self._known(scene)

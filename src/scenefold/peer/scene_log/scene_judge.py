@@ -42,7 +42,7 @@ class SceneJudge:
         """`known`: a header that was decided, of a scene that has participants. `requests`: what headers up to it were asked for by."""
         assert known.public.participants, "the origin alone decides"
         found = {**(requests or {}), **_request_of(known.public)}
-        return cls(known, _participants(known.public), changes_before(known.public), MappingProxyType(found))
+        return cls(known, participants_after(known.public), changes_before(known.public), MappingProxyType(found))
 
     @property
     def public(self) -> SceneLogPublic:
@@ -51,7 +51,7 @@ class SceneJudge:
     def refuses(self, value: Value, *, is_decided: bool = False) -> RejectReason | None:
         """Takes some 300 microseconds, and longer with a long log."""
         try:
-            self._check(value, is_decided=is_decided)
+            self.check(value, is_decided=is_decided)
         except Refused as refused:
             return refused.reason
         return None
@@ -67,12 +67,13 @@ class SceneJudge:
         changed = public.participants != self.public.participants
         return SceneJudge(
             KnownScene.of(public),
-            _participants(public) if changed else self.participants,
+            participants_after(public) if changed else self.participants,
             self.changes + changed,
             MappingProxyType({**self.requests, **_request_of(public)}),
         )
 
-    def _check(self, value: Value, *, is_decided: bool) -> None:
+    def check(self, value: Value, *, is_decided: bool = False) -> None:
+        """Likewise, with Refused."""
         try:
             body = opened_value(value)
         except MalformedPacket as problem:
@@ -109,7 +110,8 @@ class SceneJudge:
             raise Refused(RejectReason.LIMIT_EXCEEDED, what, where=f"scene {public.scene:08x}")
 
 
-def _participants(public: SceneLogPublic) -> Participants:
+def participants_after(public: SceneLogPublic) -> Participants:
+    """Who decides the position behind this header's."""
     return Participants(tuple(Participant(entry.member, PublicKey(entry.key)) for entry in deciders_after(public)))
 
 

@@ -1,41 +1,43 @@
-"""Public scene headers: decided by one node, kept by all, fetched by whoever lacks one (specs/16-scene-log.md).
+"""Public scene headers: decided, kept by all, fetched by whoever lacks one (specs/16-scene-log.md).
 
-For now a scene's log has one participant: the node that its headers name as origin, for the scene's whole life. It decides
-alone what the next position is and signs that, persists header and sealed log in one transaction, and pushes the header to all
-members. A node that was away meets the scene's id or a newer position in a request, or in the list that it asks for at its start,
-and pulls the header from others, once for all who wait. A header shows that it was decided, so it counts whoever shows it. The
-log is opaque here: whoever holds the scene's key opens it.
+As long as a scene's header names no participants, the node that it names as origin decides alone what the next position is and signs that,
+persists header and sealed log in one transaction, and pushes the header to all; then its participants do (participation.py). Who was away pulls
+the header from others, once for all who wait. It shows that it was decided, so it counts whoever shows it. The log is opaque here.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 
 import trio
 
-from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
-from scenefold.base.limits import SCENES_LISTED_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey
 from scenefold.peer.handlers import Handlers, node_of
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.beginning import catch_up, load_headers
 from scenefold.peer.scene_log.changes import Changes
 from scenefold.peer.scene_log.first_look import FirstLook
-from scenefold.peer.scene_log.headers import checked_header
-from scenefold.peer.scene_log.makers import check_maker
+from scenefold.peer.scene_log.headers import FIRST_POSITION, checked_header
+from scenefold.peer.scene_log.makers import begun_by, check_maker, check_room
+from scenefold.peer.scene_log.participation import Participation
 from scenefold.peer.scene_log.proposals import accepted, answer_of, decide, rejection
+from scenefold.peer.scene_log.proposing import Proposing
 from scenefold.peer.scene_log.pull import Pull
 from scenefold.peer.scene_log.scene_asking import listed_by, tell_all
+from scenefold.peer.scene_log.scene_run import CATCH_UP_S, SceneRun
 from scenefold.scene.log.decisions import hash_of_log
+from scenefold.scene.log.values import deciding
 from scenefold.store import Store
 from scenefold.wire import (
     ListScenes,
-    MalformedPacket,
     Packet,
     ProposeSceneLog,
     RequestSceneLog,
@@ -63,8 +65,9 @@ class Scenes:
         voter: NodeId,
         may_make: Callable[[PublicKey], bool],
         check_new: Callable[[SceneLogPublic], None],
+        participation: Participation | None = None,
     ) -> None:
-        """`voter`: the one node where scenes begin. `may_make`: whether the holder of a signing key may make them. `check_new`: Refused for a
+        """`participation`: runs the logs in which this node takes part; None: it takes part in none. `voter`: the one node where scenes begin. `may_make`: whether the holder of a signing key may make them. `check_new`: Refused for a
         header of a scene that is unknown here, and that did not begin there."""
         self._voter = voter
         self._check_new = check_new
@@ -76,7 +79,9 @@ class Scenes:
         self._known: dict[SceneId, KnownScene] = {}
         self._pull = Pull(world, peers, self._known.get, self._try_adopt)
         self._first_look = FirstLook(world, peers, self._try_adopt)
-        self._changes = Changes()
+        self._participation = participation
+        self._proposing = None if participation is None else Proposing(world, peers, own.me, participation)
+        self._changes = Changes() if participation is None else participation.changes
         self._lock = trio.Lock()
         self._quiet, self._quiet_info = QuietLog(_log), QuietLog(_log, logging.INFO)
 
@@ -85,45 +90,19 @@ class Scenes:
         handlers.add(ListScenes, self._on_list)
 
     async def load(self) -> None:
-        """Read what this node kept from before.
-
-        A header that does not verify any more is left out: others have it, and it is pulled when the scene is met. But the
-        keeper of a log must not forget how far it is: DamagedData.
-        """
-        for scene, header in (await self._store.headers()).items():
-            try:
-                self._known[scene] = checked_header(SceneLogPublic.decode(header), None)
-            except (MalformedPacket, Refused) as problem:
-                where = f"scene {scene:08x}: {problem}"
-                if await self._store.get_scene_log(scene) is not None:
-                    remedy = "restore the data folder from a backup, or start with an empty one; the scene's spaces stand still then"
-                    raise DamagedData("the header of a scene whose log is kept here is damaged", where=where, remedy=remedy) from problem
-                _log.error("a damaged scene header is dropped and asked for again: %s", where)
+        """Read what this node kept from before. The keeper of a log must not forget how far it is: DamagedData."""
+        self._known.update(await load_headers(self._store))
 
     async def catch_up(self) -> None:
         """Take the list of scenes of the first other member that answers; tell what this node decided and that list lacks."""
-        for member in self._peers.others():
-            listed = await self.take_list(member)
-            if listed is None:
-                continue
-            for origin in sorted({public.origin for public in listed} - {member}):
-                # What was shown was decided, and may be old: who decides knows.
-                if origin in self._peers.others():
-                    await self.take_list(origin)
-            told = {public.scene: public.position for public in listed}
-            for scene in self.decided_by(self._own.me):
-                # It may have died between deciding and telling.
-                public = self._known[scene].public
-                if told.get(scene, 0) < public.position:
-                    await tell_all(self._peers, public)
-            return
+        await catch_up(self._peers, self._own.me, self.take_list, self._known)
 
     async def _try_adopt(self, public: SceneLogPublic, source: str) -> None:
         try:
-            await self.adopt(public)
+            await self.adopt(public, within_s=0.0)
         except Refused as refusal:
             text = f"the header of scene {public.scene:08x} is not taken: {refusal}"
-            if refusal.reason is RejectReason.POSITION_BEHIND:
+            if refusal.reason in (RejectReason.POSITION_BEHIND, RejectReason.NOT_READY):
                 # The usual course of things between nodes that push and pull.
                 _log.debug("%s: %s", source, text)
             else:
@@ -147,6 +126,9 @@ class Scenes:
         found, was_looked_for = self._known.get(scene), True
         if ask and (found is None or found.public.position < position):
             was_looked_for = await self._pull.until(scene, position, asker)
+            one = self._run_of(scene)
+            if one is not None and one.public.position < position <= one.shown_position:
+                await one.come_to(position, CATCH_UP_S)
             found = self._known.get(scene)
         if found is None and not was_looked_for:
             what = f"scene {scene:08x} is unknown here, and the other nodes were asked for too many lately"
@@ -166,26 +148,41 @@ class Scenes:
         """What this node itself has of it, at this moment."""
         return self._known.get(scene)
 
-    def decided_by(self, node: NodeId) -> list[SceneId]:
-        """The scenes whose log that node decides and keeps, by id."""
-        return sorted(scene for scene, known in self._known.items() if known.public.origin == node)
+    def relying_on(self, node: NodeId) -> list[SceneId]:
+        """The scenes whose log that node decides, alone or with others, by id."""
+        return sorted(scene for scene, known in self._known.items() if node in deciding(known.public))
 
-    async def adopt(self, public: SceneLogPublic) -> KnownScene:
-        """Verify a header and keep it durably; Refused if it must not be. One at a time."""
+    async def adopt(self, public: SceneLogPublic, *, within_s: float = CATCH_UP_S) -> KnownScene:
+        """Verify a header and keep it durably; Refused if it must not be. One at a time.
+
+        Where this node runs the scene's log, that has to come so far within the time; Refused (16) if it does not.
+        """
+        await self._keep(public)
+        one = self._run_of(public.scene)
+        if one is not None:
+            await one.insist(public.position, within_s)
+        return self._known[public.scene]
+
+    async def _keep(self, public: SceneLogPublic) -> None:
+        """Verified and durable, or shown to the log that it is to come by."""
         async with self._lock:
             before = self._known.get(public.scene)
             if before is not None and before.public == public:
-                return before
+                return
             if before is None:
                 self._check_new(public)
-            self._check_room(before)
+                check_room(self._known)
             scene = await self._world.workers.run("crypto", checked_header, public, before)
-            if public.origin == self._own.me and before is not None and await self._log_of(before.public) is not None:
+            one = self._run_of(public.scene)
+            if one is not None:
+                one.shown(scene)
+                return
+            alone = before is not None and deciding(before.public) == {self._own.me} and not before.public.participants
+            if before is not None and alone and await self._log_of(before.public) is not None:
                 # Only an older disk forgets what was decided. The log that is here goes with the header of before.
                 _log.warning("scene %08x: this node has decided position %d and forgotten it", public.scene, public.position)
             await self._store.put_header(public.scene, public.encode())
-            self._take(scene)
-            return scene
+            self.take(scene)
 
     async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
         self._check_changes(packet)
@@ -200,7 +197,7 @@ class Scenes:
             scene = await self._judged(packet, known)
             if scene is not known:
                 await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
-                self._take(scene)
+                self.take(scene)
                 if known is not None:
                     self._changes.count(known, scene.public, self._world.clock.now())
             return scene
@@ -217,25 +214,22 @@ class Scenes:
         judging = partial(decide, packet, known, self._own.key, has_log=has_log)
         scene: KnownScene = await self._world.workers.run("crypto", judging)
         if known is None:
-            self._check_room(known)
+            check_room(self._known)
             if self._own.me != self._voter:
                 # At several nodes at once a user would have the quota of each.
                 raise Refused(RejectReason.NOT_AUTHORISED, "new scenes are decided by the cluster's first voter")
-            check_maker(scene, self._decided_here(), self._may_make)
+            check_maker(scene, begun_by(self._own.me, self._own.key.public, self._known.values()), self._may_make)
         return scene
 
-    def _decided_here(self) -> list[KnownScene]:
-        """Whose maker this node has looked at. Who decides elsewhere can name any user in its headers."""
-        mine = self._own.key.public.raw
-        return [known for known in self._known.values() if known.public.origin == self._own.me and known.public.origin_key == mine]
-
-    def _check_room(self, before: KnownScene | None) -> None:
-        if before is None and len(self._known) >= SCENES_LISTED_MAX:
-            raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster holds {SCENES_LISTED_MAX} scenes already")
-
-    def _take(self, scene: KnownScene) -> None:
+    def take(self, scene: KnownScene) -> None:
+        """A header that is durable here is the newest."""
         self._known[scene.public.scene] = scene
         self._pull.found(scene.public.scene)
+        if self._participation is not None:
+            self._participation.meets(scene)
+
+    def _run_of(self, scene: SceneId) -> SceneRun | None:
+        return None if self._participation is None else self._participation.of(scene)
 
     async def _log_of(self, public: SceneLogPublic) -> bytes | None:
         """The sealed log of this header, if this node keeps it: a disk that was lost has none, or that of a header before."""
@@ -249,6 +243,11 @@ class Scenes:
     async def on_propose(self, packet: ProposeSceneLog, peer: str) -> Packet:
         """118: decide, if this node is the scene's origin; hand a user's proposal on to it otherwise."""
         known = self._known.get(packet.public.scene)
+        if known is None and node_of(peer) is None and packet.public.position > FIRST_POSITION:
+            with suppress(Refused):
+                known = await self.known(packet.public.scene, asker=peer)
+        if known is not None and known.public.participants and self._proposing is not None:
+            return await self._proposing.answer(packet, known, peer)
         origin = packet.public.origin if known is None else known.public.origin
         if origin != self._own.me:
             if node_of(peer) is not None:
@@ -264,8 +263,12 @@ class Scenes:
         await tell_all(self._peers, scene.public)
         return accepted(scene.public)
 
-    async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet:
+    async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet | None:
         """5: the newest header, and the sealed log with it if that was asked for and is kept here. Refused (13) if others had to be asked for it, and were not."""
+        if packet.want is Want.DECIDED:
+            return None if self._participation is None else await self._participation.on_request(packet, peer)
+        if packet.want is Want.LEASE and self._participation is not None:
+            return await self._participation.on_lease(packet, peer)
         try:
             # Nodes that ask each other must not set off a round of asking: only users' questions do.
             scene = await self.known(packet.scene, position=packet.have, ask=node_of(peer) is None, asker=peer)
@@ -278,6 +281,8 @@ class Scenes:
             return RespondSceneLog(answer=None)
         if packet.want is not Want.LOG:
             return RespondSceneLog(answer=answer_of(scene.public, packet.nonce, None))
+        if self._participation is not None and (kept := await self._participation.sealed_log(packet.scene)) is not None:
+            return RespondSceneLog(answer=answer_of(kept[0], packet.nonce, kept[1]))
         async with self._lock:
             # Header and log change together, so both are read between two changes.
             public = self._known[packet.scene].public
@@ -285,7 +290,9 @@ class Scenes:
         return RespondSceneLog(answer=answer_of(public, packet.nonce, private))
 
     async def on_push(self, packet: RespondSceneLog, peer: str) -> None:
-        """6 that nobody asked for: a header that was decided."""
+        """6 that nobody asked for: a header that was decided, or what was decided of some log."""
+        if packet.decided is not None and self._participation is not None:
+            self._participation.intake.take(packet, peer)
         if packet.answer is not None:
             await self._try_adopt(packet.answer.public, peer)
 

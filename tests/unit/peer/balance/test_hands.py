@@ -402,7 +402,7 @@ async def test_who_cannot_be_spared_says_so(number: int) -> None:
     street = Street([64 * MIB] * 2)
     house = street.houses[number]
     house.decides = [SceneId(7)] if number else []
-    with pytest.raises(Refused, match="alone keeps the log of scene 00000007" if number else "decides the cluster's log") as caught:
+    with pytest.raises(Refused, match="decides what becomes of scene 00000007" if number else "decides the cluster's log") as caught:
         await tell(house, ORDER)
     assert caught.value.reason == RejectReason.NOT_AUTHORISED
     assert caught.value.remedy

@@ -131,6 +131,8 @@ async def test_a_record_of_which_a_later_header_says_something_else_is_left_alon
         (NOTES, "cluster-log/header", "wipe"),
         (NOTES, "cluster-log/lives", "wipe"),
         (NOTES, "cluster-log/life/7f000002", "wipe"),
+        (NOTES, "cluster-log/held/7f", "wipe"),
+        (NOTES, "cluster-log/ready", "wipe"),
         (NOTES, "blacklist", "wipe"),
         (NOTES, NOTE, "mend"),
         (NOTES, "upkeep", "mend"),

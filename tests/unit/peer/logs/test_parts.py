@@ -97,14 +97,28 @@ class Road:
         self.arrived: list[tuple[NodeId, Message]] = []
         self.slow = trio.Event()
         self.gone: set[NodeId] = set()
+        self.joined: list[int] = []
+        """How many were sent at once."""
 
-    async def send(self, target: NodeId, message: Message) -> None:
+    async def send(self, target: NodeId, message: Message, /, *more: Learn) -> None:
+        self.joined.append(1 + len(more))
         await trio.lowlevel.checkpoint()
         if target in self.gone:
             raise Unreachable("gone")
         if target == TWO:
             await self.slow.wait()
-        self.arrived.append((target, message))
+        self.arrived += [(target, one) for one in (message, *more)]
+
+
+async def test_what_is_decided_one_after_the_other_is_sent_at_once() -> None:
+    road = Road()
+    said: list[Message] = [AskLog(GENESIS, 1), learn(2), learn(3), learn(4), learn(9), AskLog(GENESIS, 2), learn(10), learn(11)]
+    async with trio.open_nursery() as nursery:
+        courier = Courier(nursery, road, lambda _: None)
+        for message in said:
+            courier.send(ONE, message)
+    assert [message for _, message in road.arrived] == said
+    assert road.joined == [1, 3, 1, 1, 2]
 
 
 async def test_who_is_slow_holds_up_nobody_and_who_is_gone_is_told() -> None:

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, node_id_of
-from scenefold.consensus import Message, Participants, Setting
+from scenefold.consensus import Learn, Message, Participants, Setting
 from scenefold.peer.logs import Log, Owner, open_log
 from scenefold.store import Store, open_store
 from scenefold.wire import Member
@@ -166,7 +166,11 @@ class _Wire:
     def __init__(self, town: Town, node: Node, socket: Datagrams) -> None:
         self._town, self._node, self._socket = town, node, socket
 
-    async def send(self, target: NodeId, message: Message) -> None:
+    async def send(self, target: NodeId, message: Message, /, *more: Learn) -> None:
+        for one in (message, *more):
+            await self._send(target, one)
+
+    async def _send(self, target: NodeId, message: Message) -> None:
         there = self._town.by_id[target]
         if not there.is_wanted and self._town.net.machine(there.address).is_up:
             await trio.lowlevel.checkpoint()

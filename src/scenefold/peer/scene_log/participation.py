@@ -1,0 +1,156 @@
+"""The logs of scenes in which this node takes part, or did: opened, run, and what comes of them (specs/16-scene-log.md, On nodes)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.ids import SceneId
+from scenefold.base.limits import DECIDED_MAX, LOG_BYTES_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.consensus import Decide, Learn
+from scenefold.consensus.packets import decided_page, decided_value, scene_of
+from scenefold.peer.handlers import node_of
+from scenefold.peer.logs.links import NodePorts
+from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.modes.scene_modes import SceneModes
+from scenefold.peer.peers import Peers
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.changes import Changes
+from scenefold.peer.scene_log.scene_run import SceneRun
+from scenefold.peer.scene_log.telling import Telling
+from scenefold.scene.log import hash_of_log, without_log
+from scenefold.store import Store
+from scenefold.wire import DecidedLog, DecidedValue, Member, Packet, RequestSceneLog, RespondSceneLog, SceneLogPublic
+from scenefold.world import World
+
+
+class Keeps(Protocol):
+    """Who keeps all scenes that this node knows (Scenes)."""
+
+    def everyone(self) -> Sequence[KnownScene]: ...
+    def here(self, scene: SceneId) -> KnownScene | None: ...
+
+    def take(self, scene: KnownScene, /) -> None:
+        """A header that is durable here."""
+
+
+class Participation:
+    """`run` it before anybody is answered. Used from the Trio thread only."""
+
+    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus, ports: NodePorts) -> None:
+        self._world, self._store, self._peers, self._own, self._ports = world, store, peers, own, ports
+        self.intake = ports.intake
+        self.intake.watch = self._on_packet
+        self.changes = Changes()
+        """Of all scenes, by whomever they were decided."""
+        self._runs: dict[SceneId, SceneRun] = {}
+        self._kept: frozenset[bytes] = frozenset()
+        self._nursery: trio.Nursery | None = None
+        self._telling: Telling | None = None
+        self._scenes: Keeps | None = None
+
+    async def run(self, scenes: Keeps, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        """Started once all logs of scenes that `scenes` knows are open. An error of the disk ends it, and with that the node."""
+        self._scenes = scenes
+        self._kept = await self._store.logs_kept()
+        async with trio.open_nursery() as nursery:
+            self._telling = Telling(nursery, self._peers)
+            for known in scenes.everyone():
+                self.meets(known)
+            async with trio.open_nursery() as opening:
+                for one in self._runs.values():
+                    opening.start_soon(nursery.start, one.run)
+            self._nursery = nursery
+            task_status.started()
+            await trio.sleep_forever()
+
+    def meets(self, known: KnownScene) -> None:
+        """This is the newest header of a scene here: run its log from now on, if this node takes part in it, or has."""
+        public = known.public
+        if public.scene in self._runs or self._scenes is None:
+            return
+        if any(entry.member == self._own.member for entry in public.participants) or (public.participants and public.genesis in self._kept):
+            is_new = public.genesis not in self._kept
+            one = SceneRun(self._world, self._store, self._peers, self._own, self._ports, known, self._has_decided, is_new=is_new)
+            self._runs[public.scene] = one
+            if self._nursery is not None:
+                self._nursery.start_soon(one.run)
+
+    def of(self, scene: SceneId) -> SceneRun | None:
+        """The scene's log here; None if this node never took part in it."""
+        return self._runs.get(scene)
+
+    def modes_of(self, scene: SceneId) -> SceneModes | None:
+        """Who may act in which mode, where this node decides the scene's next position."""
+        one = self._runs.get(scene)
+        return None if one is None or not one.takes_part else one.modes
+
+    def everyone(self) -> Sequence[SceneRun]:
+        return list(self._runs.values())
+
+    def _has_decided(self, one: SceneRun, known: KnownScene, decided: Decide | None) -> None:
+        assert self._scenes is not None
+        before = self._scenes.here(known.public.scene)
+        self._scenes.take(known)
+        if decided is None or before is None:
+            return
+        self.changes.count(before, known.public, self._world.clock.now())
+        if decided.certificate.ballot.node == self._own.me and self._telling is not None:
+            # Those who decided it, and decide on, hear of it as a decision; a node that lost its disk does not.
+            deciding = _members_of(before.public) & _members_of(known.public)
+            self._telling.tell(known.public, {member.node for member in deciding if self._ports.around.is_current(member)})
+
+    # -------------------------------------------------------------------------------------------------- questions
+
+    async def sealed_log(self, scene: SceneId) -> tuple[SceneLogPublic, bytes | None] | None:
+        """Header and sealed log as they are on the disk, of one position; None if this node does not run the scene's log."""
+        one = self._runs.get(scene)
+        if one is None:
+            return None
+        kept = await self._store.scene_with_log(scene)
+        if kept is None:
+            return one.public, None
+        public = SceneLogPublic.decode(kept[0])
+        is_its_own = await self._world.workers.run("crypto", hash_of_log, kept[1]) == public.log_hash
+        return public, kept[1] if is_its_own else None
+
+    async def on_request(self, packet: RequestSceneLog, peer: str) -> Packet | None:
+        """5 (DECIDED): one that goes one way is a node's, for the log; the others are answered."""
+        if packet.request_id:
+            return RespondSceneLog(None, await self._decisions(packet))
+        self.intake.take(packet, peer)
+        return None
+
+    async def on_lease(self, packet: RequestSceneLog, peer: str) -> Packet:
+        """5 (LEASE) of a node; Refused (12) where this one decides nothing of that scene."""
+        one, asker = self._runs.get(packet.scene), node_of(peer)
+        if one is None or asker is None or not one.takes_part or packet.genesis != one.public.genesis:
+            raise Refused(RejectReason.NOT_AUTHORISED, "leases of a scene are granted to nodes, by its participants")
+        return await one.modes.on_lease(packet, asker)
+
+    def _on_packet(self, genesis: bytes, packet: Packet) -> None:
+        """Of a node that takes part in a log, or may."""
+        one = self._runs.get(scene_of(genesis))
+        if one is not None and one.public.genesis == genesis:
+            one.modes.shown(packet)
+
+    async def _decisions(self, packet: RequestSceneLog) -> DecidedLog | None:
+        """For people: what is kept of what was decided above a position, who voted for it, and when this node learnt it."""
+        one = self._runs.get(packet.scene)
+        if one is None or packet.genesis not in (b"", one.public.genesis):
+            return None
+        genesis, newest = one.public.genesis, one.public.position
+        rows = await self._store.kept_decisions(genesis, packet.have, DECIDED_MAX, LOG_BYTES_MAX)
+        values = []
+        for row in rows:
+            told = decided_value(Learn(genesis, row.position, without_log(row.value), row.certificate))
+            values.append(DecidedValue(told.position, told.value, told.ballot, told.votes, (), one.seen.get(row.position, 0)))
+        return decided_page(genesis, newest, values)
+
+
+def _members_of(public: SceneLogPublic) -> set[Member]:
+    return {entry.member for entry in public.participants}
