@@ -11,7 +11,9 @@ from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
 from scenectl.values import (
     HD_QUARTER,
+    NO_NODES,
     ONE_AND_FIVE,
+    THREE_FIVE_AND_NINE,
     ColourOption,
     NodeCountsOption,
     PortsOption,
@@ -20,6 +22,9 @@ from scenectl.values import (
     whole,
 )
 from scenefold.base.limits import COPIES_DEFAULT
+
+COMMITS_MAX = 100
+"""Changes of one measurement of a scene's log: with its beginning as many as a scene takes at once."""
 
 app = App(name="bench", help="Measure, as the project's own documentation does.", help_format="plaintext")
 
@@ -98,6 +103,50 @@ def store(
     bench = StoreBench(mib=mib, small_records=small_records, copies=copies, min_copies=min_copies, seconds=seconds, weather=weather)
     result = run(bench_store, bench, output.profile, 3 if nodes is None else nodes, cluster_ports(ports))
     emit(output, result, bench_text(result))
+
+
+@app.command
+def log(
+    *,
+    participants: NodeCountsOption = THREE_FIVE_AND_NINE,
+    commits: Annotated[int, whole(1, COMMITS_MAX)] = COMMITS_MAX,
+    clients: Annotated[int, whole(1, 64)] = 16,
+    kills: Annotated[int, whole(0, 20)] = 3,
+    simulated: NodeCountsOption = NO_NODES,
+    ports: PortsOption | None = None,
+    output: Output = PLAIN,
+) -> None:
+    """Measure how fast participants decide changes of a scene, in clusters that are started for it, and how soon after one of them is killed.
+
+    Example: scenectl bench log --participants 3,5,9 --simulated 33
+
+    Parameters
+    ----------
+    participants
+        Numbers of participants, 1 to 33, each a cluster of so many nodes; or `none`.
+    commits
+        Changes of each measurement: one after the other, by several clients of one scene, and by clients of a scene each.
+    clients
+        How many ask at once.
+    kills
+        How often who proposes is killed while a change is under way.
+    simulated
+        Numbers of participants that are measured in virtual time as well, with links of 1 ms and processors and disks that take no time.
+    ports
+        Ports of the nodes, LOW,HIGH; by default 17349,17350.
+    """
+    from scenectl.bench_log import LogBench, bench_log, bench_text, simulated_rows
+    from scenectl.running import run
+    from scenefold.base.errors import UsageFault
+    from scenefold.base.limits import DECIDERS_MAX
+
+    for option, counts in (("--participants", participants), ("--simulated", simulated)):
+        if max(counts.all, default=0) > DECIDERS_MAX:
+            raise UsageFault(f"a scene has at most {DECIDERS_MAX} participants, not {max(counts.all)}", where=option)
+    bench = LogBench(participants=participants.all, commits=commits, clients=clients, kills=kills)
+    real = run(bench_log, bench, cluster_ports(ports)) if participants.all else []
+    report = {"clients": clients, "participants": real, "simulated": simulated_rows(simulated.all, commits)}
+    emit(output, report, bench_text(report))
 
 
 @app.command

@@ -152,7 +152,7 @@ async def bench_store(bench: StoreBench, profile: str | None, nodes: int, ports:
         space = await scene.create_space("bench", **options)
         info, count = await space.info(), len(await cluster.nodes())
         report: dict[str, Any] = {"nodes": count, "copies": info.copies, "copies_min": info.copies_min}
-        report |= await _measure(bench, cluster, space, min(bench.copies, count), _clock(own))
+        report |= await _measure(bench, cluster, space, min(bench.copies, count), clock_of(own))
         if own is not None and bench.weather:
             work = StoreWork(space, SMALL_BYTES, SMALL_BATCH, bench_weather.FIRST, lambda: None)
             report["weather"] = await bench_weather.weather(own, work)
@@ -244,7 +244,7 @@ async def _until_holders_are_found(cluster: Cluster, space: Space, copies: int, 
     await _copies_after(cluster, before, WARM_RECORDS, copies)
 
 
-def _clock(nodes: LocalCluster | None) -> Callable[[], float | None]:
+def clock_of(nodes: LocalCluster | None) -> Callable[[], float | None]:
     """Processor seconds of this process and all nodes; None where nobody says, as of a cluster that runs elsewhere."""
 
     def spent() -> float | None:

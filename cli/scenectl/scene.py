@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,16 +10,38 @@ from cyclopts import App, Parameter
 
 from scenectl.archives import export, import_archive
 from scenectl.copies import CopiesOption, MinCopiesOption, lacking_text
+from scenectl.deciding import ParticipantsOption, add_participant, even_warning, participants, relieve, remove_participant
+from scenectl.modes import mode
 from scenectl.names import SceneName, SceneOption
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, size_text, table
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
 from scenectl.purging import purge, strays
+from scenectl.scene_log import log
 from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key, seconds_to_look
+from scenectl.standing import status
+from scenefold.base.ids import address_of
 
 if TYPE_CHECKING:
-    from scenefold.client import FormerKeys, ImportReport, SceneInfo, SceneListing
+    from scenefold.client import Deciders, FormerKeys, ImportReport, SceneInfo, SceneListing
 
 app = App(name="scene", help="Make scenes, fill them, and say who may use them.", help_format="plaintext")
-for verb in (export, import_archive, grant, access, revoke, rotate_key, purge, strays):
+VERBS: tuple[Callable[..., int | None], ...] = (
+    export,
+    import_archive,
+    grant,
+    access,
+    revoke,
+    rotate_key,
+    log,
+    status,
+    mode,
+    participants,
+    add_participant,
+    remove_participant,
+    relieve,
+    purge,
+    strays,
+)
+for verb in VERBS:
     app.command(verb)
 
 
@@ -29,6 +52,7 @@ def create(
     *,
     copies: CopiesOption | None = None,
     min_copies: MinCopiesOption | None = None,
+    participants: ParticipantsOption | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Make an empty scene; its keys go into the profile's keyring before any node hears of it.
@@ -43,15 +67,21 @@ def create(
         How many nodes shall hold each record of the spaces that it begins with, 1 to 8; by default 3.
     min_copies
         How many must hold a record before it counts as stored; by default 2, or as many as there are copies.
+    participants
+        How many trusted nodes decide what becomes of the scene, or their addresses, separated by commas; by default up to seven, an odd number. With origin, and where fewer than three are trusted, the cluster's first voter decides alone.
     """
     from scenectl.running import connected, run
 
+    deciding: dict[str, Any] = {} if participants is None else {"participants": participants.wanted}
+
     async def make() -> dict[str, Any]:
         async with connected(output.profile) as cluster:
-            scene = await cluster.scenes.create(name, copies=copies, copies_min=min_copies)
+            scene = await cluster.scenes.create(name, copies=copies, copies_min=min_copies, **deciding)
             return {"name": name, "scene": f"{scene.id:08x}", "genesis": scene.genesis.hex()}
 
     document = run(make)
+    if participants is not None and (warning := even_warning(participants.count)):
+        note(f"warning: {warning}")
     emit(output, document, f"Scene {name} is made; its id is {document['scene']}.")
 
 
@@ -90,13 +120,13 @@ def info(name: SceneName, /, *, look: float | None = None, output: ProfileOutput
 
     look_s = seconds_to_look(look)
 
-    async def ask() -> tuple[SceneInfo, FormerKeys]:
+    async def ask() -> tuple[SceneInfo, FormerKeys, Deciders]:
         async with connected(output.profile) as cluster:
             scene = await cluster.scenes.open(name)
-            return await scene.info(), await scene.former_keys(look_s)
+            return await scene.info(), await scene.former_keys(look_s), await scene.deciders()
 
-    found, former = run(ask)
-    document = found.document() | {"former_keys": former.value}
+    found, former, deciders = run(ask)
+    document = found.document() | {"former_keys": former.value, "decided_by": [address_of(node) for node in deciders.nodes]}
     lines = [f"{key.replace('_', ' ')}: {_plain(value)}" for key, value in document.items()]
     emit(output, document, "\n".join(lines) + former_keys_text(name, former) + lacking_text(name, found.lacking))
 

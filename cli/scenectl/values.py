@@ -259,6 +259,8 @@ def name_or_number(text: str) -> str | int:
 
 HD_QUARTER = Size(640, 360)
 ONE_AND_FIVE = NodeCounts((1, 5))
+THREE_FIVE_AND_NINE = NodeCounts((3, 5, 9))
+NO_NODES = NodeCounts(())
 
 SizeOption = Annotated[Size, ONE_WORD]
 ColourOption = Annotated[Colour, ONE_WORD]

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from scenefold.client.grants import Access, role_named
     from scenefold.client.health import ClusterStatus, NodeState
     from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, scene_name_of
+    from scenefold.client.log_telling import LogStory
     from scenefold.client.moving import Movement, Rate, movements, rates
     from scenefold.client.own_warnings import Concern
+    from scenefold.client.participants import Deciders
     from scenefold.client.positions import Found
     from scenefold.client.progress import ProgressCallback, ProgressState
     from scenefold.client.proof import Proof
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
     from scenefold.client.restoring import CheckedArchive, RestoreOptions, RestoreReport, check_archive
     from scenefold.client.scene import Scene, SceneInfo
+    from scenefold.client.scene_log import Standing
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
     from scenefold.client.suspects import SuspectReport
@@ -53,7 +56,9 @@ _HOMES = {
     "scenefold.client.health": "ClusterStatus NodeState",
     "scenefold.client.own_warnings": "Concern",
     "scenefold.client.importing": "ImportReport PreparedImport prepare_import scene_name_of",
+    "scenefold.client.log_telling": "LogStory",
     "scenefold.client.moving": "Movement Rate movements rates",
+    "scenefold.client.participants": "Deciders",
     "scenefold.client.positions": "Found",
     "scenefold.client.progress": "ProgressCallback ProgressState",
     "scenefold.client.proof": "Proof",
@@ -64,6 +69,7 @@ _HOMES = {
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
     "scenefold.client.restoring": "CheckedArchive RestoreOptions RestoreReport check_archive",
     "scenefold.client.scene": "Scene SceneInfo",
+    "scenefold.client.scene_log": "Standing",
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
     "scenefold.client.suspects": "SuspectReport",
@@ -94,6 +100,7 @@ __all__ = [
     "Concern",
     "Condition",
     "CopiesPlan",
+    "Deciders",
     "DrainReport",
     "EpochKeys",
     "ExportReport",
@@ -104,6 +111,7 @@ __all__ = [
     "ImportReport",
     "KeptScene",
     "Keyring",
+    "LogStory",
     "Movement",
     "NodeReport",
     "NodeState",
@@ -123,6 +131,7 @@ __all__ = [
     "SceneListing",
     "Scenes",
     "Space",
+    "Standing",
     "Stored",
     "SuspectReport",
     "Upkeep",

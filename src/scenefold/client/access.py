@@ -25,9 +25,10 @@ from scenefold.client.copies import check_no_shadow
 from scenefold.client.copy_reads import CopyReads
 from scenefold.client.fetching import fetch
 from scenefold.client.known_log import LOOK_S
+from scenefold.client.log_reading import ReadLog
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
-from scenefold.client.scene_log import LogAccess, ReadLog
+from scenefold.client.scene_log import LogAccess
 from scenefold.client.sealing import Opened, SceneIdentity, are_sound, deleted_all, key_withheld, open_all
 from scenefold.client.setbacks import Setbacks
 from scenefold.client.shares import UsualBytes
@@ -162,23 +163,20 @@ class SceneAccess:
 
     async def read_log(self) -> ReadLog:
         """The newest log. Payloads that are written from now on hold coordinates as it says."""
-        return self._known(await self._log_or_fault().newest())
+        return self._known(await self.log_or_fault().newest())
 
     async def change_log(self, entry_of: Callable[[SceneLog], LogEntry]) -> ReadLog:
         """Bring an entry into the log; see `LogAccess.propose`."""
-        return self._known(await self._log_or_fault().propose(entry_of))
-
-    async def check_owner(self) -> None:
-        """LocalFault if we may not bring an entry into the log."""
-        await self._log_or_fault().owner()
+        return self._known(await self.log_or_fault().propose(entry_of))
 
     def _known(self, log: ReadLog) -> ReadLog:
-        keys = self._log_or_fault().keys.epochs
+        keys = self.log_or_fault().keys.epochs
         if log.header.position >= self.identity.position:
             self.identity = replace(self.identity.with_header(log.header, keys), content_position=log.header.position)
         return log
 
-    def _log_or_fault(self) -> LogAccess:
+    def log_or_fault(self) -> LogAccess:
+        """The scene's log; LocalFault if it is not known here."""
         if self.log is None:
             raise LocalFault("the log of this scene is not known here", where=f"scene {self.name}")
         return self.log
@@ -246,8 +244,11 @@ class SceneAccess:
         for space in {key[0] for key in keys}:
             check_no_shadow(self.identity.layouts, space, "read")
         identity = self.identity
-        copies = CopyReads(self.calls, identity.scene, identity.layouts, self._are_sound, self.usual)
-        return await fetch(self.calls, identity.scene, identity.position, keys, stale_ok=stale_ok, copies=copies)
+        # In render mode: owners alone take the header of whoever reads before they answer, and no edits from then on.
+        is_alone = identity.read_floor > 0
+        copies = None if is_alone else CopyReads(self.calls, identity.scene, identity.layouts, self._are_sound, self.usual)
+        floor = identity.read_floor
+        return await fetch(self.calls, identity.scene, identity.position, keys, stale_ok=stale_ok, copies=copies, floor=floor)
 
     async def _are_sound(self, keys: Sequence[Key], records: Sequence[RecordBytes]) -> list[bool]:
         """Whether each is what a writer put there. What may be newer than what is known of the scene is looked at again once more is known; if

@@ -70,7 +70,8 @@ class Cluster:
         self.membership = Membership(self.calls, profile, secrets, self.log)
         voter = profile.voter
         origin = Decider(voter.node_id, voter.public_key.raw)
-        self.scenes = Scenes(self.calls, profile.keyring, secrets, origin, member, card_of=self.membership.card_of)
+        card_of, newest = self.membership.card_of, self.log.newest
+        self.scenes = Scenes(self.calls, profile.keyring, secrets, origin, member, card_of=card_of, cluster_log=newest)
 
     async def nodes(self) -> list[Owner]:
         """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import NotReached, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.reasons import RejectReason
 
 
@@ -20,9 +20,14 @@ class Doubt:
     """What of one call may have happened although no answer says so, by number."""
 
     def __init__(
-        self, what: str, where: Callable[[int], str], remedy: str, *, is_open_after: Callable[[RejectReason], bool] | None = None
+        self,
+        what: str,
+        where: Callable[[int], str],
+        remedy: str | Callable[[int], str],
+        *,
+        is_open_after: Callable[[RejectReason], bool] | None = None,
     ) -> None:
-        """`what`: is asked for, as in "a write"; `where`: which one a number means. Both for the error.
+        """`what`: is asked for, as in "a write"; `where`: which one a number means; `remedy`: how to find out. All for the error.
 
         `is_open_after`: whether a try that ended with a Fault for this reason may have been carried out. By default 16 alone:
         who has lost its lease meanwhile says so.
@@ -55,6 +60,9 @@ class Doubt:
         """Around one try, with its answer: how it ends says what it leaves open."""
         try:
             yield
+        except NotReached:
+            # Nothing was sent.
+            raise
         except Refused as refusal:
             if self._is_open_after(refusal.reason):
                 self.note(numbers)
@@ -74,4 +82,5 @@ class Doubt:
             number, since = next(iter(self._open.items()))
             lost = f"the answer to {self._what} was lost, and it may have happened"
             what = f"{f'{self._what} may have happened: {since}' if since else lost}; a later try: {error.what}"
-            raise Unreachable(what, where=self._where(number), remedy=self._remedy) from error
+            remedy = self._remedy if isinstance(self._remedy, str) else self._remedy(number)
+            raise Unreachable(what, where=self._where(number), remedy=remedy) from error

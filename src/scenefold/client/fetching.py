@@ -25,23 +25,25 @@ _MISSING = object()
 
 
 async def fetch(
-    calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool, copies: CopyReads | None = None
+    calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], *, stale_ok: bool, copies: CopyReads | None = None, floor: int = 0
 ) -> list[RecordBytes | None]:
     """The records at the keys, unverified, in order; None where the owner says that nothing is there.
 
     DAMAGED_RECORD where it has one that has rotted. `copies`: who else may be asked, where the owner is slow, or away, or has one that has.
 
-    `stale_ok`: take an answer of a node that may have been replaced without knowing, too.
+    `stale_ok`: take an answer of a node that may have been replaced without knowing, too. `floor`: none of one with a lower write floor.
     """
-    return await _Fetch(calls, scene, position, keys, stale_ok, copies).run()
+    return await _Fetch(calls, scene, position, keys, stale_ok, copies, floor).run()
 
 
 class _Fetch:
     """One such call."""
 
-    def __init__(self, calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], stale_ok: bool, copies: CopyReads | None) -> None:
+    def __init__(
+        self, calls: Calls, scene: SceneId, position: int, keys: Sequence[Key], stale_ok: bool, copies: CopyReads | None, floor: int
+    ) -> None:
         self._calls, self._scene, self._position, self._keys = calls, scene, position, keys
-        self._stale_ok = stale_ok
+        self._stale_ok, self._floor = stale_ok, floor
         self._copies = copies
         self._found: list[RecordBytes | object | None] = [_MISSING] * len(keys)
         self._homes = [wanted_place(key[2]) if len(key) == 3 else key[1] for key in keys]
@@ -96,6 +98,8 @@ class _Fetch:
             raise PeerFault(f"{len(reply.records)} records for {len(frame)} keys", where=address)
         if reply.stale and not self._stale_ok:
             raise stale_answer(address)
+        if reply.write_floor < self._floor:
+            raise late_answer(address)
         for index, record in zip(frame, reply.records, strict=False):
             self._found[index] = record
         return len(reply.records)
@@ -125,6 +129,14 @@ class _Fetch:
     def _take(self, index: int, record: RecordBytes | None) -> None:
         if not self._is_here(index):
             self._found[index] = record
+
+
+def late_answer(address: str) -> Refused:
+    """The error for an answer by a header of before the render mode: whoever gave it may still take edits."""
+    what = "the node does not know yet that the scene is in render mode"
+    return Refused(
+        RejectReason.NOT_READY, what, where=address, remedy="try again in a while; if it lasts, it cannot reach who decides the scene"
+    )
 
 
 def stale_answer(address: str) -> Refused:

@@ -81,7 +81,7 @@ async def revoke(access: SceneAccess, name: str) -> Access:
 async def plan_revoke(access: SceneAccess, name: str) -> Access:
     """What `revoke` would leave, if nobody changes anything meanwhile; LocalFault where it would be one. Nothing is changed."""
     read = await access.read_log()
-    await access.check_owner()
+    await access.log_or_fault().owner()
     log = read.state
     try:
         request_id = access.calls.world.entropy.token(16)

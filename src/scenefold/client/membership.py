@@ -16,6 +16,7 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import KnownLog
+from scenefold.client.trusted import participants_of
 from scenefold.crypto import (
     AUTHORITY_PURPOSE,
     ORDER_DOMAIN,
@@ -29,7 +30,7 @@ from scenefold.crypto import (
     node_named,
     pem_of,
 )
-from scenefold.wire import RemoveNode, RevokeNode
+from scenefold.wire import ParticipantEntry, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import (
     Administer,
@@ -110,6 +111,10 @@ class Membership:
         if (card.keys.signing.raw, card.keys.sealing.raw) != keys:
             raise DamagedData(f"{name} shows a card for other keys than the cluster's log has", where=address_of(node))
         return card
+
+    async def participants(self, nodes: Sequence[NodeId]) -> tuple[ParticipantEntry, ...]:
+        """These nodes, as they may decide a scene's log. LocalFault if one is no member, or not trusted."""
+        return participants_of(await self._cluster_log.newest(), nodes, self._profile.voters[0])
 
     def _believed(self, der: bytes, name: str) -> Card:
         card = Card.verified(der, self._profile.authority_certificate(), self._now())

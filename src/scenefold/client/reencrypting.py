@@ -79,7 +79,7 @@ async def look_what_is_to_seal(
     log = await access.read_log()
     access.check_writer()
     if new_key:
-        await access.check_owner()
+        await access.log_or_fault().owner()
     clock = access.calls.world.clock
     begun = clock.now()
     state = Reencryption(log.state.grants.key_epoch + new_key, begun, is_dry=True)

@@ -125,6 +125,8 @@ class NodeReport:
     """Connections that it refused since its start: strangers', and what was too many."""
     dropped: int
     """Datagrams that it dropped, likewise."""
+    log_packets: int
+    """Packets that it sent to others with whom it decides logs, likewise."""
     signs: tuple[SignReport, ...]
     copies: CopiesReport | None
     """None: it says nothing of them."""
@@ -206,6 +208,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             blacklist_version=told_count(found.get("blacklist_version", 0)),
             turned_away=told_count(events.get("connections turned away", 0)),
             dropped=told_count(events.get("datagrams dropped", 0)),
+            log_packets=told_count(events.get("packets of logs sent", 0)),
             signs=tuple(map(_sign, found.get("signs", ()))),
             copies=read_copies(found.get("copies")),
             kept_apart=_kept_apart(told_map(found.get("suspects", {}))),

@@ -7,19 +7,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.client.access import SceneAccess
 from scenefold.client.exporting import ExportReport, export_scene
 from scenefold.client.former_keys import LOOK_S, FormerKeys, former_keys
 from scenefold.client.grants import Access, access_of, grant, plan_revoke, revoke, rotate_key
 from scenefold.client.importing import ImportReport, prepare_import, store_import
+from scenefold.client.log_telling import LogStory, story_of
 from scenefold.client.new_space import SpaceOptions, new_space
+from scenefold.client.participants import Deciders, add_participants, deciders_of, remove_participant
 from scenefold.client.positions import logged_spaces
 from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.purge_walk import Purge
 from scenefold.client.purging import purge
 from scenefold.client.reencrypting import look_what_is_to_seal, reencrypt
 from scenefold.client.reencryption import Reencryption
+from scenefold.client.scene_log import Standing
 from scenefold.client.space import Space
 from scenefold.client.suspects import SuspectReport, look_at_suspects
 from scenefold.scene.layout import DOCUMENT_LOCATION, META
@@ -28,7 +31,7 @@ from scenefold.scene.log import LoggedSpace
 if TYPE_CHECKING:
     from scenefold.crypto import Card
     from scenefold.scene.payloads.document import SceneDocument
-    from scenefold.wire import Role
+    from scenefold.wire import ParticipantEntry, Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +164,26 @@ class Scene:
     async def strays(self, *, restore: bool = False, discard: bool = False, progress: ProgressCallback | bool = False) -> SuspectReport:
         """What nodes keep apart that were away while deletions were purged: list it, and put it where nothing lies, or let it go; see `suspects`."""
         return await look_at_suspects(self.access, restore=restore, discard=discard, progress=callback_of(progress))
+
+    async def deciders(self) -> Deciders:
+        """Who decides the scene's log."""
+        return await deciders_of(self.access)
+
+    async def add_participants(self, entries: Sequence[ParticipantEntry]) -> Deciders:
+        """Let another node decide, too; an owner's to do. `entries`: of `cluster.membership.participants`, for only trusted nodes may."""
+        return await add_participants(self.access, entries)
+
+    async def remove_participant(self, node: NodeId) -> Deciders:
+        """Let a node decide no more; an owner's to do. It takes a majority of those who decide, the node itself counted."""
+        return await remove_participant(self.access, node)
+
+    async def standing(self, request_id: bytes, offered_at: int = 0) -> Standing:
+        """What became of a change of which nobody knew; see `LogAccess.standing`."""
+        return await self.access.log_or_fault().standing(request_id, offered_at)
+
+    async def log(self, newest: int | None = None) -> LogStory:
+        """What the scene's log says, and who decided it; see `story_of`."""
+        return await story_of(self.access, newest)
 
     async def export(
         self, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None, *, dry_run: bool = False

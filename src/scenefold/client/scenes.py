@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SceneId
-from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import FIRST_POSITION, born, born_with, first_header, first_private, kept_keys, maker_of
 from scenefold.client.calls import Calls
 from scenefold.client.copies import BY_DEFAULT, Copies
-from scenefold.client.gifts import Gift, believed, gifts_in
-from scenefold.client.grants import USER
+from scenefold.client.gifts import believed
+from scenefold.client.given_scenes import GivenScenes
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
 from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
@@ -25,16 +24,19 @@ from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import SceneIdentity
+from scenefold.client.trusted import Wanted, participants_of
 from scenefold.client.verifying import writers_of
 from scenefold.crypto import Card, MemberSecrets
-from scenefold.scene.log import Decider, check_granter
-from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed, check_page
+from scenefold.scene.log import Decider
+from scenefold.wire import ParticipantEntry, SceneLogPublic
 from scenefold.world.keyring import KeptScene, Keyring, checked_name
+from scenefold.world.log_view import LogView
 
 Result = TypeVar("Result")
 
 _SESSION_BYTES = 8
-_log = logging.getLogger("scenefold.client")
+PARTICIPANTS: Wanted | None = None
+"""Of a scene whose maker does not say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,28 +75,34 @@ class Scenes:
         member: str = "user:owner",
         *,
         card_of: Callable[[str], Awaitable[Card]] | None = None,
+        cluster_log: Callable[[], Awaitable[LogView]] | None = None,
     ) -> None:
-        """`origin`: the node that decides the logs of new scenes; always the same, so that a header can be made again.
+        """`origin`: the node where new scenes begin; always the same, so that a header can be made again.
 
         `secrets` and `member`: who we are, by our keys and by the name in our certificate. `card_of`: verified cards, by which we
-        know who grants us a scene; None: whoever it is, is believed.
+        know who grants us a scene; None: whoever it is, is believed. `cluster_log`: who is trusted to decide; None: nobody but the origin.
         """
+        self._cluster_log = cluster_log
         self._calls = calls
         self._origin = origin
         self._keyring = keyring
         self._secrets = secrets
         self._maker = maker_of(member, secrets)
-        self._card_of = card_of
+        self._gifts = GivenScenes(calls, member, secrets, card_of)
 
-    async def create(self, name: str, *, copies: int | None = None, copies_min: int | None = None) -> Scene:
+    async def create(
+        self, name: str, *, copies: int | None = None, copies_min: int | None = None, participants: Wanted | None = PARTICIPANTS
+    ) -> Scene:
         """Make an empty scene. Its keys are on disk, durably, before any node hears of it.
 
         `copies`: how many nodes shall hold each record of the spaces that it begins with, 1 to 8, by default 3; `copies_min`: how many must
-        hold it before a write counts as done, by default 2, or `copies` if that is less.
+        hold it before a write counts as done, by default 2, or `copies` if that is less. `participants`: how many trusted nodes shall decide
+        what follows, or which; 0: the cluster's first voter alone; by default up to seven, an odd number, or it alone if fewer than three are trusted.
 
         If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already, or was to have other copies.
         """
         checked_name(name, "scene")
+        deciding = await self._deciding(participants)
         wanted = Copies.checked(f"scene {name}", BY_DEFAULT.copies if copies is None else copies, copies_min)
         kept = await self._kept(name)
         if kept is not None:
@@ -106,10 +114,10 @@ class Scenes:
             if before is not None and before != wanted and (copies, copies_min) != (None, None):
                 what = f"a creation of the scene {name!r} with {before.copies} copies, {before.least} of them needed, was interrupted"
                 raise LocalFault(what, where=f"id {kept.scene_id:08x}", remedy="say so again, or choose another name")
-            return await self._announce(kept, log)
+            return await self._announce(kept, log, deciding)
         kept = born(name, self._maker, self._secrets.signing, self._origin, self._calls.world.entropy.token, wanted)
         await self._on_disk(self._keyring.save, kept)
-        return await self._announce(kept, await self._log(kept), is_new=True)
+        return await self._announce(kept, await self._log(kept), deciding, is_new=True)
 
     async def open(self, name: str) -> Scene:
         """The scene of this name in the profile's keyring, or one that somebody has granted; LocalFault if there is none.
@@ -136,7 +144,7 @@ class Scenes:
         checked_name(name, "scene")
         kept = await self._kept(name)
         if kept is None:
-            gifts = await self._gifts_named(name)
+            gifts = await self._gifts.named(name)
             if gifts:
                 givers = ", ".join(f"{gift.contents.granter} (id {gift.header.scene:08x})" for gift in gifts)
                 remedy = f"`scenectl scene info {name}` takes it, if you mean that one; else choose another name"
@@ -146,7 +154,9 @@ class Scenes:
         else:
             log = await self._log(kept)
             header = await log.header()
-            return await self._announce(kept, log) if header is None else self._scene(log, header)
+            if header is not None:
+                return self._scene(log, header)
+            return await self._announce(kept, log, await self._deciding(PARTICIPANTS))
         return await self.create(name, copies=copies, copies_min=copies_min)
 
     async def import_file(
@@ -180,7 +190,7 @@ class Scenes:
         """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
         headers = await self.headers()
         names = await self._on_disk(_names_by_genesis, self._keyring)
-        given = await self._given([header for header in headers if header.genesis not in names])
+        given = await self._gifts.among([header for header in headers if header.genesis not in names])
         found = []
         for header in headers:
             gift = given.get(header.genesis)
@@ -190,7 +200,7 @@ class Scenes:
 
     async def headers(self) -> Sequence[SceneLogPublic]:
         """The headers of all scenes of the cluster that prove themselves, by the word of a node, which may leave some out."""
-        return await self._calls.world.workers.run("crypto", believed, await self._headers())
+        return await self._calls.world.workers.run("crypto", believed, await self._gifts.headers())
 
     async def kept_names(self) -> Sequence[str]:
         """The scenes that this profile has keys of."""
@@ -206,7 +216,7 @@ class Scenes:
 
     async def _granted(self, name: str) -> KeptScene | None:
         """The entry of a scene that was granted to us under this name or id, kept from now on; None if there is none."""
-        fitting = await self._gifts_named(name)
+        fitting = await self._gifts.named(name)
         if len(fitting) > 1:
             ids = ", ".join(f"{gift.header.scene:08x}" for gift in fitting)
             raise LocalFault(f"several scenes {name!r} were granted to you", where=f"ids {ids}", remedy="give the id in place of the name")
@@ -219,61 +229,26 @@ class Scenes:
         await self._on_disk(self._keyring.save, kept)
         return kept
 
-    async def _gifts_named(self, name: str) -> Sequence[Gift]:
-        """What was granted to us under this id; if nothing, under this name."""
-        given = (await self._given(await self._headers())).values()
-        return [gift for gift in given if name == f"{gift.header.scene:08x}"] or [gift for gift in given if name == gift.contents.name]
+    async def _deciding(self, wanted: Wanted | None) -> tuple[ParticipantEntry, ...]:
+        if wanted == 0:
+            return ()
+        return participants_of(LogView() if self._cluster_log is None else await self._cluster_log(), wanted, self._origin.node)
 
-    async def _headers(self) -> Sequence[SceneLogPublic]:
-        """The headers of all scenes of the cluster."""
-        headers: list[SceneLogPublic] = []
-        while len(headers) < SCENES_LISTED_MAX:
-            after = headers[-1].scene if headers else 0
-            page = await self._calls.ask_any(ListScenes(after), ScenesListed)
-            headers += check_page(page, after, "any node")
-            if not page.more:
-                break
-        return headers
-
-    async def _given(self, headers: Sequence[SceneLogPublic]) -> dict[bytes, Gift]:
-        """What headers hold for us, by genesis: what a user of this cluster has sealed, as his card shows."""
-        gifts = await self._calls.world.workers.run("crypto", gifts_in, headers, self._secrets.sealing)
-        known: dict[str, Card | None] = {self._maker.name: None}
-        believed = {}
-        for gift in gifts:
-            try:
-                if self._card_of is not None:
-                    await self._check_granter(gift, known)
-                believed[gift.header.genesis] = gift
-            except (DamagedData, LocalFault, Refused, PeerFault) as problem:
-                _log.warning("scene %08x: what it holds for us is not believed: %s", gift.header.scene, problem)
-        return believed
-
-    async def _check_granter(self, gift: Gift, known: dict[str, Card | None]) -> None:
-        assert self._card_of is not None
-        granter = gift.contents.granter
-        if not granter.startswith(USER):
-            raise DamagedData(f"{granter or 'nobody'} grants it, and is no user")
-        if granter == self._maker.name:
-            key = self._secrets.signing.public
-        else:
-            card = known.get(granter) or await self._card_of(granter)
-            known[granter] = card
-            key = card.keys.signing
-        check_granter(gift.lockbox, gift.contents, gift.header.genesis, key)
-
-    async def _announce(self, kept: KeptScene, log: LogAccess, *, is_new: bool = False) -> Scene:
+    async def _announce(self, kept: KeptScene, log: LogAccess, deciding: Sequence[ParticipantEntry], *, is_new: bool = False) -> Scene:
         """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""
         if kept.position > FIRST_POSITION:
             remedy = "start all nodes of the cluster; one of them had it"
             raise LocalFault("the cluster does not know this scene any more", where=f"scene {kept.name}", remedy=remedy)
-        header = first_header(kept, log.keys, self._maker, self._origin)
+        header = first_header(kept, log.keys, self._maker, self._origin, deciding)
         if header is None:
             what = "the scene was made by another user or for other nodes"
             raise LocalFault(what, where=f"scene {kept.name}", remedy="use the profile that made it")
         try:
-            header = await log.announce(header, first_private(log.keys, self._maker, self._origin))
+            header = await log.announce(header, first_private(log.keys, self._maker, self._origin, deciding))
         except Refused as refusal:
+            if refusal.reason is RejectReason.POSITION_TAKEN and (found := await log.header()) is not None:
+                # It was made before, and nobody knew: with others to decide, which the genesis does not cover.
+                return self._scene(log, found)
             if is_new and not is_passing(refusal.reason):
                 # The cluster has no such scene and will not have it, so its keys open nothing. Of doubt we hear as Unreachable.
                 await self._on_disk(self._keyring.remove, kept.name)

@@ -50,6 +50,8 @@ class SceneIdentity:
     """The log position that the coordinates in new payloads belong to; None: `position`."""
     outputs: frozenset[SpaceId] | None = None
     """In render mode the spaces that may still be written; None: edit mode."""
+    read_floor: int = 0
+    """In render mode the write floor: who goes by a header below it may still take edits, and its answers are none for an image."""
     node_managed: Mapping[SpaceId, bool] = field(default_factory=dict)
     """Of the known spaces: whether nodes choose where records lie."""
     layouts: Layouts = field(default_factory=partial(Layouts.of, ()))
@@ -66,6 +68,7 @@ class SceneIdentity:
             key_epoch=header.key_epoch,
             content_position=self.position if self.content_position is None else self.content_position,
             outputs=outputs if header.mode is SceneMode.RENDER else None,
+            read_floor=header.write_floor if header.mode is SceneMode.RENDER else 0,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
             layouts=Layouts.of(header.spaces, header.scene),
         )

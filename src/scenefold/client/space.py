@@ -166,7 +166,7 @@ class Space:
         change, tell = new_copies(self.id, copies, copies_min), callback_of(progress)
         log = await self._access.read_log()
         entry = change(log.state)
-        await self._access.check_owner()
+        await self._access.log_or_fault().owner()
         records = 0
         async for _ in self._access.entries(self.id, FIRST, LAST):
             records += 1

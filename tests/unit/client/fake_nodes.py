@@ -122,6 +122,8 @@ class FakeNodes:
     range_max: int = 1000
     without_lease: set[str] = field(default_factory=set)
     """They take no writes, and mark what they read as stale."""
+    behind: set[str] = field(default_factory=set)
+    """They go by a header of before the scene's newest write floor, and cannot get the newer one."""
     losing_lease: set[str] = field(default_factory=set)
     """They store one more record, and have no lease by the time that they could say so."""
     rotten: set[Location] = field(default_factory=set)
@@ -201,7 +203,9 @@ class FakeNodes:
                     DAMAGED_RECORD if key.location in self.rotten | self.wrecks else record
                     for key, record in zip(packet.keys, records, strict=False)
                 ]
-                return GetManyReply(tuple(records), address in self.without_lease)
+                header = self.headers.get(packet.scene)
+                position, floor = (0, 0) if header is None else (header.position, header.write_floor)
+                return GetManyReply(tuple(records), address in self.without_lease, position, 0 if address in self.behind else floor)
             case QueryRange():
                 return self._query(address, packet)
             case ProposeSceneLog():

@@ -1,0 +1,68 @@
+"""`scenectl scene mode`: which mode a scene is in, and changing it."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from scenectl.errors import DONE, UNREACHABLE
+from scenectl.names import SceneName
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note
+
+if TYPE_CHECKING:
+    from scenefold.client.modes import ModeShown
+
+
+class Mode(Enum):
+    """As people write it."""
+
+    EDIT = "edit"
+    RENDER = "render"
+
+
+def mode(
+    scene: SceneName,
+    to: Annotated[Mode | None, Parameter(help="The mode that it shall be in; none is changed if this is left out.")] = None,
+    /,
+    *,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> int:
+    """Tell which mode a scene is in, or switch it: in edit mode it can be changed, in render mode only the output of a render is written.
+
+    A mode is active once nobody can act by the one before any more: at once, or, if one of those who decide cannot be reached, after some 13 s. Exit code 0: it is active. 3: it is decided, and not active yet, or nobody who can be asked knows.
+
+    Example: scenectl scene mode kitchen render --profile studio
+
+    Parameters
+    ----------
+    scene
+        Name of the scene.
+    """
+    from scenectl.running import connected, run
+    from scenefold.client.modes import mode_of, set_mode
+    from scenefold.wire import SceneMode
+
+    async def ask() -> ModeShown:
+        async with connected(output.profile) as cluster:
+            access = (await cluster.scenes.open(scene)).access
+            if to is None:
+                return await mode_of(access)
+            return await set_mode(
+                access, SceneMode[to.name], lambda position: note(f"decided: {to.value} mode, position {position} of the log")
+            )
+
+    found = run(ask)
+    emit(output, {"scene": scene, **found.document()}, mode_text(found))
+    return DONE if found.is_active else UNREACHABLE
+
+
+def mode_text(found: ModeShown) -> str:
+    """A sentence."""
+    decided = f"At position {found.position} of its log the scene is in {found.mode.name.lower()} mode"
+    if found.is_active:
+        return f"{decided}, which is active."
+    if found.is_active is None:
+        return f"{decided}. Whether that is active is unknown: no participant that can be asked reaches most of the others."
+    return f"{decided}, which is decided and not active yet: leases of before may still be used."

@@ -1,0 +1,68 @@
+"""The scenes that a cluster's headers show, and those that somebody has granted us: whose word that is, is looked at (specs/16-scene-log.md, Members)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable, Sequence
+
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
+from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.client.calls import Calls
+from scenefold.client.gifts import Gift, gifts_in
+from scenefold.client.grants import USER
+from scenefold.crypto import Card, MemberSecrets
+from scenefold.scene.log import check_granter
+from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed, check_page
+
+_log = logging.getLogger("scenefold.client")
+
+
+class GivenScenes:
+    """Of one user."""
+
+    def __init__(self, calls: Calls, me: str, secrets: MemberSecrets, card_of: Callable[[str], Awaitable[Card]] | None) -> None:
+        """`me`: the name in our certificate. `card_of`: verified cards, by which we know who grants us a scene; None: whoever it is, is believed."""
+        self._calls, self._me, self._secrets, self._card_of = calls, me, secrets, card_of
+
+    async def named(self, name: str) -> Sequence[Gift]:
+        """What was granted to us under this id; if nothing, under this name."""
+        given = (await self.among(await self.headers())).values()
+        return [gift for gift in given if name == f"{gift.header.scene:08x}"] or [gift for gift in given if name == gift.contents.name]
+
+    async def headers(self) -> Sequence[SceneLogPublic]:
+        """The headers of all scenes of the cluster."""
+        headers: list[SceneLogPublic] = []
+        while len(headers) < SCENES_LISTED_MAX:
+            after = headers[-1].scene if headers else 0
+            page = await self._calls.ask_any(ListScenes(after), ScenesListed)
+            headers += check_page(page, after, "any node")
+            if not page.more:
+                break
+        return headers
+
+    async def among(self, headers: Sequence[SceneLogPublic]) -> dict[bytes, Gift]:
+        """What headers hold for us, by genesis: what a user of this cluster has sealed, as his card shows."""
+        gifts = await self._calls.world.workers.run("crypto", gifts_in, headers, self._secrets.sealing)
+        known: dict[str, Card | None] = {self._me: None}
+        believed = {}
+        for gift in gifts:
+            try:
+                if self._card_of is not None:
+                    await self._check_granter(gift, known)
+                believed[gift.header.genesis] = gift
+            except (DamagedData, LocalFault, Refused, PeerFault) as problem:
+                _log.warning("scene %08x: what it holds for us is not believed: %s", gift.header.scene, problem)
+        return believed
+
+    async def _check_granter(self, gift: Gift, known: dict[str, Card | None]) -> None:
+        assert self._card_of is not None
+        granter = gift.contents.granter
+        if not granter.startswith(USER):
+            raise DamagedData(f"{granter or 'nobody'} grants it, and is no user")
+        if granter == self._me:
+            key = self._secrets.signing.public
+        else:
+            card = known.get(granter) or await self._card_of(granter)
+            known[granter] = card
+            key = card.keys.signing
+        check_granter(gift.lockbox, gift.contents, gift.header.genesis, key)
