@@ -149,6 +149,10 @@ def test_a_bug_in_an_event_is_a_finding_of_its_seed_and_loses_no_other(
         ("--faults rain", "no list of kinds of faults; there are: partition, "),
         ("--faults join,drain --workload data", "leaves all of these"),
         ("--trace /nowhere/x --replay 1", "No such file"),
+        ("--participants 3", "--participants is for --workload logs"),
+        ("--workload logs --participants 99", "99 is not from 0 to 33"),
+        ("--workload logs --participants 7 --nodes 5", "--nodes 5 are fewer than the 7 participants of seed 0"),
+        ("--workload logs --seeds 0:3 --nodes 5", "--nodes 5 are fewer than the 7 participants of seed 2"),
     ],
 )
 def test_wrong_usage_is_one_line_and_ends_with_two(arguments: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:

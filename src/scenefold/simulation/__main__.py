@@ -2,7 +2,8 @@
 
 Progress and stories go to stderr. On stdout comes a summary, or with --json one object with the keys `seeds` (how many were
 run), `violations` (a list), `faults` (how many took effect, by kind), `reported` (what lying nodes achieved that nobody could prevent, by manner), `operations` (acknowledged
-ones), the least of both that a seed had, and `short` (seeds that tested too little). It comes before any schedule is shortened, which takes minutes. The exit
+ones), the least of both that a seed had, `short` (seeds that tested too little), and, with the workload `logs`, `committed`, `refused`, `taken_over`
+and `committed_min`. It comes before any schedule is shortened, which takes minutes. The exit
 code is 1 if anything was violated, 3 if nothing was but a seed fell short, 2 for wrong usage.
 """
 
@@ -86,15 +87,33 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
             "operations_min": operations_min,
             "faults_min": faults_min,
             "short": [{"seed": result.order.seed, "what": result.shortage} for result in results if result.shortage],
+            **_proposals(results),
         }
         _print(json.dumps(document, indent=2))
         return
     lines = [f"{len(results)} seeds, {operations} acknowledged operations, {faults.total()} faults, {len(violations)} violations"]
     lines += [f"a seed had {operations_min} operations and {faults_min} faults or more"]
+    if told := _proposals(results):
+        lines.append(
+            f"{told['committed']} proposals committed, {told['committed_min']} of a seed or more, {told['refused']} refused, {told['taken_over']} taken over"
+        )
     lines += [f"  {count:7d}  {kind}" for kind, count in sorted(faults.items())]
     lines += [f"  reported, no violation: {count} {manner}" for manner, count in sorted(reported.items())]
     lines += [f"seed {one['seed']}: {one['law']}: {_first_line(one['what'])}\n  {one['replay']}" for one in violations]
     _print("\n".join(lines))
+
+
+def _proposals(results: Sequence[Result]) -> dict[str, int]:
+    """What became of proposals; empty if the workload has none."""
+    found = [result.proposals for result in results if result.proposals is not None]
+    if not found:
+        return {}
+    return {
+        "committed": sum(each.committed for each in found),
+        "refused": sum(each.refused for each in found),
+        "taken_over": sum(each.taken_over for each in found),
+        "committed_min": min(each.committed for each in found),
+    }
 
 
 def _print(text: str) -> None:
@@ -105,6 +124,9 @@ def _print(text: str) -> None:
 def _line_of(result: Result) -> str:
     what = f"seed {result.order.seed}: {result.operations} operations, {sum(result.faults.values())} faults"
     counts = ", ".join(f"{count} {name}" for name, count in sorted(result.counts.items()))
+    if result.proposals is not None:
+        told = result.proposals
+        counts = f"{result.order.deciders} participants, {told.committed} committed, {told.refused} refused, {told.taken_over} taken over, {counts}"
     verdict = f" VIOLATED {result.violations[0].law}: {_first_line(result.violations[0].what)}" if result.violations else ""
     return f"{what}, {counts}, {result.virtual_s:.0f} s in {result.cpu_s:.2f} s{verdict}"
 

@@ -13,6 +13,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from scenefold.simulation.log_mutants import forgetful_memory, half, half_of_participants, stale_roster
+
 
 @dataclass(frozen=True, slots=True)
 class Patch:
@@ -229,6 +231,12 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "tombstones collected by age": (Patch("scenefold.peer.purging.purging", "Purging._carry_out", _asked_by_age),),
     "purge asks only holders": (Patch("scenefold.peer.purging.purging", "Purging.members_to_ask", _asked_of_holders),),
     "recovery hears one node": (Patch("scenefold.peer.replication.recovering_gap", "Asking._hear_out", _one_witness),),
+    "vote not durable": (Patch("scenefold.peer.logs.memory", "Memory.write", forgetful_memory),),
+    "no majority": (
+        Patch("scenefold.consensus.participants", "Participants.majority", half_of_participants),
+        Patch("scenefold.scene.log.certified", "_majority", half),
+    ),
+    "chain from a stale roster": (Patch("scenefold.peer.scene_log.scene_judge", "SceneJudge.after", stale_roster),),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 

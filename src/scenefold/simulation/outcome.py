@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from scenefold.simulation.copying import Copying, draw_copying
 from scenefold.simulation.faults import Kind, Schedule
+from scenefold.simulation.log_weather import deciders_of, spared
 from scenefold.simulation.story import Violation
 from scenefold.simulation.weather import STORM_S, Climate, draw
 
-Workload = Literal["data", "members", "all", "keys", "purges", "turns"]
-WORKLOADS: tuple[Workload, ...] = ("data", "members", "all", "keys", "purges", "turns")
+Workload = Literal["data", "members", "all", "keys", "purges", "turns", "logs"]
+WORKLOADS: tuple[Workload, ...] = ("data", "members", "all", "keys", "purges", "turns", "logs")
 
 OPERATIONS_MIN = 300
 FAULTS_MIN = 5
 """A run with fewer acknowledged operations of clients, or fewer faults that took effect, has tested too little."""
+COMMITTED_MIN = 50
+"""Likewise of entries in the workload `logs`, in which clients do nothing else."""
+
+
+class Proposals(NamedTuple):
+    """What became of the entries that clients asked for in the workload `logs`; `taken_over`: decided in a ballot of another one than who began."""
+
+    committed: int
+    refused: int
+    taken_over: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +45,13 @@ class Order:
     trace_file: str | None = None
     copies: bool = False
     """Whether some spaces have copies, and nodes and racks may be lost for ever."""
+    participants: int | None = None
+    """How many decide the scene's log, in the workload `logs`; 0: its origin alone; None: as the seed says."""
+
+    @property
+    def deciders(self) -> int:
+        """How many participants the scene begins with."""
+        return deciders_of(self.seed) if self.participants is None else self.participants
 
     @property
     def copying(self) -> Copying | None:
@@ -44,6 +62,8 @@ class Order:
     def schedule(self) -> Schedule:
         """What will go wrong."""
         whole = draw(self.seed, self.climate)
+        if self.workload == "logs":
+            whole = spared(whole, self.nodes, self.deciders)
         return whole if self.keep is None else tuple(whole[number] for number in self.keep)
 
     @property
@@ -64,6 +84,8 @@ class Order:
         words = [f"python -m scenefold.simulation --nodes {self.nodes} --replay {self.seed}"]
         if self.workload != "all":
             words.append(f"--workload {self.workload}")
+        if self.participants is not None:
+            words.append(f"--participants {self.participants}")
         if self.copies:
             words.append("--copies")
         if self.storm_s != STORM_S:
@@ -94,6 +116,8 @@ class Result:
     """What lying nodes achieved that nobody could prevent, by manner: no violations, and never silent."""
     story: str = ""
     """Told only if something was violated."""
+    proposals: Proposals | None = None
+    """In the workload `logs`."""
 
     @property
     def shortage(self) -> str:
@@ -101,5 +125,8 @@ class Result:
         if self.violations or self.order.keep is not None:
             return ""
         faults = sum(self.faults.values())
-        found = [(self.operations, OPERATIONS_MIN, "acknowledged operations"), (faults, FAULTS_MIN, "faults")]
+        worked = (self.operations, OPERATIONS_MIN, "acknowledged operations")
+        if self.proposals is not None:
+            worked = (self.proposals.committed, COMMITTED_MIN, "committed proposals")
+        found = [worked, (faults, FAULTS_MIN, "faults")]
         return ", ".join(f"{count} {what} of {wanted} at least" for count, wanted, what in found if count < wanted)

@@ -25,13 +25,14 @@ from scenefold.simulation import laws
 from scenefold.simulation.asking import Asker
 from scenefold.simulation.calm import Unrest, unrest
 from scenefold.simulation.clients import Client, MemoryKeyring, keep_copies, open_client, secrets_of
-from scenefold.simulation.cluster import HABITS, Cluster, key_of
+from scenefold.simulation.cluster import HABITS, Cluster, Habits, key_of
 from scenefold.simulation.faults import Schedule
 from scenefold.simulation.final import judge_histories, read_everything
 from scenefold.simulation.leaving import drain
+from scenefold.simulation.log_drama import LogDrama
 from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.mutants import mutated
-from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
+from scenefold.simulation.outcome import COMMITTED_MIN, OPERATIONS_MIN, Order, Result
 from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.purging import Purges
 from scenefold.simulation.removals import watch_removals
@@ -91,6 +92,8 @@ class _Drama:
         self._net = SimNet(order.seed, trace=trace)
         self._cluster: Cluster | None = None
         self._storm: Storm | None = None
+        self._logs: LogDrama | None = None
+        """In the workload `logs`."""
         self._tally = Tally()
         self._operations: int | None = None
         """Acknowledged by the end of the clients' work: what the judge reads afterwards is not counted."""
@@ -101,8 +104,7 @@ class _Drama:
         """Everything, from founding to judging."""
         async with trio.open_nursery() as nursery:
             spares = max(spares_of(self._schedule, self._order.nodes), default=self._order.nodes - 1) + 1 - self._order.nodes
-            habits = HABITS if self._order.copying is None else replace(HABITS, copying=self._order.copying)
-            cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery, habits)
+            cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery, self._habits())
             cluster.on_death = partial(judge_store, cluster)
             for slot in range(self._order.nodes):
                 cluster.start(slot)
@@ -110,11 +112,20 @@ class _Drama:
             if await self._until(lambda: not unrest(cluster), START_S_MAX):
                 async with AsyncExitStack() as stack:
                     clients = await self._open_clients(stack, cluster)
+                    if self._order.workload == "logs":
+                        self._logs = LogDrama(cluster, self._order)
+                        await self._logs.begin(clients, nursery, partial(_nonsense_heard, cluster))
                     await self._rage(cluster, clients)
                     await self._settle(cluster, clients)
             else:
                 self._complain(cluster, unrest(cluster))
             nursery.cancel_scope.cancel()
+
+    def _habits(self) -> Habits:
+        if self._order.workload == "logs":
+            # Who is removed over a long silence decides no more, and most of the participants may be silent for as long.
+            return replace(HABITS, copying=self._order.copying, remove_after_s=None)
+        return replace(HABITS, copying=self._order.copying)
 
     async def _open_clients(self, stack: AsyncExitStack, cluster: Cluster) -> list[Client]:
         keyring, writer = MemoryKeyring(), key_of(self._order.seed, "the writer")
@@ -132,8 +143,11 @@ class _Drama:
     async def _rage(self, cluster: Cluster, clients: list[Client]) -> None:
         """The storm, with clients at work."""
         async with trio.open_nursery() as work:
-            workers = [self._worker(cluster, client, client.scene) for client in clients if client.scene is not None]
+            at_work = [] if self._logs is not None else clients
+            workers = [self._worker(cluster, client, client.scene) for client in at_work if client.scene is not None]
             stop = trio.Event()
+            if self._logs is not None:
+                self._logs.start(work, stop)
             for worker in workers:
                 work.start_soon(worker.run, stop)
             if self._order.workload == "keys" and clients[-1].scene is not None:
@@ -161,9 +175,15 @@ class _Drama:
                     await node.gone.wait()
                     cluster.start(slot)
             await trio.sleep(AFTERMATH_S)
-            await self._until(lambda: cluster.watch.recorder.acknowledged >= OPERATIONS_MIN, ENOUGH_S_MAX)
+            await self._until(lambda: self._is_enough(cluster), ENOUGH_S_MAX)
             stop.set()
         self._operations = cluster.watch.recorder.acknowledged
+
+    def _is_enough(self, cluster: Cluster) -> bool:
+        """Whether there is something to judge."""
+        if self._logs is not None:
+            return self._logs.proposals.committed >= COMMITTED_MIN
+        return cluster.watch.recorder.acknowledged >= OPERATIONS_MIN
 
     async def _ask(self, cluster: Cluster, scene: Scene) -> None:
         """Somebody whose questions must be answered as long as owners live."""
@@ -184,6 +204,8 @@ class _Drama:
             judge_stores(cluster)
         else:
             self._complain(cluster, unrest(cluster))
+        if self._logs is not None:
+            await self._logs.settle()
         await read_everything(cluster.watch, clients[0])
         judge_histories(cluster.watch)
         for words in self._tally.wrong:
@@ -242,6 +264,7 @@ class _Drama:
             counts=counts,
             reported={} if lies is None else dict(lies.reported),
             story=story,
+            proposals=None if self._logs is None else self._logs.proposals,
         )
 
 

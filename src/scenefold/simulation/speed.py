@@ -9,12 +9,13 @@ derive the same key from it, so that is done for both at once.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from typing import Any
 
 from scenefold.crypto import PublicKey, RecordHeader, SealingKey, SealingPublicKey, SigningKey, datagrams
 from scenefold.peer.membership import hearing
+from scenefold.wire import SceneBody, SceneLogPublic
 
 REMEMBERED_MAX = 50_000
 PACKETS_MAX = 8_192
@@ -67,15 +68,39 @@ def quick_packets() -> Iterator[None]:
 
 @contextmanager
 def quick_headers() -> Iterator[None]:
-    """Each header of a record is decoded once in this process: nodes, clients and the judge look at the same ones again and again."""
-    module: Any = RecordHeader
-    before: Any = RecordHeader.__dict__["decode"]
-    remembering: Any = lru_cache(HEADERS_MAX)(before.__func__)
-    module.decode = classmethod(remembering)
+    """Each header of a record or of a scene is packed and read once in this process: nodes, clients and the judge look at the same ones again and again."""
+    with ExitStack() as stack:
+        for owner, names in _HEADERS.items():
+            for name in names:
+                stack.enter_context(_remembering(owner, name))
+        yield
+
+
+_HEADERS: dict[type, tuple[str, ...]] = {
+    RecordHeader: ("decode",),
+    SceneLogPublic: ("decode", "encode", "signable"),
+    SceneBody: ("decode", "encode"),
+}
+
+
+@contextmanager
+def _remembering(owner: Any, name: str) -> Iterator[None]:
+    """A pure method of a class, or a class method of bytes."""
+    before: Any = owner.__dict__[name]
+    is_of_class = isinstance(before, classmethod)
+    remembering: Any = lru_cache(HEADERS_MAX)(before.__func__ if is_of_class else before)
+    setattr(owner, name, classmethod(remembering) if is_of_class else _method(remembering))
     try:
         yield
     finally:
-        module.decode = before
+        setattr(owner, name, before)
+
+
+def _method(function: Any) -> Any:
+    def method(self: Any) -> Any:
+        return function(self)
+
+    return method
 
 
 @contextmanager

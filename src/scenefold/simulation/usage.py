@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from scenefold.base.limits import DECIDERS_MAX
 from scenefold.simulation.faults import KINDS, Kind
 from scenefold.simulation.mutants import MUTANTS
 from scenefold.simulation.outcome import WORKLOADS, Order
@@ -17,6 +18,7 @@ N = TypeVar("N", int, float)
 
 WRONG_USAGE = 2
 NODES_MIN, NODES_MAX = 3, 64
+NODES = 5
 JOBS_MAX = 256
 SECONDS_MIN, SECONDS_MAX = 20.0, 600.0
 SEED_MAX = (1 << 63) - 1
@@ -43,13 +45,34 @@ def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Na
         _check_writable(parser, options.trace)
     if options.faults and options.workload == "data" and all(KINDS[kind].moves_members for kind in options.faults):
         parser.error("--workload data leaves all of these --faults out")
+    if options.participants is not None and options.workload != "logs":
+        parser.error("--participants is for --workload logs")
     if not options.copies and (lonely := [kind.value for kind in options.faults if KINDS[kind].of_copies]):
         parser.error(f"--faults: {', '.join(lonely)}: only with --copies")
-    asked = options.nodes, options.workload, options.mutant, options.seconds, options.faults, options.keep, options.trace, options.copies
-    orders = [Order(seed, *asked) for seed in seeds]
+    orders = [_order(parser, options, seed) for seed in seeds]
     if options.keep is not None and max(options.keep, default=-1) >= (known := len(replace(orders[0], keep=None).schedule)):
         parser.error(f"--keep names a fault that this seed does not have: it has {known}, from 0")
     return orders, options
+
+
+def _order(parser: Parser, options: argparse.Namespace, seed: int) -> Order:
+    """What is asked of one seed."""
+    asked = (
+        options.workload,
+        options.mutant,
+        options.seconds,
+        options.faults,
+        options.keep,
+        options.trace,
+        options.copies,
+        options.participants,
+    )
+    order = Order(seed, options.nodes or NODES, *asked)
+    if options.workload != "logs" or order.deciders <= order.nodes:
+        return order
+    if options.nodes is not None:
+        parser.error(f"--nodes {options.nodes} are fewer than the {order.deciders} participants of seed {seed}")
+    return replace(order, nodes=order.deciders)
 
 
 def _check_writable(parser: Parser, path: str) -> None:
@@ -62,7 +85,9 @@ def _check_writable(parser: Parser, path: str) -> None:
 def _parser() -> Parser:
     parser = Parser(prog="python -m scenefold.simulation", description="A cluster in virtual time, from seeds.")
     nodes, seconds = number(int, NODES_MIN, NODES_MAX), number(float, SECONDS_MIN, SECONDS_MAX)
-    parser.add_argument("--nodes", type=nodes, default=5, metavar="N", help="founders (default 5)")
+    parser.add_argument(
+        "--nodes", type=nodes, metavar="N", help=f"founders (default {NODES}, and as many as take part in the log at least)"
+    )
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seeds", type=_seeds, default=range(20), metavar="A:B", help="from A to B, B excluded (default 0:20)")
     which.add_argument("--replay", type=number(int, 0, SEED_MAX), metavar="SEED", help="run one seed again")
@@ -70,7 +95,13 @@ def _parser() -> Parser:
         "--workload",
         choices=WORKLOADS,
         default="all",
-        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too; purges: deletions are purged",
+        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too; purges: deletions are purged; logs: clients change the scene's log, which participants decide",
+    )
+    parser.add_argument(
+        "--participants",
+        type=number(int, 0, DECIDERS_MAX),
+        metavar="N",
+        help="with --workload logs: who decides the log; 0: its origin alone (default: 3, 5 or 7, by the seed)",
     )
     parser.add_argument("--copies", action="store_true", help="some spaces have copies, and nodes and racks are lost for ever")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

@@ -1,0 +1,36 @@
+"""What takes the place of a safeguard of scenes' logs in a mutant (mutants.py)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+
+def forgetful_memory(original: Any) -> Any:
+    """What a participant promises and votes for stays in memory."""
+
+    async def write(self: Any, what: Any, before: Any, after: Any) -> None:
+        from scenefold.consensus import Decide
+
+        if isinstance(what, Decide):
+            await original(self, what, before, after)
+
+    return write
+
+
+def half(_original: Any) -> Any:
+    """As many as half of those who decide are enough."""
+    return lambda entries: max(1, len(entries) // 2)
+
+
+def half_of_participants(_original: Any) -> Any:
+    return property(lambda participants: max(1, len(participants.everyone) // 2))
+
+
+def stale_roster(original: Any) -> Any:
+    """Who decides stays as it was when this node began with the log."""
+
+    def after(self: Any, value: Any) -> Any:
+        return replace(original(self, value), participants=self.participants)
+
+    return after
