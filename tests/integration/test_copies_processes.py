@@ -36,10 +36,12 @@ class Size:
     payloads: tuple[int, ...]
     """Bytes, in turns."""
     whole_s_max: float
+    options: tuple[str, ...] = ()
 
 
-SMALL = Size((1, 2, 2), 300, (300, 4_000, 60_000), 120.0)
+SMALL = Size((1, 2, 2), 300, (300, 4_000, 60_000), 120.0, ("--remove-after", "13"))
 FULL = Size((2, 2, 3), 40_000, (1_000, 61_000, 60_000, 61_000, 90), 1_800.0)
+"""With two minutes until the dead are removed, as people have it: who is back before that gets its own copies, and none are made elsewhere."""
 
 pytestmark = pytest.mark.slow
 
@@ -96,7 +98,7 @@ def is_whole(report: NodeReport) -> bool:
 async def test_a_rack_is_killed_and_wiped_during_writes_and_all_is_there_and_whole_again(tmp_path: Path) -> None:
     size = FULL if os.environ.get("SCENEFOLD_FULL_SIZE") == "1" else SMALL
     count = sum(size.racks)
-    async with living_cluster(tmp_path, count, options=("--remove-after", "13")) as living:
+    async with living_cluster(tmp_path, count, options=size.options) as living:
         racks = racks_of(living, size)
         await put_in_racks(living, racks)
         scene = await living.cluster.scenes.open("kept")
@@ -107,6 +109,7 @@ async def test_a_rack_is_killed_and_wiped_during_writes_and_all_is_there_and_who
         under_copied = sum(report.bytes for address, report in before.items() if address in racks[1])
         async with trio.open_nursery() as nursery:
             nursery.start_soon(kept.go_on_writing)
+            killed_at = trio.current_time()
             for address in racks[1]:
                 await living.nodes.kill(address)
             for address in racks[1]:
@@ -134,6 +137,7 @@ async def test_a_rack_is_killed_and_wiped_during_writes_and_all_is_there_and_who
                 {
                     "nodes": count,
                     "records": len(kept.records),
+                    "seconds_away": round(begun - killed_at, 1),
                     "seconds_to_health": round(seconds, 1),
                     "bytes_lost": under_copied,
                     "bytes_moved": moved,

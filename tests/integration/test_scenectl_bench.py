@@ -59,3 +59,21 @@ def test_what_a_cluster_stores_a_second_is_measured_and_its_copies_are_counted()
 def test_more_copies_to_be_waited_for_than_there_shall_be() -> None:
     done = scenectl("bench", "store", "--nodes", "1", "--copies", "2", "--min-copies", "3", "--ports", ports_option("127.0.0.2"))
     assert done.code == 2 and "3 of 2" in done.error
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_three_participants_are_measured_and_go_on_without_who_proposed() -> None:
+    ports = ports_option("127.0.0.2", "127.0.0.3", "127.0.0.4")
+    sizes = "--participants", "3", "--commits", "4", "--clients", "2", "--kills", "1"
+    done = scenectl("bench", "log", *sizes, "--simulated", "3", "--ports", ports, "--json", limit_s=COLD_S)
+    assert done.code == 0, done.err
+    (row,), (simulated,) = done.json["participants"], done.json["simulated"]
+    turns = [row[way] for way in ("one_client", "one_scene", "a_scene_each")]
+    assert row["participants"] == 3
+    assert all(turn["commits"] + turn["refused"] + turn["unknown"] == 4 for turn in turns)
+    assert all(0 < turn["p50_ms"] <= turn["p99_ms"] and turn["cpu_ms_per_commit"] > 0 for turn in turns)
+    assert row["one_client"]["commits"] == 4 and simulated["packets_per_commit"] == 10
+    assert row["one_client"]["packets_per_commit"] > 9, "the news of the last may be on its way yet"
+    assert row["killed"]["kills"] == len(row["killed"]["next_commit_s"]) == 1
+    assert 0 < row["killed"]["next_commit_s"][0] < 60

@@ -1,0 +1,108 @@
+"""If this fails, a network that is cut in two leaves two histories of a scene behind, or the smaller part of it does not say what is the matter."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Awaitable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trio
+
+from integration.cut_networks import FIRST_ADDRESS, CutNetwork, cut_network
+from integration.log_disks import check_one_history
+from integration.scenectl_process import Done, environment
+from scenefold.node.local import local_cluster
+
+NODES, FEW = 5, 2
+TESTS = Path(__file__).resolve().parents[1]
+LIMIT_S = 60.0
+PAYLOAD = b"a place that both sides can read"
+
+pytestmark = pytest.mark.slow
+
+
+class Desk:
+    """A computer beside a node, with a profile of its own: what is met here nobody knows elsewhere."""
+
+    def __init__(self, network: CutNetwork, address: str, profile: Path) -> None:
+        self._network, self._address, self._profile = network, address, profile
+
+    async def scenectl(self, *words: str, stdin: bytes = b"") -> Done:
+        command = self._network.on(self._address, sys.executable, "-m", "scenectl", *words)
+        with trio.fail_after(LIMIT_S):
+            done = await trio.run_process(
+                command, stdin=stdin, capture_stdout=True, capture_stderr=True, check=False, env=environment(self._profile)
+            )
+        return Done(done.returncode, done.stdout, done.stderr.decode())
+
+    async def json(self, *words: str, stdin: bytes = b"") -> Any:
+        done = await self.scenectl(*words, "--json", stdin=stdin)
+        assert done.code == 0, done.err
+        return json.loads(done.out)
+
+    async def makes(self, space: str) -> Done:
+        return await self.scenectl("space", "create", space, "--scene", "stage", "--dimensions", "3")
+
+    async def spaces(self) -> set[str]:
+        return {space["name"] for space in (await self.json("space", "list", "--scene", "stage"))["spaces"]}
+
+
+@pytest.mark.timeout(600)
+async def test_a_network_cut_in_two_has_one_history(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(TESTS))
+    with cut_network(NODES, monkeypatch) as network:
+        running = local_cluster(NODES, tmp_path, first_address=FIRST_ADDRESS, module="integration.apart_node", trust=True)
+        async with running as nodes:
+            few, many = nodes.addresses[:FEW], nodes.addresses[FEW:]
+            there = Desk(network, many[0], nodes.profile)
+            made = await there.json("scene", "create", "stage", "--participants", str(NODES), "--copies", str(NODES))
+            await there.json("data", "put", "files", "0a", "-", "--scene", "stage", stdin=PAYLOAD)
+            here, beside = (Desk(network, few[at], Path(shutil.copytree(nodes.profile, tmp_path / f"computer {at}"))) for at in (0, 1))
+            assert await here.spaces() == await there.spaces()
+
+            network.cut_off(*few)
+            begin = trio.current_time()
+            said: list[Done] = []
+            async with trio.open_nursery() as nursery:
+
+                async def tries(work: Awaitable[Done]) -> None:
+                    said.append(await work)
+
+                nursery.start_soon(tries, here.makes("refused"))
+                nursery.start_soon(tries, beside.scenectl("scene", "mode", "stage", "render"))
+            print(f"both refused after {trio.current_time() - begin:.1f} s: {said[0].error}, {said[1].error}", flush=True)
+            for refused in said:
+                assert refused.code in (3, 4)
+                assert "no majority of the nodes that decide the scene's log could be reached: 3 of 5 must agree" in refused.error
+            before = await here.spaces()
+            assert "refused" not in before
+            assert (await here.json("scene", "log", "stage"))["position"] == 1
+            got = await here.scenectl("data", "get", "files", "0a", "--scene", "stage", "--any-copy", "--output", str(tmp_path / "got"))
+            assert got.code == 0 and (tmp_path / "got").read_bytes() == PAYLOAD, got.err
+            begin = trio.current_time()
+            done = await there.makes("decided")
+            print(f"decided by the others after {trio.current_time() - begin:.1f} s", flush=True)
+            assert done.code == 0, done.err
+            assert await here.spaces() == before
+
+            network.heal()
+            begin = trio.current_time()
+            with trio.fail_after(LIMIT_S):
+                while "decided" not in await here.spaces():
+                    pass
+            print(f"seen here {trio.current_time() - begin:.1f} s after the cut is over", flush=True)
+            done = await here.makes("together")
+            assert done.code == 0, done.err
+            found = await there.spaces()
+            assert {"decided", "together"} <= found
+            # What is refused never comes; of what nobody knows it is in the log once, or not at all.
+            assert "refused" not in found or {done.code for done in said} & {3}
+            log = await there.json("scene", "log", "stage")
+            for address in nodes.addresses:
+                await nodes.stop(address)
+        newest = check_one_history((nodes.folder / "data" / address for address in nodes.addresses), bytes.fromhex(made["genesis"]), {})
+        assert newest == log["position"]
