@@ -105,6 +105,10 @@ class Case:
     def decide(self, value: Value, certificate: Certificate) -> None:
         """The open position is decided; the next one is open. Whoever had asked here, and was told that it is unknown, hears of it."""
         assert self.decided is None and certificate.position == self.open_position, "one position after the other"
+        accepted = self.slot.accepted
+        if accepted is not None and accepted.value == value:
+            # What was voted for is whole. Of what somebody tells parts of the body may be missing, and they may be nowhere else.
+            value = accepted.value
         self.decided = Decide(self.open_position, value, certificate)
         for digest in sorted(self.slot.exposed):
             if digest != self.proposal.digest or not self.proposal.is_asked:

@@ -108,8 +108,9 @@ def note(effort: Effort) -> None:
     if refusal is None:
         return
     met = refusal.hint if effort.proposal.met is None else max(effort.proposal.met, refusal.hint)
-    effort.change(met=met, reason=refusal.reason, by=refusal.member.node)
-    if refusal.reason is RejectReason.POSITION_BEHIND:
+    is_behind = refusal.reason is RejectReason.POSITION_BEHIND
+    effort.change(met=met, reason=refusal.reason, by=refusal.member.node, is_behind=effort.proposal.is_behind or is_behind)
+    if is_behind:
         effort.case.ask_log(refusal.member.node)
 
 
@@ -159,6 +160,13 @@ def say_committed_there(effort: Effort) -> None:
 def say_unknown(effort: Effort) -> None:
     """answer UNKNOWN"""
     effort.case.do(Reply(effort.proposal.digest, Outcome.UNKNOWN, effort.case.open_position))
+
+
+def say_unknown_of_it(effort: Effort) -> None:
+    """answer UNKNOWN of what is asked for"""
+    wish = effort.asked_value
+    assert wish is not None
+    effort.case.do(Reply(wish.digest, Outcome.UNKNOWN, effort.case.open_position))
 
 
 def say_open(effort: Effort) -> None:
@@ -215,6 +223,7 @@ ACTIONS = acting(
         say_committed,
         say_committed_there,
         say_unknown,
+        say_unknown_of_it,
         say_open,
         reject,
         reject_as_judged,

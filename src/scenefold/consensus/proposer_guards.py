@@ -43,6 +43,12 @@ def ill_formed(effort: Effort) -> bool:
     return wish is not None and effort.case.state.judge.refuses(wish) is not None
 
 
+def under_way(effort: Effort) -> bool:
+    """what is asked for was in an ACCEPT of this node at L, is `accepted`, or is what this node proposes at this moment"""
+    wish, slot = effort.asked_value, effort.case.slot
+    return wish is not None and wish.digest in slot.exposed | {slot.accepted_digest, effort.proposal.digest}
+
+
 def no_ballot_left(effort: Effort) -> bool:
     """a ballot with the highest counter that there is was met"""
     return effort.next_ballot() is None
@@ -59,9 +65,9 @@ def for_good(effort: Effort) -> bool:
 
 
 def nothing_begun(effort: Effort) -> bool:
-    """`accepted` is none, no promise names any, somebody waits, and what was asked for is not exposed"""
+    """`accepted` is none, no promise names any, somebody waits, and what was asked for is not in doubt"""
     slot, proposal = effort.case.slot, effort.proposal
-    return slot.accepted is None and named_highest(proposal.facts) is None and proposal.is_asked and not exposed(effort)
+    return slot.accepted is None and named_highest(proposal.facts) is None and proposal.is_asked and not in_doubt(effort)
 
 
 def arms_are_out(effort: Effort) -> bool:
@@ -109,10 +115,11 @@ def nobody_waits(effort: Effort) -> bool:
     return not effort.proposal.is_asked
 
 
-def exposed(effort: Effort) -> bool:
-    """what was asked for was in an ACCEPT of this node at L, or is `accepted`; or it is a barrier"""
-    digest, slot = effort.proposal.digest, effort.case.slot
-    return digest is None or digest in slot.exposed or digest == slot.accepted_digest
+def in_doubt(effort: Effort) -> bool:
+    """what was asked for was in an ACCEPT of this node at L, or is `accepted`; or somebody has refused it since L is decided; or it is a barrier"""
+    proposal, slot = effort.proposal, effort.case.slot
+    digest = proposal.digest
+    return digest is None or digest in slot.exposed or digest == slot.accepted_digest or proposal.is_behind
 
 
 def is_the_wish(effort: Effort) -> bool:
@@ -127,6 +134,7 @@ GUARDS = named(
         takes_no_part,
         cannot_write,
         ill_formed,
+        under_way,
         no_ballot_left,
         nothing_accepted,
         for_good,
@@ -139,7 +147,7 @@ GUARDS = named(
         voted_by_a_majority,
         deadline_over,
         nobody_waits,
-        exposed,
+        in_doubt,
         is_the_wish,
     )
 )

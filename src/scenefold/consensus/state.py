@@ -55,6 +55,8 @@ class Proposal:
     reason: RejectReason = RejectReason.NO_MAJORITY
     """Why the newest ballot came to nothing, and who said so."""
     by: NodeId | None = None
+    is_behind: bool = False
+    """Somebody has refused a ballot since the position is decided, and has not told yet with which value."""
     # Of the present ballot:
     id: ProposalId | None = None
     route: Route = ()

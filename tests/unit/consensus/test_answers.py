@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Message, Outcome, Propose, Stage
-from scenefold.wire import Phase
-from unit.consensus.logs_made import Change, member
+from scenefold.consensus import Ask, Learn, Message, Outcome, Propose, Reply, Setting, Slot, Stage, State, View, take
+from scenefold.consensus.ballots import COUNTER_MAX
+from scenefold.wire import Ballot, Phase
+from unit.consensus.logs_made import GENESIS, Book, Change, key_of, member, participants
 from unit.consensus.soup import Soup
 from unit.consensus.world import World
 
@@ -86,6 +87,58 @@ def test_38_rejected_is_for_ever(seed: int) -> None:
     soup.run()
     world.run(180.0)
     assert "never" not in world.agree()
+
+
+def test_36_what_may_come_yet_is_not_rejected() -> None:
+    """Asked for once more where it was in an ACCEPT: while that is being brought to an end, with a full disk, and without ballots."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    value = world.ask(A, "it", within=1.0)
+    known = world.nodes[A]
+    world.ask_again(A, value)
+    assert known.replies[-1].outcome is Outcome.UNKNOWN, "it is being proposed"
+    world.run(60.0, lambda: known.replies[-1].outcome is Outcome.UNKNOWN and known.state.proposal.stage is Stage.IDLE)  # type: ignore[union-attr]
+    known.disk.is_full = True
+    world.ask_again(A, value)
+    known.disk.is_full = False
+    world.run(60.0, lambda: known.state is not None and known.state.proposal.stage is not Stage.IDLE)
+    world.ask_again(A, value)
+    world.ask(A, "another")
+    *before, last = known.replies
+    assert {reply.outcome for reply in before} == {Outcome.UNKNOWN} and len(before) == 4
+    assert (last.outcome, last.reason) == (Outcome.REJECTED, RejectReason.BUSY)
+    world.filter = lambda source, target, message: True
+    world.run(60.0)
+    assert world.agree() == ["it"]
+
+
+def test_36_without_a_ballot_left_what_was_exposed_is_unknown() -> None:
+    book = Book(participants(A, B, C))
+    it, other = book.value("it", A), book.value("other", A)
+    last = Ballot(COUNTER_MAX, member(A).node)
+    slot = Slot(last, None, frozenset({it.digest}))
+    view = View(0.0, (), frozenset(), frozenset())
+    for value, expected in ((it, Outcome.UNKNOWN), (other, Outcome.REJECTED)):
+        step = take(Setting(GENESIS, member(A), key_of(member(A))), State(book, 0, slot), Ask(value, 30.0), view)
+        [reply] = step.effects
+        assert isinstance(reply, Reply) and (reply.digest, reply.outcome) == (value.digest, expected)
+
+
+def test_only_a_decision_shows_that_a_position_is_taken() -> None:
+    """B says that it is decided, and what it tells is lost: it may have been decided as it was asked for, by whoever was asked before."""
+    world = World(1, A, B, C)
+    value = world.ask(B, "it")
+    world.filter = lambda source, target, message: not isinstance(message, Learn) and target != A
+    world.run(1.0)
+    assert world.log(B) == ["it"] and not world.log(A)
+    world.filter = lambda source, target, message: not isinstance(message, Learn)
+    world.ask_again(A, value, within=2.0)
+    world.run(20.0)
+    assert [reply.outcome for reply in world.nodes[A].replies] == [Outcome.UNKNOWN]
+    world.filter = lambda source, target, message: True
+    world.sync(A, B)
+    world.run(5.0)
+    assert world.agree() == ["it"]
 
 
 def test_a_takeover_that_finds_nobody_begins_anew() -> None:

@@ -79,6 +79,24 @@ def test_what_is_learnt_has_its_body_or_none() -> None:
     assert learnt(VALUE) == learnt(replace(VALUE, body=b"")) == [VALUE]
 
 
+def test_who_has_voted_keeps_its_own_bytes_whatever_it_is_told() -> None:
+    """Else whoever tells all of them the data alone makes them forget what they were trusted with, and nobody has it any more."""
+    voted = at(B, State(BOOK), Received(LINE[0], accept(VALUE, A))).after
+    certificate = Certificate(1, BALLOT, (vote(A), vote(B), vote(C)))
+    lean = replace(VALUE, body=b"")
+    assert [value.body for value in decided(at(B, voted, Received(LINE[4], Learn(GENESIS, 1, lean, certificate))))] == [GOOD]
+    unvoted = at(E, State(BOOK), Received(LINE[4], Learn(GENESIS, 1, lean, certificate)))
+    assert [value.body for value in decided(unvoted)] == [b""]
+
+
+def test_who_hands_votes_home_decides_by_its_own_bytes() -> None:
+    voted = at(B, State(BOOK), Received(LINE[0], accept(VALUE, A))).after
+    lean = replace(voted.hops[0], value=replace(VALUE, body=b""))
+    answer = Accepted(GENESIS, ProposalId(1, BALLOT, Phase.ACCEPT), VALUE.digest, (vote(A), vote(D), vote(E)))
+    step = at(B, replace(voted, hops=(lean,)), Received(LINE[2], answer))
+    assert [value.body for value in decided(step)] == [GOOD]
+
+
 def promise(number: int, ballot: Ballot, accepted: Ballot) -> Promise:
     digest = VALUE.digest if accepted.counter else bytes(32)
     return signed(Promise(1, ballot, accepted, digest, member(number)), GENESIS, key_of(member(number)))

@@ -34,6 +34,7 @@ ELSEWHERE = {
     # After four thousand million ballots.
     "no_ballot_left",
     # Needs a plan, or long: test_answers.py.
+    "under_way",
     "nobody_waits",
     "for_good",
     "found",
