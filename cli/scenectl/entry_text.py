@@ -58,9 +58,11 @@ def _of_spaces(entry: LogEntry) -> str:
 
 
 def _of_access(entry: LogEntry) -> str:
-    from scenefold.wire import Grant, KeyEpoch, Revoke, SetMode
+    from scenefold.wire import EndScene, Grant, KeyEpoch, Revoke, SetMode
 
     match entry:
+        case EndScene():
+            return "the scene ends"
         case SetMode(mode):
             return f"mode {mode.name.lower()}"
         case Grant(name, role):

@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from scenectl.archives import export, import_archive
 from scenectl.copies import CopiesOption, MinCopiesOption, lacking_text
 from scenectl.deciding import ParticipantsOption, add_participant, even_warning, participants, relieve, remove_participant
+from scenectl.ending import rm
 from scenectl.modes import mode
 from scenectl.names import SceneName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
@@ -34,6 +35,7 @@ VERBS: tuple[Callable[..., int | None], ...] = (
     log,
     status,
     mode,
+    rm,
     participants,
     add_participant,
     remove_participant,
@@ -86,21 +88,36 @@ def create(
 
 
 @app.command(name="list")
-def list_(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def list_(
+    *,
+    ended: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
     """List the scenes of the cluster, also those whose keys this profile does not hold.
 
     Example: scenectl scene list --profile studio --json
+
+    Parameters
+    ----------
+    ended
+        Also those that were ended (`scene rm`), of which nothing is left but that.
     """
     from scenectl.running import connected, run
 
     async def ask() -> list[SceneListing]:
         async with connected(output.profile) as cluster:
-            return await cluster.scenes.list()
+            return await cluster.scenes.list(ended=ended)
 
     found = run(ask)
-    rows = [(scene.name or "-", f"{scene.id:08x}", "yes" if scene.has_key else "no", scene.granted_by or "") for scene in found]
+    rows = [_row(scene, ended=ended) for scene in found]
     document = {"scenes": [scene.document() for scene in found]}
-    emit(output, document, table(("name", "id", "key held", "granted by"), rows) if rows else "No scene yet.")
+    titles = ("name", "id", "key held", "granted by", *(("ended",) if ended else ()))
+    emit(output, document, table(titles, rows) if rows else "No scene yet.")
+
+
+def _row(scene: SceneListing, *, ended: bool) -> tuple[str, ...]:
+    shown = scene.name or "-", f"{scene.id:08x}", "yes" if scene.has_key else "no", scene.granted_by or ""
+    return (*shown, "yes" if scene.is_ended else "no") if ended else shown
 
 
 @app.command

@@ -93,9 +93,13 @@ DECIDED_MAX = 256
 LOG_EXPOSED_MAX = 256
 """Values that a node may have put into votes of its own at one position while nothing is decided there: beyond it asks for nothing new."""
 SCENES_LISTED_MAX = 512
-"""Scene headers in one answer; a cluster of a small studio holds some dozens."""
+"""Scenes of a cluster that go on, and scene headers in one answer; a cluster of a small studio holds some dozens."""
 SCENES_PER_USER_MAX = 128
-"""Scenes that one user may make, so that nobody alone fills the list: it takes four."""
+"""Scenes that one user may have made and not ended, so that nobody alone fills the list: it takes four."""
+SCENES_KEPT_MAX = 2_048
+"""Scenes of a cluster with those that were ended, whose headers stay."""
+ENDED_PER_USER_MAX = 384
+"""Scenes that one user may have made and ended: again it takes four to fill the list."""
 BLACKLIST_MAX = 32
 """Addresses and prefixes of a blacklist: they must fit a status datagram beside everything else."""
 SHADOWS_MAX = 7

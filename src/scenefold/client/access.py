@@ -189,9 +189,7 @@ class SceneAccess:
         if self._is_frozen(wishes) or not self._may_write():
             await self.refresh()
         self.check_writer()
-        if self._is_frozen(wishes):
-            remedy = "switch it back to edit mode first"
-            raise Refused(RejectReason.MODE_FORBIDS, "the scene is in render mode", where=f"scene {self.name}", remedy=remedy)
+        self.identity.check_mode((wish.space for wish in wishes), self.name)
 
     def _may_write(self) -> bool:
         return self.writer is not None and self.identity.may_write(self.writer.key_id)
@@ -208,8 +206,7 @@ class SceneAccess:
         raise LocalFault("this scene is open for reading only", where=where, remedy=remedy)
 
     def _is_frozen(self, wishes: Sequence[Wish]) -> bool:
-        outputs = self.identity.outputs
-        return outputs is not None and any(wish.space not in outputs for wish in wishes)
+        return self.identity.is_frozen(wish.space for wish in wishes)
 
     async def get(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[Opened | None]:
         """Fetch, verify and decrypt; None where nothing is. DamagedData if a record does not verify, Refused (16) if one

@@ -6,13 +6,13 @@ import logging
 from collections.abc import Awaitable, Callable, Sequence
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
-from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.base.limits import SCENES_KEPT_MAX
 from scenefold.client.calls import Calls
 from scenefold.client.gifts import Gift, gifts_in
 from scenefold.client.grants import USER
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import check_granter
-from scenefold.wire import ListScenes, SceneLogPublic, ScenesListed, check_page
+from scenefold.wire import ListScenes, SceneLogPublic, SceneMode, ScenesListed, check_page
 
 _log = logging.getLogger("scenefold.client")
 
@@ -26,13 +26,13 @@ class GivenScenes:
 
     async def named(self, name: str) -> Sequence[Gift]:
         """What was granted to us under this id; if nothing, under this name."""
-        given = (await self.among(await self.headers())).values()
+        given = (await self.among([header for header in await self.headers() if header.mode is not SceneMode.ENDED])).values()
         return [gift for gift in given if name == f"{gift.header.scene:08x}"] or [gift for gift in given if name == gift.contents.name]
 
     async def headers(self) -> Sequence[SceneLogPublic]:
         """The headers of all scenes of the cluster."""
         headers: list[SceneLogPublic] = []
-        while len(headers) < SCENES_LISTED_MAX:
+        while len(headers) < SCENES_KEPT_MAX:
             after = headers[-1].scene if headers else 0
             page = await self._calls.ask_any(ListScenes(after), ScenesListed)
             headers += check_page(page, after, "any node")

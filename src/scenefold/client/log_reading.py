@@ -5,19 +5,20 @@ The newest header says who keeps the log (log_keepers.py); what is shown is veri
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
-from scenefold.base.errors import LocalFault, Refused, Unreachable
+from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.log_keepers import LogKeepers
 from scenefold.client.scene_memory import Met, SceneMemory
-from scenefold.client.sealing import key_withheld
+from scenefold.client.sealing import key_withheld, scene_ended
 from scenefold.crypto import MemberSecrets, PublicKey
 from scenefold.scene.log import OpenedLog, SceneKeys, SceneLog, check_log, check_told, keys_after, keys_with_log, open_private
-from scenefold.wire import RequestSceneLog, RespondSceneLog, SceneLogPublic, Want
+from scenefold.wire import RequestSceneLog, RespondSceneLog, SceneLogPublic, SceneMode, Want
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,25 +78,41 @@ class LogReading:
     async def newest(self, header: SceneLogPublic | None = None, *, first: NodeId | None = None) -> ReadLog:
         """The log as its keepers have it now. `header`: any header of the scene, for it names them; `first`: which of them may know most.
 
-        Unreachable if none answers, or has it any more; Refused (17) if we have no key to it any more.
+        Unreachable if none answers, or has it any more; Refused (17) if we have no key to it any more, (9) if the scene was ended.
         """
         header = header or (await self.header() if self._read is None else self._newer_of(self._read.header))
         if header is None:
             raise LocalFault("the cluster does not know this scene", where=f"scene {self._name}")
+        self._check_goes_on(header)
         before = None if self._read is None else self._read.header
         try:
             found = await self.keepers.newest(header, before, first)
-        except Unreachable:
-            newer = await self.header() if header.participants else None
-            if newer is None or newer.participants == header.participants:
+        except (Unreachable, Refused) as problem:
+            newer = await self._shown_now() if header.participants or isinstance(problem, Unreachable) else None
+            if newer is not None:
+                self._check_goes_on(newer)
+            if isinstance(problem, Refused) or newer is None or newer.participants == header.participants:
                 raise
             # Others decide by now.
             found = await self.keepers.newest(newer, before)
         if found is not None:
+            self._check_goes_on(found.header)
             self._read = found
             self.keys = keys_with_log(self.keys, found.state)
         assert self._read is not None
         return self._read
+
+    async def _shown_now(self) -> SceneLogPublic | None:
+        """The newest header; None also if nobody shows any."""
+        with suppress(Unreachable, Refused, PeerFault):
+            return await self.header()
+        return None
+
+    def _check_goes_on(self, header: SceneLogPublic) -> None:
+        """Refused (9) once the scene was ended: those who decided it have let go of its log, or will."""
+        newest = self._newer_of(header)
+        if newest.mode is SceneMode.ENDED:
+            raise scene_ended(newest.position, self._name)
 
     def _newer_of(self, header: SceneLogPublic) -> SceneLogPublic:
         """That header, or the one that was met last, which may name others who keep the log."""

@@ -67,7 +67,7 @@ def _refusal_of_participants(reason: RejectReason, where: str, name: str, before
             what = "not now: one of the nodes that decide the scene's log has too much to do, or something under way that forbids it"
             return Refused(reason, what, where=where, remedy="try again in a while")
         case RejectReason.MODE_FORBIDS:
-            what = "the scene's mode forbids it: it is being rendered, or between two modes"
+            what = "the scene's mode forbids it: it is being rendered, between two modes, or ended"
             return Refused(reason, what, where=where, remedy="wait until it may be edited again")
         case RejectReason.NOT_READY:
             what = "the nodes that decide the scene's log do not know yet what became of it"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.client.trusted import able, entry_of
-from scenefold.wire import SceneLogPublic
+from scenefold.wire import SceneLogPublic, SceneMode
 
 if TYPE_CHECKING:
     from scenefold.client.cluster import Cluster
@@ -46,7 +46,7 @@ async def relieve(cluster: Cluster, node: NodeId, by: NodeId | None = None, *, d
     names = {scene.genesis: scene.name for scene in await cluster.scenes.list()}
     found = []
     for header in await cluster.scenes.headers():
-        if node not in _deciding(header):
+        if node not in _deciding(header) or header.mode is SceneMode.ENDED:
             continue
         name, heir = names.get(header.genesis), _heir(header, view, node, by, cluster.calls.is_silent)
         problem = _hopeless(header, name, heir)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.client.access import SceneAccess
+from scenefold.client.ending import SceneEnd, end_scene, plan_end
 from scenefold.client.exporting import ExportReport, export_scene
 from scenefold.client.former_keys import LOOK_S, FormerKeys, former_keys
 from scenefold.client.grants import Access, access_of, grant, plan_revoke, revoke, rotate_key
@@ -176,6 +177,10 @@ class Scene:
     async def remove_participant(self, node: NodeId) -> Deciders:
         """Let a node decide no more; an owner's to do. It takes a majority of those who decide, the node itself counted."""
         return await remove_participant(self.access, node)
+
+    async def end(self, *, dry_run: bool = False) -> SceneEnd:
+        """End this scene, for ever; an owner's to do. `dry_run`: only say what would be lost; see `ending`."""
+        return await (plan_end if dry_run else end_scene)(self.access)
 
     async def standing(self, request_id: bytes, offered_at: int = 0) -> Standing:
         """What became of a change of which nobody knew; see `LogAccess.standing`."""

@@ -28,7 +28,7 @@ from scenefold.client.trusted import Wanted, participants_of
 from scenefold.client.verifying import writers_of
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import Decider
-from scenefold.wire import ParticipantEntry, SceneLogPublic
+from scenefold.wire import ParticipantEntry, SceneLogPublic, SceneMode
 from scenefold.world.keyring import KeptScene, Keyring, checked_name
 from scenefold.world.log_view import LogView
 
@@ -47,6 +47,7 @@ class SceneListing:
     genesis: bytes
     name: str | None
     granted_by: str | None = None
+    is_ended: bool = False
 
     @property
     def has_key(self) -> bool:
@@ -60,6 +61,7 @@ class SceneListing:
             "genesis": self.genesis.hex(),
             "has_key": self.has_key,
             "granted_by": self.granted_by,
+            "ended": self.is_ended,
         }
 
 
@@ -107,7 +109,11 @@ class Scenes:
         kept = await self._kept(name)
         if kept is not None:
             log = await self._log(kept)
-            if await log.header() is not None:
+            header = await log.header()
+            if header is not None and header.mode is SceneMode.ENDED:
+                what = f"this profile had a scene {name!r}, which was ended, and keeps its keys"
+                raise LocalFault(what, where=f"id {kept.scene_id:08x}", remedy="choose another name")
+            if header is not None:
                 what, where = f"a scene {name!r} exists already", f"id {kept.scene_id:08x}"
                 raise LocalFault(what, where=where, remedy="choose another name, or open it")
             before = born_with(log.keys, self._maker, self._origin)
@@ -186,16 +192,20 @@ class Scenes:
         scene = await self.open_or_create(name, copies=copies, copies_min=least)
         return scene, await restore(scene.access, checked, options)
 
-    async def list(self) -> list[SceneListing]:
-        """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us."""
-        headers = await self.headers()
+    async def list(self, *, ended: bool = False) -> list[SceneListing]:
+        """All scenes of the cluster, those with keys here first, by name: in the keyring, or in the header's lockbox for us.
+
+        `ended`: also those that were ended.
+        """
+        headers = [header for header in await self.headers() if ended or header.mode is not SceneMode.ENDED]
         names = await self._on_disk(_names_by_genesis, self._keyring)
         given = await self._gifts.among([header for header in headers if header.genesis not in names])
         found = []
         for header in headers:
             gift = given.get(header.genesis)
             name = names.get(header.genesis) or (None if gift is None else gift.contents.name)
-            found.append(SceneListing(header.scene, header.genesis, name, None if gift is None else gift.contents.granter))
+            granter, is_ended = None if gift is None else gift.contents.granter, header.mode is SceneMode.ENDED
+            found.append(SceneListing(header.scene, header.genesis, name, granter, is_ended))
         return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
 
     async def headers(self) -> Sequence[SceneLogPublic]:

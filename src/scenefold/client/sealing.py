@@ -7,7 +7,7 @@ under the scene's key. Any of these failing is DamagedData naming the place. New
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -50,6 +50,8 @@ class SceneIdentity:
     """The log position that the coordinates in new payloads belong to; None: `position`."""
     outputs: frozenset[SpaceId] | None = None
     """In render mode the spaces that may still be written; None: edit mode."""
+    is_ended: bool = False
+    """Nothing of the scene is written any more."""
     read_floor: int = 0
     """In render mode the write floor: who goes by a header below it may still take edits, and its answers are none for an image."""
     node_managed: Mapping[SpaceId, bool] = field(default_factory=dict)
@@ -67,11 +69,24 @@ class SceneIdentity:
             keys=self.keys if keys is None else keys,
             key_epoch=header.key_epoch,
             content_position=self.position if self.content_position is None else self.content_position,
-            outputs=outputs if header.mode is SceneMode.RENDER else None,
+            outputs={SceneMode.EDIT: None, SceneMode.RENDER: outputs, SceneMode.ENDED: frozenset()}[header.mode],
+            is_ended=header.mode is SceneMode.ENDED,
             read_floor=header.write_floor if header.mode is SceneMode.RENDER else 0,
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
             layouts=Layouts.of(header.spaces, header.scene),
         )
+
+    def is_frozen(self, spaces: Iterable[SpaceId]) -> bool:
+        """Whether the scene's mode forbids to write to one of these."""
+        return self.outputs is not None and any(space not in self.outputs for space in spaces)
+
+    def check_mode(self, spaces: Iterable[SpaceId], name: str) -> None:
+        """Refused (9) if it does. `name`: of the scene."""
+        if self.is_frozen(spaces):
+            if self.is_ended:
+                raise scene_ended(self.position, name)
+            remedy = "switch it back to edit mode first"
+            raise Refused(RejectReason.MODE_FORBIDS, "the scene is in render mode", where=f"scene {name}", remedy=remedy)
 
     def may_write(self, key: KeyId) -> bool:
         """Whether a record by this key would be taken now."""
@@ -131,6 +146,12 @@ class Opened:
     def deleted(self) -> bool:
         """Whether this says that nothing lies here any more."""
         return is_tombstone(self.payload)
+
+
+def scene_ended(position: int, name: str) -> Refused:
+    """What is said of a scene that was ended at this position of its log."""
+    what = f"the scene was ended at position {position} of its log, and the nodes let go of what it held"
+    return Refused(RejectReason.MODE_FORBIDS, what, where=f"scene {name}", remedy="use another scene")
 
 
 def payload_of(found: Opened | None) -> bytes | None:

@@ -43,7 +43,7 @@ from scenefold.peer.membership.tables import Tables
 from scenefold.peer.modes.lending import Lending
 from scenefold.peer.peers import Peers
 from scenefold.peer.public_keys import PublicKeys
-from scenefold.peer.purging import Arriving, Purging
+from scenefold.peer.purging import Arriving, LettingGo, Purging
 from scenefold.peer.purging.showing import Showing
 from scenefold.peer.purging.suspects import Suspects
 from scenefold.peer.records.data import DataService
@@ -51,7 +51,7 @@ from scenefold.peer.records.range_datagrams import RangeDatagrams
 from scenefold.peer.replication import Replication
 from scenefold.peer.reporting import Reporting
 from scenefold.peer.routing import Routing
-from scenefold.peer.scene_log.makers import check_decider
+from scenefold.peer.scene_log.makers import check_decider, relying_on
 from scenefold.peer.scene_log.participation import Participation
 from scenefold.peer.scene_log.scenes import Scenes
 from scenefold.peer.scrub import Pace, Scrub
@@ -113,6 +113,7 @@ class PeerServices:
         )
         self._replication = Replication(line.parts, roster, routing)
         purging = Purging(line.parts, self._replication.spreading)
+        self._letting_go = LettingGo(line.parts, participation)
         suspects = Suspects(line.parts)
         line.parts.arrival.before.append(suspects.set_aside)
         showing = Showing(line.parts, suspects, lambda user, scene: is_scene_member(user, scene.public, registry(), facts))
@@ -133,7 +134,7 @@ class PeerServices:
             roster,
             cluster_log,
             own,
-            lambda: scenes.relying_on(me),
+            lambda: relying_on(me, scenes.everyone()),
             has_lease=lease.holds,
             may_order=may_order,
             lies_elsewhere=partial(lies_with_all_others, line.parts),
@@ -188,6 +189,7 @@ class PeerServices:
             discovery.run,
             scrub.run,
             suspects.run,
+            self._letting_go.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
         self._is_seed = settings.address in gossip.seeds
@@ -234,6 +236,7 @@ class PeerServices:
         # Who asks must never meet a node that does not know yet what it owns, or who is a member.
         await context.cluster_log.load()
         await context.scenes.load()
+        await self._letting_go.load()
         await context.line.load()
         await context.draining.load()
         await self._blacklist.load()

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from scenefold.base.ids import SceneId
 from scenefold.crypto import object_of, version_key
 from scenefold.store.judging import Put
 from scenefold.store.layout import Spot
@@ -37,6 +38,8 @@ class Bygone:
         self._now = now
         self._marks: dict[_Name, _Mark] = {}
         """The one that was marked last stands last."""
+        self.ended: set[SceneId] = set()
+        """Scenes of which nothing is taken any more (specs/16-scene-log.md, The end)."""
 
     def mark(self, versions: Sequence[tuple[Spot, Version]]) -> bool:
         """From now on nothing older than these is taken. False if there is no room for that, and nothing is marked."""
@@ -56,11 +59,14 @@ class Bygone:
 
     def late(self, puts: Sequence[Put]) -> dict[int, bytes]:
         """Which of these come too late, each with the digest of the version that it is older than."""
-        if not self._marks:
+        if not self._marks and not self.ended:
             return {}
         late: dict[int, bytes] = {}
         for index, put in enumerate(puts):
             header = put.record.header
+            if header.scene in self.ended:
+                late[index] = header.digest
+                continue
             known = self._marks.get((header.scene, header.space, object_of(header) or header.location))
             if known is not None and version_key(header) < known.version:
                 late[index] = known.version[-1]

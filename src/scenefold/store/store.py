@@ -26,6 +26,7 @@ from scenefold.store.comparing import ComparingStore
 from scenefold.store.debts import read_owed
 from scenefold.store.digest_changes import has_unbuilt
 from scenefold.store.dropping import DroppingStore
+from scenefold.store.ending import EndingStore
 from scenefold.store.holding import PutHolding, RenewIdentity, StoredHolding, read_holding
 from scenefold.store.husks import HuskStore
 from scenefold.store.identity import INCARNATION_BYTES, StoreIdentity, claim
@@ -49,7 +50,7 @@ SLIDE_BATCH = 256
 """Node-managed records that one commit puts elsewhere: each is copied, and a full one has 60 KiB."""
 
 
-class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, SuspectStore, LogStore):
+class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, EndingStore, SuspectStore, LogStore):
     """An open store; made by `open_store`."""
 
     def __init__(self, world: World, environment: Environment, identity: StoreIdentity, writer: GroupWriter) -> None:

@@ -233,7 +233,7 @@ _HOMES = {
     "frames": "FrameReader frame",
     "handover_packets": "AskRange BoundConfirmed ClaimRange ConfirmBound CopyRecords DropHandover HandItem HandRecords HandoverReply OfferRange OfferRecords RecordEntry RecordsWanted",
     "lease_packets": "BorrowLease LeaseUse LentLease",
-    "log_entries": "AddNode AddObserver AddParticipant Batch BeginPurge CreateSpace CurveKind Found Founder Grant KeyEpoch LogEntry RemoveNode RemoveObserver RemoveParticipant Revoke RevokeNode Role ScaleSpace SetCopies SetMode SingleEntry TranslateSpace",
+    "log_entries": "AddNode AddObserver AddParticipant Batch BeginPurge CreateSpace CurveKind EndScene Found Founder Grant KeyEpoch LogEntry RemoveNode RemoveObserver RemoveParticipant Revoke RevokeNode Role ScaleSpace SetCopies SetMode SingleEntry TranslateSpace",
     "log_records": "LogRecord NO_RECORD SignedRecord hash_of_record pack_log unpack_log",
     "log_snapshots": "ShortenedLog SignedSnapshot SnapshotMember SnapshotSpace SnapshotState",
     "log_values": "DecidedLog DecidedValue LogValue",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
 
-from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX, HELD_CURSOR_BYTES_MAX, SCENES_LISTED_MAX
+from scenefold.base.limits import HANDOVER_BATCH_RECORDS_MAX, HELD_CURSOR_BYTES_MAX, SCENES_KEPT_MAX
 from scenefold.wire.common import (
     DIGEST,
     LOCATION,
@@ -219,7 +219,7 @@ ROWS = (
         ("records", Many(HELD_RECORD, HANDOVER_BATCH_RECORDS_MAX)),
         ("entries", CUSTODY_ENTRIES),
         ("next", Maybe(_CURSOR)),
-        ("turns", Many(SCENE_TURN, SCENES_LISTED_MAX)),
+        ("turns", Many(SCENE_TURN, SCENES_KEPT_MAX)),
     ),
     row(FetchHeld, Carrier.TCP_LOW, ("entries", Many(RECORD_ENTRY, HANDOVER_BATCH_RECORDS_MAX))),
     row(

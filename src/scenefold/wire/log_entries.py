@@ -92,6 +92,11 @@ class BeginPurge:
 
 
 @dataclass(frozen=True, slots=True)
+class EndScene:
+    """The last entry of a scene's log: nothing of it is written any more, and nodes let go of what there is (specs/16-scene-log.md, The end)."""
+
+
+@dataclass(frozen=True, slots=True)
 class AddParticipant:
     """From the next position on this node decides, too; its facts are signed with this key (specs/25-consensus.md)."""
 
@@ -206,6 +211,7 @@ SingleEntry: TypeAlias = (
     | KeyEpoch
     | SetCopies
     | BeginPurge
+    | EndScene
     | AddNode
     | RemoveNode
     | Trust
@@ -258,7 +264,7 @@ _SINGLE: dict[int, Struct[Any]] = {
     1: CREATE_SPACE,
     2: Struct(TranslateSpace, ("space", SPACE), ("offset", _COORDINATES)),
     3: Struct(ScaleSpace, ("space", SPACE), ("factor", Float(positive=True))),
-    4: Struct(SetMode, ("mode", Choice(SceneMode))),
+    4: Struct(SetMode, ("mode", Choice(SceneMode, SceneMode.RENDER))),
     5: Struct(AddParticipant, ("member", MEMBER), ("key", _KEY)),
     6: Struct(RemoveParticipant, ("member", MEMBER)),
     7: Struct(AddObserver, ("member", MEMBER), ("key", _KEY)),
@@ -274,6 +280,7 @@ _SINGLE: dict[int, Struct[Any]] = {
     # Behind all that were there before, so that the examples of the golden vectors stay those that they are.
     14: Struct(SetCopies, ("space", SPACE), ("copies", _COPIES), ("copies_min", _COPIES), law=Order("copies_min", "copies")),
     15: Struct(BeginPurge),
+    16: Struct(EndScene),
 }
 SINGLE_ENTRY: Tagged[SingleEntry] = Tagged("SingleEntry", _SINGLE)
 LOG_ENTRY: Tagged[LogEntry] = Tagged(

@@ -118,7 +118,8 @@ SNAPSHOT_STATE = Struct(
     SnapshotState,
     ("position", _POSITION),
     ("head", DIGEST),
-    ("mode", Choice(SceneMode)),
+    # No snapshot stands for the last entry.
+    ("mode", Choice(SceneMode, SceneMode.RENDER)),
     ("write_floor", U64),
     ("purged", U64),
     ("spaces", Many(SNAPSHOT_SPACE, SPACES_PER_SCENE_MAX)),

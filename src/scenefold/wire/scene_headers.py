@@ -49,6 +49,8 @@ _GENESIS_DOMAIN = b"scenefold/genesis"
 class SceneMode(IntEnum):
     EDIT = 0
     RENDER = 1
+    ENDED = 2
+    """For ever: nothing follows it, and nobody sets it but EndScene."""
 
 
 @dataclass(frozen=True, slots=True)

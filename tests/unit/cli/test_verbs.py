@@ -50,6 +50,7 @@ VERBS = [
     "scene revoke",
     "scene rotate-key",
     "scene mode",
+    "scene rm",
     "scene purge",
     "scene strays",
     "space create",

@@ -138,7 +138,9 @@ class Receiving:
         _check_inside(spots, handover.piece)
         present = await self._parts.store.digests(spots)
         self._touch(packet.handover)
-        lacking = tuple(index for index, entry in enumerate(packet.entries) if present[index] != entry.digest)
+        has_let_go = self._parts.store.has_let_go
+        unlike = (index for index, entry in enumerate(packet.entries) if present[index] != entry.digest)
+        lacking = tuple(index for index in unlike if not has_let_go(packet.entries[index].scene))
         return RecordsWanted(packet.handover, lacking)
 
     async def _on_copy(self, packet: CopyRecords, peer: str) -> Packet:

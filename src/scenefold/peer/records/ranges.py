@@ -53,6 +53,7 @@ class Ranges:
             mine, is_recovered = self._known.part_of(mine)
             answer = await self._store.range(packet.scene, packet.space, mine, limit)
             is_settled = await self._copying.list_settled(packet.scene, packet.space, answer.covered, until)
+            self._store.check_kept(packet.scene)
             if self._line.arc is not arc:
                 # What was given away may have been deleted while we looked, also if an equal arc is ours again.
                 continue

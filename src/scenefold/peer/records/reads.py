@@ -100,13 +100,17 @@ class Reads:
             for record in batch.records:
                 room -= _size_of(record)
                 if room < 0 and found:
+                    self._store.check_kept(scene)
                     return Found(found, stale, position_said, floor)
                 found.append(record)
+        # What was there when the first look began may have been let go of since.
+        self._store.check_kept(scene)
         return Found(found, stale, position_said, floor)
 
     async def _fenced(self, scene: SceneId, position: int) -> tuple[int, int]:
         """Position and write floor of the header that is here, durably; what it forbids comes in no more from now on."""
         known = self._scenes.here(scene) or await self._scenes.known(scene, position=position)
+        self._store.check_kept(scene)
         await self._fence.passed(scene, known.public.write_floor)
         return known.public.position, known.public.write_floor
 

@@ -63,6 +63,8 @@ class KnownScene:
     """Of each space that has had other copies before (specs/23-turns.md)."""
     outputs: frozenset[SpaceId] | None = None
     """In render mode the spaces that may still be written; None: edit mode."""
+    is_ended: bool = False
+    """Nothing of the scene is written any more, for ever."""
 
     @classmethod
     def of(cls, public: SceneLogPublic) -> KnownScene:
@@ -78,7 +80,9 @@ class KnownScene:
         spaces = frozenset(entry.space for entry in public.spaces)
         copies = Layouts.of(public.spaces, public.scene)
         outputs = frozenset(entry.space for entry in public.spaces if entry.render_output) if public.mode is SceneMode.RENDER else None
-        return cls(public, keys, writers, spaces, managed, copies.offsets, copies.needed, copies.parents, copies.turns, outputs)
+        is_ended = public.mode is SceneMode.ENDED
+        parts = copies.offsets, copies.needed, copies.parents, copies.turns
+        return cls(public, keys, writers, spaces, managed, *parts, outputs, is_ended)
 
     @property
     def turned(self) -> int:
@@ -94,6 +98,8 @@ class KnownScene:
 
     def check_mode(self, header: RecordHeader) -> None:
         """Refused (9) for what must not be written any more (specs/26-modes.md, What storage nodes do in render mode)."""
+        if self.is_ended:
+            raise Refused(RejectReason.MODE_FORBIDS, f"the scene was ended at position {self.public.position} of its log")
         if header.epoch < self.public.write_floor:
             raise Refused(RejectReason.MODE_FORBIDS, "the record's epoch is below the scene's write floor")
         if self.outputs is not None and header.space not in self.outputs:

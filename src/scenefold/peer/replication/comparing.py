@@ -93,7 +93,8 @@ class Comparing:
 
     def _note_layouts(self) -> dict[tuple[SceneId, SpaceId], Layout]:
         """What spaces there are; answers what there were before."""
-        before, scenes = self._layouts, self._parts.scenes.everyone()
+        has_let_go = self._parts.store.has_let_go
+        before, scenes = self._layouts, [scene for scene in self._parts.scenes.everyone() if not has_let_go(scene.public.scene)]
         self._layouts = {(scene.public.scene, space): layout for scene in scenes for space, layout in scene.layouts.items()}
         return before
 

@@ -50,6 +50,7 @@ class HoldingReads:
             keys = packet.keys[start : start + STORE_READ_BATCH_MAX]
             if not await self._read(packet, keys, known, answer):
                 break
+        self._parts.store.check_kept(packet.scene)
         return CopiesFound(tuple(answer.holders), tuple(answer.copies))
 
     async def _read(self, packet: GetCopies, keys: Sequence[RecordKey], known: KnownScene, answer: _Answer) -> bool:

@@ -11,7 +11,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
-from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.base.limits import SCENES_KEPT_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.peers import Peers
 from scenefold.peer.scene_log.pull import Take
@@ -87,7 +87,7 @@ class FirstLook:
         return lacking <= 0
 
     def _note(self, scene: SceneId) -> None:
-        if len(self._looked) >= SCENES_LISTED_MAX:
+        if len(self._looked) >= SCENES_KEPT_MAX:
             # Of scenes that were never decided; the others are looked at once more.
             self._looked.clear()
         self._looked.add(scene)

@@ -16,7 +16,7 @@ from scenefold.scene.log.certified import began_with
 from scenefold.scene.log.decisions import check_decided
 from scenefold.scene.log.roster import unlawful
 from scenefold.scene.log.succession import header_key_now, proven_header_key
-from scenefold.wire import SceneLogPublic
+from scenefold.wire import SceneLogPublic, SceneMode
 
 FIRST_POSITION = 1
 
@@ -44,6 +44,8 @@ def checked_proposal(public: SceneLogPublic, known: KnownScene | None) -> KnownS
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
     if public.purged > public.write_floor:
         raise Refused(RejectReason.ILL_FORMED, "what was signed before the purge began could still be written")
+    if public.mode is SceneMode.ENDED and not FIRST_POSITION < public.position == public.write_floor:
+        raise Refused(RejectReason.ILL_FORMED, "a scene ends at the position of its last header, and not at its first one")
     if any(not entry.parent and entry.offset.number > public.position for entry in public.spaces):
         raise Refused(RejectReason.ILL_FORMED, "copies changed at a position that the log has not come to")
     unfit = unlawful(public.participants, public.observers)
@@ -94,7 +96,15 @@ def _check_follows(public: SceneLogPublic, scene: KnownScene) -> PublicKey:
         raise Refused(RejectReason.POSITION_BEHIND, f"the scene's log is at position {known.position} already")
     if public.position == known.position and public.signable() != known.signable():
         raise Refused(RejectReason.POSITION_TAKEN, f"position {known.position} is decided otherwise")
+    check_goes_on(known, public.position)
     return key
+
+
+def check_goes_on(known: SceneLogPublic, position: int) -> None:
+    """Refused (9) for what would follow the end of a scene."""
+    if known.mode is SceneMode.ENDED and position > known.position:
+        what = f"the scene was ended at position {known.position}: nothing follows"
+        raise Refused(RejectReason.MODE_FORBIDS, what, remedy="make another scene")
 
 
 def _header_key(public: SceneLogPublic, known: SceneLogPublic, key: PublicKey) -> PublicKey:

@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 
 from scenefold.base.errors import DamagedData, Refused
-from scenefold.base.ids import NodeId
-from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.limits import ENDED_PER_USER_MAX, SCENES_KEPT_MAX, SCENES_LISTED_MAX, SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey
 from scenefold.peer.records.verification import KnownScene
 from scenefold.scene.log.lockboxes import check_sealed_by
+from scenefold.scene.log.values import deciding
 from scenefold.wire import SceneLogPublic
 from scenefold.world.facts import Credential
 
@@ -35,15 +36,23 @@ def maker_of(scene: KnownScene) -> PublicKey | None:
     return scene.keys.get(writers[0].key) if writers else None
 
 
-def check_room(known: Collection[object]) -> None:
-    """Refused if there are so many scenes already."""
-    if len(known) >= SCENES_LISTED_MAX:
+def check_room(known: Collection[KnownScene], *, is_ended: bool = False) -> None:
+    """Refused if there are so many scenes already. `is_ended`: for one that takes no room but that of its header."""
+    if len(known) >= SCENES_KEPT_MAX:
+        what = f"this cluster holds {SCENES_KEPT_MAX} scenes already, with those that were ended"
+        raise Refused(RejectReason.LIMIT_EXCEEDED, what)
+    if not is_ended and sum(not one.is_ended for one in known) >= SCENES_LISTED_MAX:
         raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster holds {SCENES_LISTED_MAX} scenes already")
 
 
 def begun_by(node: NodeId, key: PublicKey, known: Iterable[KnownScene]) -> list[KnownScene]:
     """The scenes whose maker that node has looked at. Who decides elsewhere can name any user in its headers."""
     return [one for one in known if one.public.origin == node and one.public.origin_key == key.raw]
+
+
+def relying_on(node: NodeId, known: Iterable[KnownScene]) -> list[SceneId]:
+    """The scenes whose log that node decides, alone or with others, by id. Of those that were ended nobody decides anything."""
+    return sorted(one.public.scene for one in known if node in deciding(one.public) and not one.is_ended)
 
 
 def check_maker(scene: KnownScene, decided_here: Iterable[KnownScene], may_make: Callable[[PublicKey], bool]) -> None:
@@ -57,5 +66,8 @@ def check_maker(scene: KnownScene, decided_here: Iterable[KnownScene], may_make:
         raise Refused(RejectReason.SIGNATURE_INVALID, f"the maker of the scene has not signed: {problem}") from problem
     if not may_make(maker):
         raise Refused(RejectReason.NOT_AUTHORISED, f"the scene's maker, key {maker.key_id:08x}, is no user of this cluster")
-    if sum(maker_of(other) == maker for other in decided_here) >= SCENES_PER_USER_MAX:
+    ended = [other.is_ended for other in decided_here if maker_of(other) == maker]
+    if ended.count(False) >= SCENES_PER_USER_MAX:
         raise Refused(RejectReason.LIMIT_EXCEEDED, f"key {maker.key_id:08x} has made {SCENES_PER_USER_MAX} scenes already")
+    if ended.count(True) >= ENDED_PER_USER_MAX:
+        raise Refused(RejectReason.LIMIT_EXCEEDED, f"key {maker.key_id:08x} has made and ended {ENDED_PER_USER_MAX} scenes already")

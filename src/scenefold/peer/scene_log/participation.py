@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import trio
@@ -47,6 +47,8 @@ class Participation:
         self.intake.watch = self._on_packet
         self.changes = Changes()
         """Of all scenes, by whomever they were decided."""
+        self.on_end: Callable[[], object] = lambda: None
+        """Told when a header is kept that says that its scene was ended."""
         self._runs: dict[SceneId, SceneRun] = {}
         self._kept: frozenset[bytes] = frozenset()
         self._nursery: trio.Nursery | None = None
@@ -71,7 +73,9 @@ class Participation:
     def meets(self, known: KnownScene) -> None:
         """This is the newest header of a scene here: run its log from now on, if this node takes part in it, or has."""
         public = known.public
-        if public.scene in self._runs or self._scenes is None:
+        if known.is_ended:
+            self.on_end()
+        if public.scene in self._runs or self._scenes is None or self._store.has_let_go(public.scene):
             return
         if any(entry.member == self._own.member for entry in public.participants) or (public.participants and public.genesis in self._kept):
             is_new = public.genesis not in self._kept
@@ -79,6 +83,12 @@ class Participation:
             self._runs[public.scene] = one
             if self._nursery is not None:
                 self._nursery.start_soon(one.run)
+
+    async def end(self, scene: SceneId) -> None:
+        """Nothing is decided of a scene any more, nor told; returns once nothing more of its log is written."""
+        one = self._runs.pop(scene, None)
+        if one is not None:
+            await one.stop()
 
     def of(self, scene: SceneId) -> SceneRun | None:
         """The scene's log here; None if this node never took part in it."""

@@ -14,7 +14,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SigningKey
 from scenefold.peer.records.verification import KnownScene
-from scenefold.peer.scene_log.headers import FIRST_POSITION, checked_proposal
+from scenefold.peer.scene_log.headers import FIRST_POSITION, check_goes_on, checked_proposal
 from scenefold.scene.log.decisions import check_log, decided
 from scenefold.wire import (
     AcceptSceneProposal,
@@ -40,6 +40,8 @@ def decide(packet: ProposeSceneLog, known: KnownScene | None, key: SigningKey, *
         raise Refused(RejectReason.ILL_FORMED, "what is proposed is not decided yet")
     if known is not None and public == known.public.proposed():
         return known
+    if known is not None:
+        check_goes_on(known.public, public.position)
     if known is not None and known.public.participants:
         raise Refused(RejectReason.NOT_AUTHORISED, "the scene's participants decide its log, and not its origin alone")
     _check_extends(public, known, has_log)
@@ -67,6 +69,16 @@ def _check_extends(public: SceneLogPublic, known: KnownScene | None, has_log: bo
     if not has_log:
         # It may have come further before the log was lost, and no position is decided twice.
         raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, "this node has lost the scene's log")
+
+
+def said_of_ended(packet: ProposeSceneLog, known: SceneLogPublic, me: NodeId) -> AcceptSceneProposal | RejectSceneProposal:
+    """The answer to any proposal for a scene that was ended, by whoever knows that: nothing follows, whoever has decided it."""
+    public = packet.public
+    if packet.genesis == known.genesis and public == known.proposed():
+        return accepted(known)
+    if packet.genesis != known.genesis or public.position == known.position:
+        return rejection(RejectReason.POSITION_TAKEN, me)
+    return rejection(RejectReason.POSITION_BEHIND if public.position < known.position else RejectReason.MODE_FORBIDS, me)
 
 
 def accepted(public: SceneLogPublic) -> AcceptSceneProposal:

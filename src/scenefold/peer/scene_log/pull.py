@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import trio
 
 from scenefold.base.ids import NodeId, SceneId, address_of
-from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.base.limits import SCENES_KEPT_MAX
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.rounds import ASKED_OF_KNOWN, BEYOND_ORIGIN, Rounds
@@ -115,7 +115,7 @@ class Pull:
                 order = order[:BEYOND_ORIGIN]
         if self._is_known(scene, position):
             return True
-        if len(self._missed_at) > SCENES_LISTED_MAX:
+        if len(self._missed_at) > SCENES_KEPT_MAX:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
         return True

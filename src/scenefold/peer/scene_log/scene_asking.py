@@ -8,7 +8,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
-from scenefold.base.limits import SCENES_LISTED_MAX
+from scenefold.base.limits import SCENES_KEPT_MAX
 from scenefold.peer.peers import Peers
 from scenefold.peer.scene_log.proposals import answer_of
 from scenefold.wire import ListScenes, RequestSceneLog, RespondSceneLog, SceneLogPublic, ScenesListed, Want, check_page
@@ -23,7 +23,7 @@ _log = logging.getLogger("scenefold.peer.scene_log.scenes")
 async def listed_by(peers: Peers, member: NodeId) -> list[SceneLogPublic]:
     """All scenes that a member knows, page by page. Unreachable, Refused or PeerFault if it does not say."""
     listed: list[SceneLogPublic] = []
-    while len(listed) < SCENES_LISTED_MAX:
+    while len(listed) < SCENES_KEPT_MAX:
         after = listed[-1].scene if listed else 0
         answer = await peers.ask(member, Priority.HIGH, ListScenes(after), ScenesListed, ASK_S_MAX)
         listed += check_page(answer, after, address_of(member))

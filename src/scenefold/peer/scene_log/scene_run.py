@@ -79,6 +79,8 @@ class SceneRun:
         """The newest decided headers, for who proposed one of them."""
         self._news = Waiters()
         self._ahead: KnownScene | None = None
+        self._scope = trio.CancelScope()
+        self._stopped = trio.Event()
 
     @property
     def public(self) -> SceneLogPublic:
@@ -92,7 +94,19 @@ class SceneRun:
     # --------------------------------------------------------------------------------------------------- its task
 
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
-        """Until cancelled. An error of the disk ends it, and with that the node; one that is full is waited for."""
+        """Until cancelled, or stopped. An error of the disk ends it, and with that the node; one that is full is waited for."""
+        try:
+            with self._scope:
+                await self._run(task_status)
+        finally:
+            self._stopped.set()
+
+    async def stop(self) -> None:
+        """End it for good; returns once it has."""
+        self._scope.cancel()
+        await self._stopped.wait()
+
+    async def _run(self, task_status: trio.TaskStatus[None]) -> None:
         while True:
             try:
                 self.log = await self._open()
@@ -136,7 +150,7 @@ class SceneRun:
     async def _begin_anew(self) -> None:
         """Behind the header that was shown, if that is far ahead: durably, header and votes together."""
         ahead = self._ahead
-        if ahead is None or ahead.public.position <= self.public.position + 1:
+        if ahead is None or not self._is_stuck_before(ahead, self.public.position):
             return
         public, incarnation = ahead.public, self._own.incarnation
         stored = await self._store.read_log(public.genesis, self.public.position)
@@ -153,11 +167,16 @@ class SceneRun:
         looks, position = 0, self.log.position
         while looks < STUCK_LOOKS:
             await self._world.clock.sleep(LOOK_S)
-            # The next position itself is had by a majority of those who decided it, this node perhaps among them.
-            is_behind = self._ahead is not None and self._ahead.public.position > self.log.position + 1
+            is_behind = self._ahead is not None and self._is_stuck_before(self._ahead, self.log.position)
             looks = looks + 1 if is_behind and self.log.position == position else 0
             position = self.log.position
         _log.warning("scene %08x: nobody tells what was decided behind position %d", self.public.scene, position)
+
+    @staticmethod
+    def _is_stuck_before(ahead: KnownScene, position: int) -> bool:
+        """Whether nobody else need know what lies before. The next position itself is had by a majority of those who decided it, this node
+        perhaps among them; but of a scene that was ended they may have let go of it, and nobody needs more than its header."""
+        return ahead.public.position > position + (0 if ahead.is_ended else 1)
 
     # ------------------------------------------------------------------------------------------------------- news
 

@@ -28,7 +28,7 @@ from scenefold.peer.scene_log.first_look import FirstLook
 from scenefold.peer.scene_log.headers import FIRST_POSITION, checked_header
 from scenefold.peer.scene_log.makers import begun_by, check_maker, check_room
 from scenefold.peer.scene_log.participation import Participation
-from scenefold.peer.scene_log.proposals import accepted, answer_of, decide, rejection
+from scenefold.peer.scene_log.proposals import accepted, answer_of, decide, rejection, said_of_ended
 from scenefold.peer.scene_log.proposing import Proposing
 from scenefold.peer.scene_log.pull import Pull
 from scenefold.peer.scene_log.scene_asking import listed_by, tell_all
@@ -43,6 +43,7 @@ from scenefold.wire import (
     RequestSceneLog,
     RespondSceneLog,
     SceneLogPublic,
+    SceneMode,
     Want,
     page_of,
 )
@@ -148,10 +149,6 @@ class Scenes:
         """What this node itself has of it, at this moment."""
         return self._known.get(scene)
 
-    def relying_on(self, node: NodeId) -> list[SceneId]:
-        """The scenes whose log that node decides, alone or with others, by id."""
-        return sorted(scene for scene, known in self._known.items() if node in deciding(known.public))
-
     async def adopt(self, public: SceneLogPublic, *, within_s: float = CATCH_UP_S) -> KnownScene:
         """Verify a header and keep it durably; Refused if it must not be. One at a time.
 
@@ -171,7 +168,7 @@ class Scenes:
                 return
             if before is None:
                 self._check_new(public)
-                check_room(self._known)
+                check_room(self._known.values(), is_ended=public.mode is SceneMode.ENDED)
             scene = await self._world.workers.run("crypto", checked_header, public, before)
             one = self._run_of(public.scene)
             if one is not None:
@@ -214,7 +211,7 @@ class Scenes:
         judging = partial(decide, packet, known, self._own.key, has_log=has_log)
         scene: KnownScene = await self._world.workers.run("crypto", judging)
         if known is None:
-            check_room(self._known)
+            check_room(self._known.values())
             if self._own.me != self._voter:
                 # At several nodes at once a user would have the quota of each.
                 raise Refused(RejectReason.NOT_AUTHORISED, "new scenes are decided by the cluster's first voter")
@@ -246,6 +243,8 @@ class Scenes:
         if known is None and node_of(peer) is None and packet.public.position > FIRST_POSITION:
             with suppress(Refused):
                 known = await self.known(packet.public.scene, asker=peer)
+        if known is not None and known.is_ended:
+            return said_of_ended(packet, known.public, self._own.me)
         if known is not None and known.public.participants and self._proposing is not None:
             return await self._proposing.answer(packet, known, peer)
         origin = packet.public.origin if known is None else known.public.origin

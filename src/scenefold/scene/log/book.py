@@ -33,6 +33,7 @@ from scenefold.wire import (
     BeginPurge,
     CreateSpace,
     CurveKind,
+    EndScene,
     Grant,
     KeyEpoch,
     LogEntry,
@@ -60,7 +61,7 @@ class SceneLog:
     head: bytes = NO_RECORD
     mode: SceneMode = SceneMode.EDIT
     write_floor: int = 0
-    """Position of the newest change of mode, revocation, key epoch or purge: records of an earlier epoch are refused from then on."""
+    """Position of the newest change of mode, revocation, key epoch, purge, or of the end: records of an earlier epoch are refused from then on."""
     purged: int = 0
     """Position at which the newest purge of deletions began; 0: none did."""
     spaces: Mapping[SpaceId, LoggedSpace] = field(default_factory=lambda: MappingProxyType({}))
@@ -140,6 +141,8 @@ class SceneLog:
     # -------------------------------------------------------------------------------------------------- entries
 
     def _entered(self, entry: LogEntry, position: int) -> SceneLog:
+        if self.mode is SceneMode.ENDED:
+            raise _ill_formed(f"the scene was ended at position {self.write_floor}: nothing follows", "make another scene")
         match entry:
             case Batch():
                 log = self
@@ -159,10 +162,8 @@ class SceneLog:
             case SetCopies():
                 space = self._copied(entry.space)
                 return replace(self, spaces=_with(self.spaces, space.id, replace(space, copies=entry.copies, copies_min=entry.copies_min)))
-            case SetMode():
-                return replace(self, mode=entry.mode, write_floor=position)
-            case BeginPurge():
-                return self._purging(position)
+            case SetMode() | BeginPurge() | EndScene():
+                return self._fenced(entry, position)
             case Grant() | Revoke() | KeyEpoch():
                 return self._regranted(entry, position)
             case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
@@ -170,10 +171,18 @@ class SceneLog:
             case _:
                 raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
 
-    def _purging(self, position: int) -> SceneLog:
+    def _fenced(self, entry: SetMode | BeginPurge | EndScene, position: int) -> SceneLog:
+        if isinstance(entry, SetMode):
+            return replace(self, mode=entry.mode, write_floor=position)
+        if isinstance(entry, BeginPurge):
+            if self.mode is not SceneMode.EDIT:
+                raise _ill_formed("nothing is purged while the scene is rendered")
+            return replace(self, purged=position, write_floor=position)
+        if position == 1:
+            raise _ill_formed("a scene begins before it ends")
         if self.mode is not SceneMode.EDIT:
-            raise _ill_formed("nothing is purged while the scene is rendered")
-        return replace(self, purged=position, write_floor=position)
+            raise _ill_formed("the scene is in render mode, and is ended in edit mode alone", "switch it back to edit mode first")
+        return replace(self, mode=SceneMode.ENDED, write_floor=position)
 
     def _regranted(self, entry: Grant | Revoke | KeyEpoch, position: int) -> SceneLog:
         match entry:
