@@ -160,6 +160,8 @@ def test_people_are_told_who_decided_and_when() -> None:
         assert all(now_ms - 60_000 < value.seen <= now_ms for value in found.decided)
         assert all(len(value.votes) >= 2 for value in found.decided)
         assert [value.position for value in (await told(2, 3) or found).decided] == [4]
+        for have in (4, 5, 2**64 - 1):
+            assert await told(2, have) == DecidedLog(them.genesis, 4, ())
         them.crash(1)
         await them.start(1)
         later = await told(1, 0)

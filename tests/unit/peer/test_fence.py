@@ -180,6 +180,37 @@ def test_30_what_is_being_stored_by_an_older_header_comes_before_the_answer() ->
     with_nodes(run, data_nodes.arc(0, (1 << 160) - 1))
 
 
+def test_a_reader_waits_for_a_write_whose_asker_has_hung_up() -> None:
+    """The store may have begun with it: it must not come behind the answer."""
+
+    async def run(neighbours: Neighbours, node: Node) -> None:
+        neighbours.headers[node.me] = EDITED
+        neighbours.newest = RENDERED
+        held = _Held(node.store)
+        node.data.writes._store = held  # type: ignore[assignment]
+        found: list[GetManyReply] = []
+        patience = trio.CancelScope()
+
+        async def write() -> None:
+            with patience:
+                await put(node, record(EDITED))
+
+        async def read() -> None:
+            found.append(await get(node, RENDERED.position))
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(write)
+            await held.begun.wait()
+            patience.cancel()
+            nursery.start_soon(read)
+            await trio.testing.wait_all_tasks_blocked()
+            assert not found
+            held.let_go.set()
+        assert found[0].records[0] is not None
+
+    with_nodes(run, data_nodes.arc(0, (1 << 160) - 1))
+
+
 def test_a_header_that_comes_while_a_record_is_looked_at_counts() -> None:
     async def run(neighbours: Neighbours, node: Node) -> None:
         neighbours.headers[node.me] = EDITED

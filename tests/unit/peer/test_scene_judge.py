@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import pytest
 
@@ -16,7 +17,7 @@ from scenefold.consensus import Ask, Certificate, Decide, Learn, Outcome, Receiv
 from scenefold.consensus.packets import decided_page, decided_value, messages_of, packet_of
 from scenefold.crypto import HEADER_DOMAIN, SigningKey
 from scenefold.peer.records.verification import KnownScene
-from scenefold.peer.scene_log.scene_judge import SceneJudge
+from scenefold.peer.scene_log.scene_judge import REQUESTS_MAX, SceneJudge
 from scenefold.scene.log import CHANGES_MAX, Followed, check_decided, check_log, decided_by_votes, opened_value, value_of, without_log
 from scenefold.wire import (
     LogValue,
@@ -145,6 +146,19 @@ def test_participants_change_so_often_and_no_more() -> None:
     assert judge.refuses(council.value(council.offer(grant(1)))) is None
     assert judge.refuses(council.value(council.offer(added(4)))) is RejectReason.LIMIT_EXCEEDED
     assert replace(judge, changes=CHANGES_MAX - 1).refuses(council.value(council.offer(added(4)))) is None
+
+
+def test_of_many_requests_the_newest_are_remembered() -> None:
+    """A scene's life has no end, and a node that runs for long must not keep all of them."""
+    council = Council()
+    first, met = council.value(council.offer(grant(1))), {number.to_bytes(16, "big"): 1 for number in range(REQUESTS_MAX - 1)}
+    judge = replace(judge_of(council), requests=MappingProxyType({opened_value(first).public.request: 1, **met}))
+    offered = council.offer(grant(2))
+    value = council.value(offered)
+    after = judge.after(value)
+    council.settle(offered)
+    assert (judge.found(first), judge.found(value), after.found(first), after.found(value)) == (1, None, None, council.header.position)
+    assert len(after.requests) == REQUESTS_MAX
 
 
 # ------------------------------------------------------------------------------------------- with the protocol itself

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus.facts import Fact
@@ -10,7 +12,10 @@ from scenefold.wire import AcceptValue, DecidedLog, Member, Packet, ProposeValue
 
 
 def said_in(packet: Packet, position: int) -> tuple[int, tuple[Fact, ...], tuple[Release, ...]]:
-    """The facts about this position that a packet brings, and the releases, whatever they are of."""
+    """The facts about this position that a packet brings, and the releases, whatever they are of: of each member the highest.
+
+    They are few, however much a packet holds: each costs the check of a signature.
+    """
     match packet:
         case (
             ProposeValue(proposal=proposal, facts=facts)
@@ -19,10 +24,19 @@ def said_in(packet: Packet, position: int) -> tuple[int, tuple[Fact, ...], tuple
         ):
             return proposal.position, facts, ()
         case RespondSceneLog(decided=DecidedLog(decided=decided)):
-            votes = tuple(vote for value in decided if value.position == position for vote in value.votes)
-            return position, votes, tuple(release for value in decided for release in value.releases)
+            votes = next((value.votes for value in decided if value.position == position), ())
+            return position, votes, _highest(release for value in decided for release in value.releases)
         case _:
             return 0, (), ()
+
+
+def _highest(releases: Iterable[Release]) -> tuple[Release, ...]:
+    found: dict[Member, Release] = {}
+    for release in releases:
+        known = found.setdefault(release.member, release)
+        if release.position > known.position:
+            found[release.member] = release
+    return tuple(found.values())
 
 
 def lease_message(packet: RequestSceneLog, member: Member) -> bytes:

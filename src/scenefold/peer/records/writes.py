@@ -163,11 +163,15 @@ class Writes:
     async def _put(
         self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], newest: Mapping[SceneId, KnownScene]
     ) -> Sequence[PutResult | NotKept]:
+        results: Sequence[PutResult | NotKept] = []
         if not puts:
-            return []
+            return results
         if any(known.turns or any(known.layouts.values()) for known in newest.values()):
             return await self._copying.put(puts, scenes)
-        return await self._store.put(puts)
+        with trio.CancelScope(shield=True):
+            # Whoever asked may hang up, and the store have begun: a reader waits until it is on the disk.
+            results = await self._store.put(puts)
+        return results
 
     def _judged(self, item: PutItem, result: PutResult | NotKept | RejectReason) -> PutOutcome:
         """What is said of a result at this very moment: without a lease nothing that a later owner could contradict."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import trio
@@ -24,7 +25,8 @@ from scenefold.peer.scene_log.scene_run import SceneRun
 from scenefold.peer.scene_log.telling import Telling
 from scenefold.scene.log import hash_of_log, without_log
 from scenefold.store import Store
-from scenefold.wire import DecidedLog, DecidedValue, Member, Packet, RequestSceneLog, RespondSceneLog, SceneLogPublic
+from scenefold.store.log_rows import Decided
+from scenefold.wire import DecidedLog, Member, Packet, RequestSceneLog, RespondSceneLog, SceneLogPublic
 from scenefold.world import World
 
 
@@ -154,12 +156,17 @@ class Participation:
         if one is None or packet.genesis not in (b"", one.public.genesis):
             return None
         genesis, newest = one.public.genesis, one.public.position
+        if packet.have >= newest:
+            return DecidedLog(genesis, newest, ())
         rows = await self._store.kept_decisions(genesis, packet.have, DECIDED_MAX, LOG_BYTES_MAX)
-        values = []
-        for row in rows:
-            told = decided_value(Learn(genesis, row.position, without_log(row.value), row.certificate))
-            values.append(DecidedValue(told.position, told.value, told.ballot, told.votes, (), one.seen.get(row.position, 0)))
-        return decided_page(genesis, newest, values)
+        seen = {row.position: one.seen.get(row.position, 0) for row in rows}
+        return await self._world.workers.run("crypto", _told, genesis, newest, rows, seen)
+
+
+def _told(genesis: bytes, newest: int, rows: Sequence[Decided], seen: Mapping[int, int]) -> DecidedLog:
+    """A page of these without their sealed logs. Takes a while: each header is opened for that."""
+    values = (decided_value(Learn(genesis, row.position, without_log(row.value), row.certificate)) for row in rows)
+    return decided_page(genesis, newest, (replace(value, seen=seen[value.position]) for value in values))
 
 
 def _members_of(public: SceneLogPublic) -> set[Member]:

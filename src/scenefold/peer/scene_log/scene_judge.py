@@ -24,6 +24,8 @@ from scenefold.scene.log.values import deciders_after, opened_value, value_of
 from scenefold.wire import MalformedPacket, SceneBody, SceneLogPublic, digest_of_header
 
 _REQUEST_BYTES = 16
+REQUESTS_MAX = 1_024
+"""Requests that a participant remembers. A client asks for the same one again within half a minute, or looks into the log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +37,14 @@ class SceneJudge:
     changes: int
     """How often those who decide have changed."""
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """The positions of requests, as far as this node has met them. Nothing is refused for them."""
+    """The positions of the newest requests, as far as this node has met them, in their order. Nothing is refused for them."""
 
     @classmethod
-    def of(cls, known: KnownScene, requests: Mapping[bytes, int] | None = None) -> SceneJudge:
-        """`known`: a header that was decided, of a scene that has participants. `requests`: what headers up to it were asked for by."""
+    def of(cls, known: KnownScene) -> SceneJudge:
+        """`known`: a header that was decided, of a scene that has participants."""
         assert known.public.participants, "the origin alone decides"
-        found = {**(requests or {}), **_request_of(known.public)}
-        return cls(known, participants_after(known.public), changes_before(known.public), MappingProxyType(found))
+        requests = MappingProxyType(_request_of(known.public))
+        return cls(known, participants_after(known.public), changes_before(known.public), requests)
 
     @property
     def public(self) -> SceneLogPublic:
@@ -69,7 +71,7 @@ class SceneJudge:
             KnownScene.of(public),
             participants_after(public) if changed else self.participants,
             self.changes + changed,
-            MappingProxyType({**self.requests, **_request_of(public)}),
+            _newest({**self.requests, **_request_of(public)}),
         )
 
     def check(self, value: Value, *, is_decided: bool = False) -> None:
@@ -113,6 +115,13 @@ class SceneJudge:
 def participants_after(public: SceneLogPublic) -> Participants:
     """Who decides the position behind this header's."""
     return Participants(tuple(Participant(entry.member, PublicKey(entry.key)) for entry in deciders_after(public)))
+
+
+def _newest(requests: dict[bytes, int]) -> Mapping[bytes, int]:
+    """Without the oldest, if they are too many. One was there before, and one more is there now."""
+    if len(requests) > REQUESTS_MAX:
+        del requests[next(iter(requests))]
+    return MappingProxyType(requests)
 
 
 def _request_of(public: SceneLogPublic) -> dict[bytes, int]:

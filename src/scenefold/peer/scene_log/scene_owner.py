@@ -32,7 +32,7 @@ class SceneOwner(Owner):
         """The newest position was learnt without its sealed log."""
         self.modes = modes or Owner()
         self._heard = heard
-        self._next = known
+        self._next, self._next_lacks_log = known, False
 
     def veto(self, value: Value | None) -> RejectReason | None:
         return self.modes.veto(value)
@@ -61,11 +61,11 @@ class SceneOwner(Owner):
         true = true_facts(proof.votes, phase, decided.value.digest, before.genesis, participants_after(before))
         public = decided_by_votes(body.public, before, proof.ballot, (fact for fact in true if isinstance(fact, Vote)))
         self._next = replace(after.known, public=public)
-        self.lacks_log = not body.private
+        self._next_lacks_log = not body.private
         return Beside({public.scene: public.encode()}, {public.scene: body.private} if body.private else {})
 
     def decided(self, decided: Decide, after: Judge) -> None:
-        self.known = self._next
+        self.known, self.lacks_log = self._next, self._next_lacks_log
         self._heard(self.known, decided)
         self.modes.decided(decided, after)
 

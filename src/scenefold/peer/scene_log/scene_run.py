@@ -230,9 +230,12 @@ class SceneRun:
 
     async def _keep_whole(self) -> None:
         """Have the sealed log of the newest position, which others decided while this node was no participant, or away."""
-        self.owner.lacks_log = self.owner.lacks_log or await self._sealed() is None
+        public = self.public
+        if await self._sealed() is None and self.public is public:
+            self.owner.lacks_log = True
         while True:
-            if self.owner.lacks_log and await self._fetched():
+            public = self.public
+            if self.owner.lacks_log and await self._fetched() and self.public is public:
                 self.owner.lacks_log = False
             await self._news.until(lambda: self.owner.lacks_log)
             await self._world.clock.sleep(1.0)
