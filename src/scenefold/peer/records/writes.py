@@ -163,14 +163,14 @@ class Writes:
     async def _put(
         self, puts: Sequence[Put], scenes: Mapping[SceneId, KnownScene], newest: Mapping[SceneId, KnownScene]
     ) -> Sequence[PutResult | NotKept]:
-        results: Sequence[PutResult | NotKept] = []
+        results: list[PutResult | NotKept] = []
         if not puts:
             return results
         if any(known.turns or any(known.layouts.values()) for known in newest.values()):
             return await self._copying.put(puts, scenes)
         with trio.CancelScope(shield=True):
             # Whoever asked may hang up, and the store have begun: a reader waits until it is on the disk.
-            results = await self._store.put(puts)
+            results += await self._store.put(puts)
         return results
 
     def _judged(self, item: PutItem, result: PutResult | NotKept | RejectReason) -> PutOutcome:
