@@ -137,31 +137,36 @@ async def borrow(
     return reply if isinstance(reply, LentLease) else RejectReason(reply.reason)
 
 
-def test_a_client_borrows_at_any_node_and_gives_back() -> None:
+def test_a_client_borrows_of_a_participant_and_gives_back() -> None:
     async def main(them: Assembly) -> None:
         await them.create(0, 1)
         await trio.sleep(T_WAIT_S)
-        lent = await borrow(them, 2, LeaseUse.EDIT, 1)
+        lender, me = 1, {"lender": them.of(1).me}
+        for slot, named in ((2, me), (0, me), (1, {}), (2, {})):
+            assert await borrow(them, slot, LeaseUse.EDIT, 1, **named) is RejectReason.NOT_AUTHORISED, "of whom he means, and nobody else"
+        lent = await borrow(them, lender, LeaseUse.EDIT, 1, **me)
         assert (
             isinstance(lent, LentLease) and 0 < lent.left_ms <= T_LEASE_S * 1000 and (lent.mode, lent.is_active) == (SceneMode.EDIT, True)
         )
-        lenders = {them.of(slot).me: slot for slot in (0, 1)}
-        lender = lenders[lent.lender]
-        assert await borrow(them, lender, LeaseUse.EDIT, 1, lender=lent.lender) is RejectReason.STALE_VERSION
-        assert await borrow(them, lender, LeaseUse.RENDER, 2) is RejectReason.MODE_FORBIDS
-        assert await borrow(them, 2, LeaseUse.EDIT, 2, key=secrets_of(7).signing) is RejectReason.NOT_AUTHORISED
+        assert await borrow(them, lender, LeaseUse.EDIT, 1, **me) is RejectReason.STALE_VERSION
+        assert await borrow(them, lender, LeaseUse.RENDER, 2, **me) is RejectReason.MODE_FORBIDS
+        assert await borrow(them, lender, LeaseUse.EDIT, 2, key=secrets_of(7).signing, **me) is RejectReason.NOT_AUTHORISED
+        assert await borrow(them, lender, LeaseUse.GIVE_BACK, 2) is RejectReason.NOT_AUTHORISED
         refused = await them.change(1 - lender, SetMode(SceneMode.RENDER))
         assert not isinstance(refused, AcceptSceneProposal), "the lender does not vote, and two of two are needed"
-        renewed = await borrow(them, lender, LeaseUse.EDIT, 3)
-        assert isinstance(renewed, LentLease) and renewed.is_asked_back
-        back = await borrow(them, 2, LeaseUse.GIVE_BACK, 4, lender=lent.lender)
+        await trio.sleep(1.0)
+        renewed = await borrow(them, lender, LeaseUse.EDIT, 3, **me)
+        assert isinstance(renewed, LentLease) and renewed.is_asked_back and renewed.left_ms < lent.left_ms, "and no more than what was left"
+        other = {"lender": them.of(1 - lender).me}
+        assert await borrow(them, 1 - lender, LeaseUse.EDIT, 1, **other) is RejectReason.BUSY, "the others lend nothing meanwhile"
+        back = await borrow(them, lender, LeaseUse.GIVE_BACK, 4, **me)
         assert isinstance(back, LentLease) and back.left_ms == 0
         assert await them.commits(1 - lender, SetMode(SceneMode.RENDER)) == 2
         await them.until(lambda: all(modes(them, slot).is_active for slot in (0, 1)), 5.0)
-        assert await borrow(them, 2, LeaseUse.EDIT, 5) is RejectReason.MODE_FORBIDS
+        assert await borrow(them, lender, LeaseUse.EDIT, 5, **me) is RejectReason.MODE_FORBIDS
         looked = await borrow(them, 2, LeaseUse.LOOK, 0)
         assert isinstance(looked, LentLease) and (looked.position, looked.mode, looked.is_active) == (2, SceneMode.RENDER, True)
-        assert isinstance(await borrow(them, 2, LeaseUse.RENDER, 6), LentLease)
+        assert isinstance(await borrow(them, lender, LeaseUse.RENDER, 6, **me), LentLease)
 
     assembled(3, main)
 
@@ -172,7 +177,7 @@ def test_40_who_is_alone_says_that_the_mode_is_unknown() -> None:
         them.crash(0, 1)
         await trio.sleep(T_LEASE_S)
         for nonce, use in enumerate((LeaseUse.LOOK, LeaseUse.EDIT, LeaseUse.RENDER), 1):
-            assert await borrow(them, 2, use, nonce) is RejectReason.MODE_FORBIDS
+            assert await borrow(them, 2, use, nonce, lender=them.of(2).me) is RejectReason.MODE_FORBIDS
 
     assembled(3, main)
 

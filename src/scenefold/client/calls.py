@@ -30,6 +30,7 @@ from scenefold.base.location import FIRST, Location, arcs_between, even_right_bo
 from scenefold.client.former_tables import FormerTables
 from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.key_use import KeyUse
+from scenefold.client.leases import Leases
 from scenefold.client.patience import Patience
 from scenefold.client.slots import Slots
 from scenefold.client.split import turned
@@ -78,7 +79,8 @@ class Calls:
         self._told = [*addresses, *(address for _, address in spares)]
         """What the profile names. Whatever a node says of who is there, these are asked as well."""
         self.key_use = KeyUse()
-        """Of all scenes, however often each is opened."""
+        """Of all scenes, however often each is opened, as are the leases."""
+        self.leases = Leases(self)
         self._learning = trio.Lock()
         self._has_asked = False
         self._links = links

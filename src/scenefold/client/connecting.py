@@ -36,8 +36,12 @@ async def connect(profile: str | Path | None = None, ask: AskPassphrase = refuse
         cluster = Cluster(known, world, links, secrets, log)
         cluster.log.check_own()
         nursery.start_soon(cluster.log.run)
+        nursery.start_soon(cluster.calls.leases.run)
         await renew_if_due(cluster.membership)
-        yield cluster
+        try:
+            yield cluster
+        finally:
+            await cluster.calls.leases.close()
         await cluster.log.settled()
 
 

@@ -14,7 +14,8 @@ from scenefold.base.limits import CLIENT_BATCH_BYTES, CLIENT_TRIES_MAX, PAYLOAD_
 from scenefold.base.reasons import RejectReason
 from scenefold.client.delivery import Delivered, deliver
 from scenefold.client.doubt import Doubt
-from scenefold.client.sealing import Draft, Opened, seal_all
+from scenefold.client.leases import Edit
+from scenefold.client.sealing import Draft, Opened, SceneIdentity, seal_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
 from scenefold.client.tombstones import is_tombstone
@@ -44,19 +45,19 @@ _HEALED = (
 async def put(access: SceneAccess, wishes: Sequence[Wish], *, fresh: bool) -> list[Placed]:
     """See `SceneAccess.put`."""
     doubt = Doubt("a write", lambda index: access.where(wishes[index]), "read it, then decide whether to write again")
-    with doubt.no_refusal():
-        return await _put(access, wishes, fresh, doubt)
+    with doubt.no_refusal(), access.calls.leases.edit() as edit:
+        return await _put(access, wishes, fresh, doubt, edit)
 
 
-async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: Doubt) -> list[Placed]:
-    """`doubt`: by number of the wish, over all the records that it is signed as."""
+async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: Doubt, edit: Edit) -> list[Placed]:
+    """`doubt`: by number of the wish, over all the records that it is signed as. `edit`: around all of it."""
     placed: list[Placed | None] = [None] * len(wishes)
     pending = list(range(len(wishes)))
     current = list(wishes)
     routes = [wish.route for wish in wishes]
     for attempt in range(CLIENT_TRIES_MAX):
         await access.check([wishes[index] for index in pending])
-        items = dict(zip(pending, await _seal(access, [current[index] for index in pending]), strict=True))
+        items = dict(zip(pending, await _sealed(access, [current[index] for index in pending], edit), strict=True))
         outcomes = await deliver(access.calls, items, routes, doubt)
         behind: list[int] = []
         for index, item in items.items():
@@ -121,7 +122,19 @@ async def _check_room(access: SceneAccess, wish: Wish, there: Opened) -> None:
         raise Refused(RejectReason.BUSY, what, where=access.where(wish), remedy=remedy)
 
 
-async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
+async def _sealed(access: SceneAccess, wishes: Sequence[Wish], edit: Edit) -> list[PutItem]:
+    """Under a lease from before the first signature until after the last one, where edits need one."""
+    spaces = sorted({wish.space for wish in wishes})
+    for _ in range(CLIENT_TRIES_MAX):
+        identity = await edit.hold(access, spaces)
+        items = await _seal(access, wishes, identity)
+        if edit.may_send(identity, spaces):
+            return items
+    what = "a lease for edits runs out each time before the records are signed: this computer has too much to do"
+    raise Refused(RejectReason.BUSY, what, where=f"scene {access.name}", remedy="try again in a while; nothing was written")
+
+
+async def _seal(access: SceneAccess, wishes: Sequence[Wish], identity: SceneIdentity) -> list[PutItem]:
     wall, token = access.calls.world.clock.wall(), access.calls.world.entropy.token
     drafts = [
         Draft(
@@ -143,13 +156,13 @@ async def _seal(access: SceneAccess, wishes: Sequence[Wish]) -> list[PutItem]:
         if size > PAYLOAD_BYTES_MAX:
             where = access.where(wishes[index])
             raise LocalFault(f"{size} bytes do not fit a record of {PAYLOAD_BYTES_MAX}", where=where, remedy="split it")
-    access.calls.key_use.take(access.identity.genesis, access.identity.sealing_key[0], len(drafts), f"scene {access.name}")
+    access.calls.key_use.take(identity.genesis, identity.sealing_key[0], len(drafts), f"scene {access.name}")
     batches = list(frames(range(len(drafts)), sizes, CLIENT_BATCH_BYTES))
     sealed: list[list[PutItem]] = [[] for _ in batches]
 
     async def seal(number: int, batch: list[int]) -> None:
         part = [drafts[index] for index in batch]
-        sealed[number] = await access.in_crypto_lane(seal_all, access.identity, access.writer, access.session, part)
+        sealed[number] = await access.in_crypto_lane(seal_all, identity, access.writer, access.session, part)
 
     await together(partial(seal, number, batch) for number, batch in enumerate(batches))
     for wish in wishes:

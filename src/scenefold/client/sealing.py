@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
-from scenefold.base.ids import KeyId, SceneId, SpaceId
+from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.copies import check_no_shadow
@@ -48,12 +48,13 @@ class SceneIdentity:
     """Of the key that new records are sealed under, as the header says; None: the newest of `keys`."""
     content_position: int | None = None
     """The log position that the coordinates in new payloads belong to; None: `position`."""
-    outputs: frozenset[SpaceId] | None = None
-    """In render mode the spaces that may still be written; None: edit mode."""
-    is_ended: bool = False
-    """Nothing of the scene is written any more."""
-    read_floor: int = 0
-    """In render mode the write floor: who goes by a header below it may still take edits, and its answers are none for an image."""
+    mode: SceneMode = SceneMode.EDIT
+    outputs: frozenset[SpaceId] = frozenset()
+    """The spaces that renders write to: records of all others are edits."""
+    write_floor: int = 0
+    """The scene's newest change of mode does not lie above it (specs/26-modes.md)."""
+    deciders: tuple[NodeId, ...] = ()
+    """Who decides the scene's log, and lends leases of it; empty: the origin alone, and nobody needs leases."""
     node_managed: Mapping[SpaceId, bool] = field(default_factory=dict)
     """Of the known spaces: whether nodes choose where records lie."""
     layouts: Layouts = field(default_factory=partial(Layouts.of, ()))
@@ -61,7 +62,6 @@ class SceneIdentity:
 
     def with_header(self, header: SceneLogPublic, keys: EpochKeys | None = None) -> SceneIdentity:
         """The same scene as a newer header tells of it, with the keys that go with it. What payloads are written for stays as it was."""
-        outputs = frozenset(entry.space for entry in header.spaces if entry.render_output)
         return replace(
             self,
             position=header.position,
@@ -69,21 +69,31 @@ class SceneIdentity:
             keys=self.keys if keys is None else keys,
             key_epoch=header.key_epoch,
             content_position=self.position if self.content_position is None else self.content_position,
-            outputs={SceneMode.EDIT: None, SceneMode.RENDER: outputs, SceneMode.ENDED: frozenset()}[header.mode],
-            is_ended=header.mode is SceneMode.ENDED,
-            read_floor=header.write_floor if header.mode is SceneMode.RENDER else 0,
+            mode=header.mode,
+            outputs=frozenset(entry.space for entry in header.spaces if entry.render_output),
+            write_floor=header.write_floor,
+            deciders=tuple(entry.member.node for entry in header.participants),
             node_managed={entry.space: entry.node_managed for entry in header.spaces},
             layouts=Layouts.of(header.spaces, header.scene),
         )
 
+    @property
+    def read_floor(self) -> int:
+        """In render mode the write floor: who goes by a header below it may still take edits, and its answers are none for an image."""
+        return self.write_floor if self.mode is SceneMode.RENDER else 0
+
+    def is_edit(self, space: SpaceId) -> bool:
+        """Whether a record of this space is an edit."""
+        return space not in self.outputs
+
     def is_frozen(self, spaces: Iterable[SpaceId]) -> bool:
         """Whether the scene's mode forbids to write to one of these."""
-        return self.outputs is not None and any(space not in self.outputs for space in spaces)
+        return self.mode is not SceneMode.EDIT and any(self.mode is SceneMode.ENDED or self.is_edit(space) for space in spaces)
 
     def check_mode(self, spaces: Iterable[SpaceId], name: str) -> None:
         """Refused (9) if it does. `name`: of the scene."""
         if self.is_frozen(spaces):
-            if self.is_ended:
+            if self.mode is SceneMode.ENDED:
                 raise scene_ended(self.position, name)
             remedy = "switch it back to edit mode first"
             raise Refused(RejectReason.MODE_FORBIDS, "the scene is in render mode", where=f"scene {name}", remedy=remedy)

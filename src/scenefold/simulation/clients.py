@@ -17,7 +17,7 @@ from scenefold.simulation.heard_copies import HeardCopies, Shape
 from scenefold.simulation.recording import Recorder
 from scenefold.simulation.watch import Watch
 from scenefold.simulation.watched_links import WatchedLinks
-from scenefold.world import World, open_links
+from scenefold.world import World, background_tasks, open_links
 from scenefold.world.facts import ClusterFacts
 from scenefold.world.keyring import KeptScene
 
@@ -91,7 +91,8 @@ async def open_client(
     """A client that knows what its profile would tell it. `member`: whose keys it works with."""
     founders = [one for node in facts.founders if (one := facts.credential(node)) is not None]
     origin = next(Decider(one.node_id, one.public_key.raw) for one in founders if one.node_id == facts.voter)
-    async with open_links(world) as links:
+    async with open_links(world) as links, background_tasks() as nursery:
         watched = WatchedLinks(links, recorder, name)
         calls = Calls(world, watched, [one.address for one in founders], [one.node_id for one in founders])  # type: ignore[arg-type]
+        nursery.start_soon(calls.leases.run)
         yield Client(name, calls, Scenes(calls, keyring, secrets_of(writer), origin, member))  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from scenefold.base.errors import NotReached
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scenes import Scenes
-from scenefold.crypto import SigningKey
+from scenefold.crypto import LEASE_DOMAIN, PublicKey, SigningKey, key_id_of
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.proposals import accepted, answer_of, rejection
 from scenefold.peer.scene_log.scene_judge import SceneJudge
@@ -20,14 +20,19 @@ from scenefold.scene.log import decided_by_votes, deciders_after, value_of, with
 from scenefold.simulation.clients import secrets_of
 from scenefold.wire import (
     Ballot,
+    BorrowLease,
     DecidedLog,
     DecidedValue,
+    Fault,
+    LeaseUse,
+    LentLease,
     Packet,
     ParticipantEntry,
     ProposeSceneLog,
     RequestSceneLog,
     RespondSceneLog,
     SceneLogPublic,
+    SceneMode,
     Want,
 )
 from scenefold.world import Priority
@@ -57,6 +62,12 @@ class FakeCouncil(FakeNodes):
     without_log: set[str] = field(default_factory=set)
     """They take part, and have not got the sealed log yet."""
     answers: dict[str, Answer] = field(default_factory=dict)
+    unlending: dict[str, RejectReason] = field(default_factory=dict)
+    """Participants that lend nothing, and what they say."""
+    asking_back: set[str] = field(default_factory=set)
+    lent_ms: int = 12_000
+    borrowed: list[tuple[str, BorrowLease]] = field(default_factory=list)
+    """What was asked for, by signed questions, and of whom."""
     story: list[DecidedValue] = field(default_factory=list)
     """What was decided by votes, of the one scene of a test."""
 
@@ -99,8 +110,28 @@ class FakeCouncil(FakeNodes):
                 do = self.answers.get(address)
                 done = None if do is None else do(address, packet)
                 return self.propose(address, packet) if done is None else done
+            case BorrowLease():
+                return self.lend(address, packet)
             case _:
                 return super()._answer(address, packet)
+
+    def lend(self, address: str, packet: BorrowLease) -> Packet:
+        """As a participant that has a lease if a majority is there; see `unlending`."""
+        me, (header, _) = node_id_of(address), self.has[address, packet.scene]
+        writer = next(PublicKey(entry.raw, entry.suite) for entry in header.keys if key_id_of(entry.raw) == packet.key)
+        writer.verify(packet.signature, LEASE_DOMAIN, packet.signable())
+        assert packet.lender == me in _nodes(header), "it is asked as who it is"
+        assert packet.nonce > max([borrowed.nonce for lender, borrowed in self.borrowed if lender == address], default=0), "it rises"
+        self.borrowed.append((address, packet))
+        if packet.use is LeaseUse.GIVE_BACK:
+            return LentLease(packet.nonce, me, header.position, header.mode, True)
+        alive = [node for node in _nodes(header) if not self._is_gone(node)]
+        reason = self.unlending.get(address)
+        if reason is None and (len(alive) <= len(header.participants) // 2 or header.mode is not SceneMode.EDIT):
+            reason = RejectReason.MODE_FORBIDS
+        if reason is not None:
+            return Fault(reason, "no lease")
+        return LentLease(packet.nonce, me, header.position, header.mode, True, self.lent_ms, address in self.asking_back)
 
     def propose(self, address: str, packet: ProposeSceneLog) -> Packet:
         """As a node at its best."""

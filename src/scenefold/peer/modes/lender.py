@@ -42,6 +42,10 @@ class Lender:
         others = (lent for lent in self.lent if lent.borrower != borrower and now < lent.until)
         return replace(self, lent=(*others, Lent(borrower, until)))
 
+    def left_of(self, borrower: Borrower, now: float) -> float:
+        """How long somebody may be told to have what he has already, if he counts anew from when he asks: it is live for no longer."""
+        return max([0.0, *((lent.until - now) / LENT_FACTOR for lent in self.lent if lent.borrower == borrower)])
+
     def given_back(self, borrower: Borrower) -> Lender:
         return replace(self, lent=tuple(lent for lent in self.lent if lent.borrower != borrower))
 

@@ -1,4 +1,4 @@
-"""Packets 121 of clients: a participant lends them what is left of its own lease, others hand them on (specs/26-modes.md, Lent leases)."""
+"""Packets 121 of clients: a participant lends them what is left of its own lease; who only looks is heard by any node (specs/26-modes.md, Lent leases)."""
 
 from __future__ import annotations
 
@@ -39,11 +39,15 @@ class Lending:
         known, modes = self._here(packet.scene), self._modes_of(packet.scene)
         if known is None or known.public.genesis != packet.genesis:
             raise Refused(RejectReason.UNKNOWN_SCENE_OR_SPACE, f"scene {packet.scene:08x} is unknown here")
-        if modes is not None and packet.lender in (NodeId(0), self._me):
+        is_look = packet.use is LeaseUse.LOOK
+        if modes is not None and (packet.lender == self._me or (is_look and not packet.lender)):
             return await self._answer(packet, modes, known)
         if not known.public.participants:
             what = "nobody decides the scene but its origin, and no leases are held of it"
             raise Refused(RejectReason.NOT_AUTHORISED, what)
+        if not is_look:
+            # Nobody signs the answer: who heard it from a relay would have to believe that.
+            raise Refused(RejectReason.NOT_AUTHORISED, "leases are lent by the participant that is asked for one, and by no other")
         if node_of(peer) is not None:
             raise Refused(RejectReason.NOT_MY_LOCATION, "this node does not decide the scene")
         return await self._relayed(packet, known)

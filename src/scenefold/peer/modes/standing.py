@@ -80,12 +80,14 @@ class Standing:
         """Participants lend while they may act by themselves."""
         return self.me in self.scene.participants and self.acts_in(now) is not None and self.lender.has_room(borrower, now)
 
-    def lends(self, borrower: Borrower, now: float) -> tuple[Standing, float]:
-        """And for how long, from when the client asked."""
+    def lends(self, borrower: Borrower, now: float, *, no_more: bool = False) -> tuple[Standing, float]:
+        """And for how long, from when the client asked. `no_more`: than what it has already."""
         assert self.may_lend(borrower, now)
         lease = self.holder.lease(now)
         assert lease is not None
         left = lease.until - now
+        if no_more:
+            left = min(left, self.lender.left_of(borrower, now))
         return replace(self, lender=self.lender.lend(borrower, left, now)), left
 
     def given_back(self, borrower: Borrower) -> Standing:

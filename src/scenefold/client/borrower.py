@@ -1,0 +1,225 @@
+"""One lease that a client borrows, of one scene and for one key: asked for, renewed, given back (specs/26-modes.md, Lent leases).
+
+What holds when is `Loan`'s (borrowing.py); here are the clock, the participants and the signature. Each participant is asked over a connection
+of its own: nobody signs the answer, so that of a relay would count for nothing.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId, SpaceId, address_of
+from scenefold.base.limits import CLIENT_ASKED_MAX
+from scenefold.base.reasons import RejectReason
+from scenefold.client.borrowing import LENT_S_MAX, Loan
+from scenefold.client.hedging import first_answer
+from scenefold.crypto import LEASE_DOMAIN, SigningKey
+from scenefold.wire import BorrowLease, LeaseUse, LentLease, SceneMode
+from scenefold.world import Priority
+
+if TYPE_CHECKING:
+    from scenefold.client.access import SceneAccess
+    from scenefold.client.leases import Leases
+    from scenefold.client.sealing import SceneIdentity
+
+LEND_S_MAX = 20.0
+"""A write waits so long for a lease: longer than a change of mode takes to become active, and than a participant is without one of its own."""
+LEND_ASK_S = 5.0
+"""For one participant to answer; it may have to ask the others first."""
+LEND_NEXT_S = 2.5
+"""Of silence, after which the next one is asked as well."""
+PAUSE_S = 0.5
+RETURN_S = 2.0
+_HELD_UP = (RejectReason.MODE_FORBIDS, RejectReason.NOT_READY, RejectReason.UNKNOWN_SCENE_OR_SPACE)
+"""What participants say that have no lease themselves, or know less of the scene than we do."""
+
+_log = logging.getLogger("scenefold.client.leases")
+
+
+class Borrowing:
+    """Used from the Trio thread only."""
+
+    def __init__(self, leases: Leases, access: SceneAccess, key: SigningKey) -> None:
+        self._leases, self._calls, self._access, self._key = leases, leases.calls, access, key
+        self.loan = Loan()
+        self._changed = trio.Event()
+        self._asking = trio.Lock()
+        self._last: NodeId | None = None
+        self._is_kept = False
+
+    def _now(self) -> float:
+        return self._calls.world.clock.now()
+
+    def _set(self, loan: Loan) -> None:
+        self.loan = loan
+        self._changed.set()
+        self._changed = trio.Event()
+
+    def may_sign(self, identity: SceneIdentity) -> bool:
+        held = self.loan.held
+        return held is not None and held.position <= identity.position and self.loan.may_sign(identity.write_floor, self._now())
+
+    def ends(self) -> None:
+        self._set(self.loan.ends(self._now()))
+
+    # --------------------------------------------------------------------------------------------------- for writes
+
+    async def begin(self, access: SceneAccess, needs: Collection[SpaceId]) -> None:
+        """As `hold`, for a call that has nothing under way yet; it counts from then on, until it `ends`."""
+        await self._held(access, needs, self._may_begin)
+        self._set(self.loan.begins())
+
+    async def hold(self, access: SceneAccess, needs: Collection[SpaceId]) -> None:
+        """Return once the scene as `access` knows it may be signed for, nothing being awaited between."""
+        await self._held(access, needs, self._may_sign)
+
+    def _may_begin(self, floor: int) -> bool:
+        return self.loan.may_begin(floor, self._now())
+
+    def _may_sign(self, floor: int) -> bool:
+        return self.loan.may_sign(floor, self._now())
+
+    async def _held(self, access: SceneAccess, needs: Collection[SpaceId], is_held: Callable[[int], bool]) -> None:
+        self._access = access
+        until, problems = self._now() + LEND_S_MAX, list[ScenefoldError]()
+        while True:
+            identity = access.identity
+            identity.check_mode(needs, access.name)
+            if is_held(identity.write_floor) and self.may_sign(identity):
+                return
+            held = self.loan.held
+            if held is not None and is_held(identity.write_floor):
+                # The records are to show that their author knows of what the lease is of.
+                await access.refresh(held.position)
+                if access.identity.position >= held.position:
+                    continue
+            else:
+                problems = await self._ask(identity, is_held) or problems
+                if is_held(access.identity.write_floor):
+                    continue
+                if any(isinstance(problem, Refused) for problem in problems):
+                    # What they refuse we may not know yet: another mode, or that our access was revoked.
+                    await access.refresh()
+                    access.check_writer()
+                    access.identity.check_mode(needs, access.name)
+            if self._now() >= until:
+                raise _no_lease(access, problems)
+            await self._calls.world.clock.sleep(PAUSE_S)
+
+    # ------------------------------------------------------------------------------------------------------- asking
+
+    async def _ask(self, identity: SceneIdentity, is_held: Callable[[int], bool]) -> list[ScenefoldError]:
+        """One round of asking participants, who lent last time first; why each of them did not, if none did."""
+        async with self._asking:
+            if is_held(identity.write_floor) or not self.loan.may_ask(self._now()):
+                return []
+            problems: list[ScenefoldError] = []
+            last, silent, turn = self._last, self._calls.is_silent, self._calls.world.entropy.uniform()
+            first = int(turn * len(identity.deciders))
+            order = identity.deciders[first:] + identity.deciders[:first]
+            tries = [
+                partial(self._ask_one, node, identity, problems) for node in sorted(order, key=lambda node: (node != last, silent(node)))
+            ]
+            try:
+                await first_answer(tries, next_after_s=LEND_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=False)
+            except (Refused, Unreachable, PeerFault) as problem:
+                _log.debug("no lease of scene %08x: %s", identity.scene, problem)
+                return problems
+            return []
+
+    async def _ask_one(self, node: NodeId, identity: SceneIdentity, problems: list[ScenefoldError]) -> None:
+        asked_at = self._now()
+        self._set(self.loan.asks(node, asked_at))
+        # Here, where nothing is waited for between: who keeps it ends as soon as nobody holds anything for us.
+        self._is_kept = self._is_kept or self._leases.start(self._keep)
+        try:
+            lent = await self._said(node, LeaseUse.EDIT, LEND_ASK_S)
+            _check(lent, node, identity)
+        except (Refused, Unreachable, PeerFault) as problem:
+            problems.append(problem)
+            raise
+        self._last = node
+        left_s = lent.left_ms / 1000
+        self._set(self.loan.lent(lent.position, left_s, asked_at, self._now(), is_asked_back=lent.is_asked_back))
+
+    async def _said(self, node: NodeId, use: LeaseUse, within_s: float) -> LentLease:
+        identity, nonce = self._access.identity, self._leases.next_nonce()
+        plain = BorrowLease(identity.scene, identity.genesis, use, nonce, node, self._key.key_id, self._leases.process())
+        signature = await self._calls.world.workers.run("crypto", self._key.sign, LEASE_DOMAIN, plain.signable())
+        packet = replace(plain, signature=signature)
+        lent = await self._calls.ask(address_of(node), packet, LentLease, priority=Priority.HIGH, timeout_s=within_s)
+        if (lent.nonce, lent.lender) != (nonce, node):
+            raise PeerFault("another question for a lease is answered", where=address_of(node))
+        return lent
+
+    # ------------------------------------------------------------------------------------------------------ keeping
+
+    async def _keep(self) -> None:
+        """Until nobody holds anything for us."""
+        try:
+            while self.loan.lenders:
+                now = self._now()
+                renews_at, returns_at = self.loan.renews_at(now), self.loan.returns_at
+                if min(renews_at, returns_at) > now:
+                    with trio.move_on_after(min(renews_at, returns_at) - now):
+                        await self._changed.wait()
+                elif returns_at <= now:
+                    await self.give_back(if_idle=True)
+                else:
+                    identity = self._access.identity
+                    await self._ask(identity, lambda _: self.loan.renews_at(self._now()) > self._now())
+        finally:
+            self._is_kept = False
+
+    async def give_back(self, *, if_idle: bool = False) -> None:
+        """Whatever may be held for us, if nothing is under way; `if_idle`: and nothing was for a while, or it is asked back."""
+        async with self._asking:
+            lenders = self.loan.lenders
+            if self.loan.writes or not lenders or (if_idle and self.loan.returns_at > self._now()):
+                return
+            self._set(self.loan.given_back())
+            async with trio.open_nursery() as nursery:
+                for node in lenders:
+                    nursery.start_soon(self._give_back_to, node)
+
+    async def _give_back_to(self, node: NodeId) -> None:
+        try:
+            await self._said(node, LeaseUse.GIVE_BACK, RETURN_S)
+        except (Refused, Unreachable, PeerFault) as problem:
+            # It runs out there by itself.
+            _log.debug("a lease is not given back to %s: %s", address_of(node), problem)
+
+
+def _check(lent: LentLease, node: NodeId, identity: SceneIdentity) -> None:
+    """PeerFault for what no participant lends; Refused (16) if it knows less of the scene than is known here."""
+    if lent.mode is not SceneMode.EDIT or not lent.is_active or not 0 < lent.left_ms <= LENT_S_MAX * 1000:
+        raise PeerFault("what is lent is no lease for edits", where=address_of(node))
+    if lent.position < identity.write_floor:
+        raise Refused(RejectReason.NOT_READY, "the participant does not know the scene's newest entries yet", where=address_of(node))
+
+
+def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError]) -> Refused:
+    """In words, with the reason that says most of those for which participants lent nothing."""
+    deciders = access.identity.deciders
+    where = f"scene {access.name}; {', '.join(map(address_of, deciders))}"
+    refused = [problem for problem in problems if isinstance(problem, Refused)]
+    for problem in refused:
+        if problem.reason is RejectReason.BUSY:
+            what = "nothing is written just now: somebody changes the scene's mode, or too many write"
+            return Refused(RejectReason.BUSY, what, where=where, remedy="try again in a while")
+    for problem in refused:
+        if problem.reason not in _HELD_UP:
+            return problem
+    what = (
+        f"nothing can be written to the scene now: none of the {len(deciders)} nodes that decide it lends a lease for edits; "
+        f"{len(deciders) // 2 + 1} of them must hear each other"
+    )
+    remedy = "start those that are down, or wait until the network is whole, and repeat it; nothing was written"
+    return Refused(RejectReason.MODE_FORBIDS, what, where=where, remedy=remedy)

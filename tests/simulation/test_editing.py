@@ -1,0 +1,147 @@
+"""If this fails, somebody edits a scene that is being rendered, or nobody can edit, or switch, where all is well (specs/26-modes.md, Lent leases)."""
+
+from __future__ import annotations
+
+import pytest
+import trio
+
+from scenefold.base.errors import Refused, ScenefoldError
+from scenefold.base.reasons import RejectReason
+from scenefold.client.modes import set_mode
+from scenefold.client.space import Space
+from scenefold.peer.modes.scene_modes import SceneModes
+from scenefold.peer.timing import T_WAIT_S
+from scenefold.simulation.clients import MemoryKeyring, open_client
+from scenefold.simulation.cluster import key_of
+from scenefold.wire import SceneMode
+from simulation.test_client_participants import Court, held
+
+
+def modes(court: Court, slot: int) -> SceneModes:
+    context = court.cluster.nodes[slot].context
+    one = None if context is None else context.participation.of(court.scene.id)
+    assert one is not None
+    return one.modes
+
+
+def lenders(court: Court, count: int = 3) -> list[int]:
+    """Participants that hold for live what they lent."""
+    found = []
+    for slot in range(count):
+        context = court.cluster.nodes[slot].context
+        if context is not None and modes(court, slot).standing.lender.borrowers(context.world.clock.now()):
+            found.append(slot)
+    return found
+
+
+def place(number: int) -> tuple[float, float, float]:
+    return ((number + 0.5) / 64, 0.5, 0.5)
+
+
+def test_who_edits_borrows_once_and_gives_back() -> None:
+    async def main(court: Court) -> None:
+        await court.create(0, 1, 2)
+        for number in range(10):
+            await court.hall.put_at(place(number), b"a chair")
+        assert len(lenders(court)) == 1
+        await court.until(lambda: not lenders(court), 5.0)
+        began = trio.current_time()
+        shown = await set_mode(court.scene.access, SceneMode.RENDER)
+        assert shown.is_active
+        with pytest.raises(Refused, match="render mode"):
+            await court.hall.put_at(place(11), b"a table")
+        assert (await set_mode(court.scene.access, SceneMode.EDIT)).is_active
+        await court.hall.put_at(place(12), b"a table")
+        assert trio.current_time() - began < 3 * T_WAIT_S
+
+    held(3, main)
+
+
+def test_a_switch_waits_for_what_is_under_way_and_gets_through() -> None:
+    """Somebody writes all the time; whatever was acknowledged is there, and once the mode is active nothing more is."""
+
+    async def main(court: Court) -> None:
+        await court.create(0, 1, 2)
+        stored: list[tuple[int, float]] = []
+        refused: list[Refused] = []
+
+        async def write_on() -> None:
+            other = await court.client.scenes.open("kitchen")
+            space = other.space(court.hall.id)
+            for number in range(10_000):
+                try:
+                    await space.put_at(((number + 0.5) / 10_000, 0.1, 0.1), b"%d" % number)
+                except Refused as refusal:
+                    refused.append(refusal)
+                    return
+                stored.append((number, trio.current_time()))
+                await trio.sleep(0.05)
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(write_on)
+            await trio.sleep(3.0)
+            began = trio.current_time()
+            shown = await set_mode(court.scene.access, SceneMode.RENDER)
+            active_at = trio.current_time()
+            assert shown.is_active and active_at - began < 30.0
+            await court.until(lambda: bool(refused), 60.0)
+        assert refused[0].reason is RejectReason.MODE_FORBIDS and "render mode" in str(refused[0])
+        assert stored and max(at for _, at in stored) < active_at
+        found = {payload async for _, payload in _all(court.hall)}
+        assert {b"%d" % number for number, _ in stored} <= found
+
+    held(3, main)
+
+
+async def got(court: Court, at: tuple[float, float, float]) -> bytes | None:
+    """What lies there, by its owner's word."""
+    space = await court.hall.info()
+    return await court.hall.get(space.locations_of([at])[0])
+
+
+async def _all(space: Space):  # type: ignore[no-untyped-def]
+    async for found in space.query_box((0, 0, 0), (1, 1, 1)):
+        yield found.location, await space.get(found.location)
+
+
+@pytest.mark.parametrize("asleep_s", [3.0, 40.0])
+def test_a_cut_off_editor_wakes_after_the_switch_and_its_edit_gets_in_nowhere(asleep_s: float) -> None:
+    """What it signed in time, and could not send, is below the floor; it signs nothing more."""
+
+    async def main(court: Court) -> None:
+        await court.create(0, 1, 2)
+        await court.hall.put_at(place(0), b"a chair")
+        assert lenders(court)
+        cluster = court.cluster
+        nodes, sleeper = [node.address for node in cluster.nodes.values()], "user:sleeper"
+        world, writer = cluster.net.world(sleeper), key_of(1, "the writer")
+        async with open_client("sleeper", world, cluster.facts, MemoryKeyring(), writer, cluster.watch.recorder) as editor:
+            scene = await editor.scenes.open("kitchen")
+            hall = scene.space(court.hall.id)
+            await hall.put_at(place(1), b"a chair")
+            parted = cluster.net.partition(nodes, [sleeper])
+            ended: list[ScenefoldError | str] = []
+
+            async def edit() -> None:
+                try:
+                    await hall.put_at(place(2), b"too late")
+                except ScenefoldError as error:
+                    ended.append(error)
+                else:
+                    ended.append("stored")
+
+            async with trio.open_nursery() as nursery:
+                nursery.start_soon(edit)
+                shown = await set_mode(court.scene.access, SceneMode.RENDER)
+                assert shown.is_active
+                await trio.sleep(asleep_s)
+                assert await got(court, place(2)) is None
+                cluster.net.unite(parted)
+                await court.until(lambda: bool(ended), 120.0)
+            assert ended != ["stored"]
+            with pytest.raises(Refused, match="render mode"):
+                await hall.put_at(place(3), b"too late")
+            for number, there in ((0, b"a chair"), (1, b"a chair"), (2, None), (3, None)):
+                assert await got(court, place(number)) == there
+
+    held(3, main)
