@@ -6,7 +6,7 @@ import pytest
 
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log import opened_value
-from scenefold.store.layout import LOGS
+from scenefold.store.layout import HEADERS, LOGS, scene_key
 from scenefold.store.log_rows import decided_key, unpack_decided
 from scenefold.wire import AcceptSceneProposal, Batch, RejectSceneProposal
 from scenefold.world.sim import Point
@@ -161,6 +161,25 @@ def test_what_nobody_keeps_any_more_is_passed_over() -> None:
         them.crash(0, 2)
         await them.start(0, 1, 2)
         assert await alike(them, 0, 1, 2) == 7
+
+    assembled(3, main)
+
+
+def test_a_header_that_rotted_is_had_from_the_others() -> None:
+    """The rows of the log say what this node has voted for, so it may begin by a header that it is shown, be that an old one."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(0, 1, 2)
+        await them.commits(0)
+        await them.everybody_at(2, 0, 1, 2)
+        them.crash(2)
+        overwrite(them.node(2).disk, HEADERS, scene_key(them.scene), b"rotten")
+        await them.start(2)
+        await them.until(lambda: them.takes_part(2))
+        them.crash(1)
+        assert await them.commits(0) == 3, "with its vote"
+        await them.start(1)
+        assert await alike(them, 0, 1, 2) == 3
 
     assembled(3, main)
 

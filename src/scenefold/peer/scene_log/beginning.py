@@ -8,6 +8,7 @@ from typing import Protocol
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import NodeId, SceneId
+from scenefold.consensus.packets import scene_of
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.headers import checked_header
@@ -23,21 +24,23 @@ class Keeps(Protocol):
 
     async def headers(self) -> dict[SceneId, bytes]: ...
     async def get_scene_log(self, scene: SceneId) -> bytes | None: ...
+    async def logs_kept(self) -> frozenset[bytes]: ...
 
 
 async def load_headers(store: Keeps) -> dict[SceneId, KnownScene]:
     """What this node kept from before.
 
-    A header that does not verify any more is left out: others have it, and it is pulled when the scene is met. But the
-    keeper of a log must not forget how far it is: DamagedData.
+    A header that does not verify any more is left out: others have it, and it is pulled when the scene is met. But who
+    decides alone must not forget how far it is: DamagedData. A participant's rows of the log say what it has voted for.
     """
+    voted = {scene_of(genesis) for genesis in await store.logs_kept()}
     known: dict[SceneId, KnownScene] = {}
     for scene, header in (await store.headers()).items():
         try:
             known[scene] = checked_header(SceneLogPublic.decode(header), None)
         except (MalformedPacket, Refused) as problem:
             where = f"scene {scene:08x}: {problem}"
-            if await store.get_scene_log(scene) is not None:
+            if scene not in voted and await store.get_scene_log(scene) is not None:
                 remedy = "restore the data folder from a backup, or start with an empty one; the scene's spaces stand still then"
                 raise DamagedData("the header of a scene whose log is kept here is damaged", where=where, remedy=remedy) from problem
             _log.error("a damaged scene header is dropped and asked for again: %s", where)
