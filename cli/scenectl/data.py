@@ -10,12 +10,15 @@ from cyclopts import App, Parameter
 
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text
+from scenectl.splitting import merge, split
 from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceName, SpaceOption, whole
 
 if TYPE_CHECKING:
     from scenefold.client import Scene, Space
 
 app = App(name="data", help="Read and write single records of a scene.", help_format="plaintext")
+app.command(split)
+app.command(merge)
 
 
 @app.command
@@ -149,12 +152,8 @@ def delete(
     async def work() -> tuple[int, bool]:
         async with connected(output.profile) as cluster:
             target = await _space(await cluster.scenes.open(scene), space)
-            [found] = await target.read([location.first])
-            if found is None or found.deleted:
-                return target.id, False
-            # Exactly what was found goes, not what somebody else puts there in this moment.
-            await target.delete(location.first, expect=found.digest)
-            return target.id, True
+            # Exactly what is found goes, not what somebody else puts there in this moment.
+            return target.id, await target.remove(location.first)
 
     number, was_there = run(work)
     if not was_there:
@@ -192,7 +191,7 @@ def ls(
     limit
         Most locations to list.
     deleted
-        List those of deleted records, too. That is faster, since who leaves them out must read all records.
+        List those of deleted records, and of parts of split ones, too. That is faster, since who leaves them out must read all records.
     """
     from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault

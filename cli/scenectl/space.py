@@ -1,4 +1,4 @@
-"""`scenectl space`: the spaces of a scene; make, list, move and scale them, and ask what lies in a box of the world."""
+"""`scenectl space`: the spaces of a scene; make, list, move and scale them, and ask what lies in a box of the world, or look after all of it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from scenectl.copies import CopiesOption, MinCopiesOption, copies, copies_cell, 
 from scenectl.names import NewSpaceName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
+from scenectl.rebasing import rebase
+from scenectl.splitting import tidy
 from scenectl.values import PlaceOption, SpaceOption, name_or_number, whole
 
 if TYPE_CHECKING:
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 
 app = App(name="space", help="Make, move and query the spaces of a scene.", help_format="plaintext")
 app.command(copies)
+app.command(rebase)
+app.command(tidy)
 
 
 @app.command

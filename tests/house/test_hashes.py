@@ -16,6 +16,7 @@ CRYPTO = "scenefold.crypto"
 DIGESTS = {
     "scenefold.base.kernel_cache": "names a folder by the sources that were compiled",
     "scenefold.client.own_keys": "shows people the fingerprint of a public key",
+    "scenefold.client.part_places": "scatters places that everybody may see",
     "scenefold.client.scene_memory": "keeps which header was met",
     "scenefold.client.tombstones": "the mark of a deleted record, a constant",
     "scenefold.peer.cluster_log.log_voter": "ids of entries that are proposed again",
@@ -25,6 +26,7 @@ DIGESTS = {
     "scenefold.scene.importers.plan": "tells whether an import is the one that began",
     "scenefold.scene.log.first": "the id of a scene's first entry",
     "scenefold.scene.payloads.document": "names what is stored by its content",
+    "scenefold.scene.payloads.splits": "names parts by what they hold; two marks, which are constants",
     "scenefold.simulation": "draws a test's keys and dice from its seed",
     "scenefold.store.layout": "finds what has rotted",
     "scenefold.store.measuring": "makes records to measure with",

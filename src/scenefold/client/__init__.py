@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from scenefold.client.proof import Proof
     from scenefold.client.purge_walk import Purge
     from scenefold.client.reading import open_scene_with_keys
+    from scenefold.client.rebasing import Carried, Rebased
     from scenefold.client.reencryption import Reencryption
     from scenefold.client.removals import RemovedNode
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
@@ -37,7 +38,9 @@ if TYPE_CHECKING:
     from scenefold.client.scene_log import Standing
     from scenefold.client.scenes import SceneListing, Scenes
     from scenefold.client.space import ABSENT, Space
+    from scenefold.client.splitting import SplitReport
     from scenefold.client.suspects import SuspectReport
+    from scenefold.client.tidying import Tidied
     from scenefold.client.upkeep import Upkeep
     from scenefold.client.watching import Watch
     from scenefold.scene.log import EpochKeys, SceneKeys
@@ -64,6 +67,7 @@ _HOMES = {
     "scenefold.client.proof": "Proof",
     "scenefold.client.purge_walk": "Purge",
     "scenefold.client.reading": "open_scene_with_keys",
+    "scenefold.client.rebasing": "Carried Rebased",
     "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.removals": "RemovedNode",
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
@@ -72,7 +76,9 @@ _HOMES = {
     "scenefold.client.scene_log": "Standing",
     "scenefold.client.scenes": "SceneListing Scenes",
     "scenefold.client.space": "ABSENT Space",
+    "scenefold.client.splitting": "SplitReport",
     "scenefold.client.suspects": "SuspectReport",
+    "scenefold.client.tidying": "Tidied",
     "scenefold.client.upkeep": "Upkeep",
     "scenefold.client.watching": "Watch",
     "scenefold.scene.log": "EpochKeys SceneKeys",
@@ -93,6 +99,7 @@ __all__ = [
     "ABSENT",
     "Access",
     "Ailment",
+    "Carried",
     "CheckedArchive",
     "Cluster",
     "ClusterHealth",
@@ -121,6 +128,7 @@ __all__ = [
     "Proof",
     "Purge",
     "Rate",
+    "Rebased",
     "Reencryption",
     "RemovedNode",
     "RestoreOptions",
@@ -131,9 +139,11 @@ __all__ = [
     "SceneListing",
     "Scenes",
     "Space",
+    "SplitReport",
     "Standing",
     "Stored",
     "SuspectReport",
+    "Tidied",
     "Upkeep",
     "Watch",
     "card_for",

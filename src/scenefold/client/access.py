@@ -29,7 +29,7 @@ from scenefold.client.log_reading import ReadLog
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
 from scenefold.client.scene_log import LogAccess
-from scenefold.client.sealing import Opened, SceneIdentity, are_sound, deleted_all, key_withheld, open_all
+from scenefold.client.sealing import Opened, SceneIdentity, are_sound, key_withheld, open_all, unlisted_all
 from scenefold.client.setbacks import Setbacks
 from scenefold.client.shares import UsualBytes
 from scenefold.client.split import frames
@@ -270,10 +270,10 @@ class SceneAccess:
         if self.identity == known:
             self._missed_at = now
 
-    async def deleted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
-        """Which of these records are deleted, or not there. What is damaged, or no record of the scene, nobody can say deleted."""
+    async def unlisted(self, keys: Sequence[Key], *, stale_ok: bool = False) -> list[bool]:
+        """Which of these records are deleted, parts of others, or not there. What is damaged, or none of the scene's, nobody can say so of."""
         records = await self.fetch(keys, stale_ok=stale_ok)
-        return await self.understood(deleted_all, keys, records)
+        return await self.understood(unlisted_all, keys, records)
 
     async def locations(self, space: SpaceId, first: Location, last: Location, *, stale_ok: bool = False) -> AsyncIterator[Location]:
         """Locations of a space that hold records, deleted ones too, from `first` to `last`, in order; asked for as

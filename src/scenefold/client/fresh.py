@@ -11,13 +11,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId, SpaceId
 from scenefold.base.location import Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.runs import run_behind
+from scenefold.client.sealing import Opened
+from scenefold.client.wholes import wholes
 from scenefold.client.wishes import Wish
 from scenefold.crypto import EXPECTS_NOTHING
+from scenefold.scene.payloads.splits import decode_entry, digest_of, is_split
 
 _LOOK = 256
 """Records of a run that are read together."""
@@ -29,6 +33,8 @@ class FreshItem(NamedTuple):
     space: SpaceId
     wanted: Location
     payload: bytes
+    content_position: int | None = None
+    """As in Wish."""
 
 
 class Stored(NamedTuple):
@@ -47,7 +53,10 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
     expected = [EXPECTS_NOTHING] * len(items)
     pending = list(range(len(items)))
     while pending:
-        wishes = [Wish(items[index].space, asked[index], items[index].payload, expected[index]) for index in pending]
+        wishes = [
+            Wish(items[index].space, asked[index], items[index].payload, expected[index], items[index].content_position)
+            for index in pending
+        ]
         taken: list[int] = []
         placed = await access.put(wishes, fresh=True)
         for index, outcome in zip(pending, placed, strict=True):
@@ -61,7 +70,7 @@ async def put_fresh(access: SceneAccess, items: Sequence[FreshItem], places: Fre
         nodes = dict(zip(taken, (outcome.node for outcome in placed if outcome.reason), strict=True))
         there = await access.get([(items[index].space, asked[index]) for index in taken])
         for index, found in zip(taken, there, strict=True):
-            if found is not None and found.payload == items[index].payload:
+            if await _is_equal(access, items[index], asked[index], found):
                 stored[index] = Stored(asked[index], nodes[index], reused=True)
                 continue
             if found is not None and found.deleted and expected[index] != found.digest:
@@ -92,5 +101,20 @@ async def _equal_behind(access: SceneAccess, item: FreshItem, place: Location, p
 
 async def _equal_among(access: SceneAccess, item: FreshItem, batch: Sequence[Location], places: FreePlaces) -> Location | None:
     there = await access.get([(item.space, location) for location in batch])
-    equal = (location for location, found in zip(batch, there, strict=True) if found is not None and found.payload == item.payload)
-    return next((location for location in equal if places.claim(item.space, location)), None)
+    for location, found in zip(batch, there, strict=True):
+        if await _is_equal(access, item, location, found) and places.claim(item.space, location):
+            return location
+    return None
+
+
+async def _is_equal(access: SceneAccess, item: FreshItem, place: Location, found: Opened | None) -> bool:
+    """Whether a record says what the item says, also one that was split since. One that lacks a part does not."""
+    if found is None or not is_split(found.payload):
+        return found is not None and found.payload == item.payload
+    try:
+        if decode_entry(found.payload).digest != digest_of(item.payload):
+            return False
+        (whole,) = await wholes([found], [(item.space, place)], access.get, access.in_crypto_lane)
+    except DamagedData:
+        return False
+    return whole is not None and whole.payload == item.payload

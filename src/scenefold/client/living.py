@@ -1,6 +1,6 @@
-"""Lists without what was deleted (specs/18-data.md, Deleting).
+"""Lists without what was deleted, and without the parts of split records (specs/18-data.md, Deleting and Splitting and merging).
 
-Nodes cannot tell a deletion from any other record, so whoever wants a list without them reads what is listed. A record that
+Nodes cannot tell either from any other record, so whoever wants a list without them reads what is listed. A record that
 cannot be read is listed: it may be alive.
 """
 
@@ -21,7 +21,7 @@ Listed = TypeVar("Listed")
 async def alive(
     access: SceneAccess, listed: AsyncIterator[Listed], key_of: Callable[[Listed], Key], *, stale_ok: bool = False
 ) -> AsyncIterator[Listed]:
-    """What is listed, in its order, without what was deleted."""
+    """What is listed, in its order, without what was deleted or is a part of something else."""
     batch: list[Listed] = []
     async for item in listed:
         batch.append(item)
@@ -36,5 +36,5 @@ async def alive(
 async def _living(access: SceneAccess, batch: list[Listed], key_of: Callable[[Listed], Key], stale_ok: bool) -> list[Listed]:
     if not batch:
         return []
-    gone = await access.deleted([key_of(item) for item in batch], stale_ok=stale_ok)
+    gone = await access.unlisted([key_of(item) for item in batch], stale_ok=stale_ok)
     return [item for item, is_gone in zip(batch, gone, strict=True) if not is_gone]

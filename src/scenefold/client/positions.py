@@ -18,6 +18,7 @@ from scenefold.base.location import Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.living import alive
 from scenefold.client.runs import STEPS_MAX, Run, run_behind
+from scenefold.client.wholes import wholes
 from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META
 from scenefold.scene.log import CellBox, LoggedSpace
 
@@ -95,8 +96,9 @@ async def _batches(locations: AsyncIterator[Location]) -> AsyncIterator[list[Loc
 async def _with_lattice_of_import(access: SceneAccess, space: LoggedSpace) -> LoggedSpace:
     from scenefold.scene.payloads.document import decode_document
 
-    (found,) = await access.get([(META, DOCUMENT_LOCATION)])
-    if found is None:
+    key = META, DOCUMENT_LOCATION
+    (found,) = await wholes(await access.get([key]), [key], access.get, access.in_crypto_lane)
+    if found is None or found.deleted:
         return space
     document = decode_document(found.payload)
     return replace(space, low=tuple(document.lattice_low.tolist()), high=tuple(document.lattice_high.tolist()))

@@ -31,6 +31,7 @@ from scenefold.crypto import (
 )
 from scenefold.crypto.record_header import TAG_BYTES, Version, version_key
 from scenefold.scene.log import EpochKeys, Layouts
+from scenefold.scene.payloads.splits import is_part
 from scenefold.wire import PutItem, RecordBytes, SceneLogPublic, SceneMode
 
 
@@ -212,6 +213,21 @@ def _is_sound(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool | 
 def deleted_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[bool]:
     """Whether each record is not there, or says that it is deleted. One that does not verify does not say so; NewerThanKnown is raised."""
     return [record is None or _is_deleted(identity, key, record) for key, record in zip(keys, records, strict=True)]
+
+
+def unlisted_all(identity: SceneIdentity, keys: Sequence[Key], records: Sequence[RecordBytes | None]) -> list[bool]:
+    """Whether each record is none to be listed: not there, deleted, or a part of a split one. Else as `deleted_all`; parts have any length."""
+    return [record is None or _is_unlisted(identity, key, record) for key, record in zip(keys, records, strict=True)]
+
+
+def _is_unlisted(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:
+    try:
+        found = _open(identity, key[0], key[1], key[2] if len(key) == 3 else b"", record)
+    except NewerThanKnown:
+        raise
+    except DamagedData:
+        return False
+    return found.deleted or is_part(found.payload)
 
 
 def _is_deleted(identity: SceneIdentity, key: Key, record: RecordBytes) -> bool:

@@ -7,6 +7,7 @@ space that somebody else moved a moment ago is asked where it is now.
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterable, Sequence
+from functools import partial
 
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAMES_IN_FLIGHT
@@ -19,12 +20,18 @@ from scenefold.client.living import alive
 from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space
 from scenefold.client.progress import ProgressCallback, ProgressState, callback_of
+from scenefold.client.rebasing import Carried, Rebased, carried, rebase
 from scenefold.client.sealing import Opened, payload_of
+from scenefold.client.splitting import Shape, SplitReport, merge, remove_record, split
 from scenefold.client.steps import checked_factor, checked_offset, movable
+from scenefold.client.tidying import Tidied, tidy
 from scenefold.client.verifying import Key
+from scenefold.client.wholes import wholes
 from scenefold.client.wishes import Wish
 from scenefold.crypto import EXPECTS_NOTHING
 from scenefold.scene.log import LoggedSpace
+from scenefold.scene.payloads.carrying import Carry
+from scenefold.scene.payloads.splits import Cut
 from scenefold.wire import ScaleSpace, TranslateSpace
 
 ABSENT = EXPECTS_NOTHING
@@ -89,10 +96,10 @@ class Space:
     async def get_many(self, locations: Sequence[Location], *, stale_ok: bool = False, any_copy: bool = False) -> list[bytes | None]:
         """The payloads at many locations, in their order, fetched in parallel from all owners."""
         payloads: list[bytes | None] = []
+        read = partial(any_copies, self._access) if any_copy else partial(self._access.get, stale_ok=stale_ok)
         for start in range(0, len(locations), _GET_BATCH):
-            keys = [(self.id, location) for location in locations[start : start + _GET_BATCH]]
-            found = await (any_copies(self._access, keys) if any_copy else self._access.get(keys, stale_ok=stale_ok))
-            payloads += map(payload_of, found)
+            keys: list[Key] = [(self.id, location) for location in locations[start : start + _GET_BATCH]]
+            payloads += map(payload_of, await wholes(await read(keys), keys, read, self._access.in_crypto_lane))
         return payloads
 
     async def read(self, locations: Sequence[Location]) -> list[Opened | None]:
@@ -100,12 +107,17 @@ class Space:
 
         `info().fast_forward(positions, content_position)` carries such coordinates on to now.
         """
-        return await self._access.get([(self.id, location) for location in locations])
+        keys: list[Key] = [(self.id, location) for location in locations]
+        return await wholes(await self._access.get(keys), keys, self._access.get, self._access.in_crypto_lane)
+
+    async def remove(self, location: Location) -> bool:
+        """Delete the very record that lies there now, if it is split with its parts; False if there is none. Refused if somebody replaces it meanwhile."""
+        return await remove_record(self._access, self.id, location)
 
     def query(self, first: Location = FIRST, last: Location = LAST, *, deleted: bool = False) -> AsyncIterator[Location]:
         """Locations that hold records, from `first` to `last`, both included, in the order of the line.
 
-        `deleted`: those of deleted records, too. That is faster, since only who reads a record can tell.
+        `deleted`: those of deleted records, and of parts of split ones, too. That is faster, since only who reads a record can tell.
         """
         return self._access.locations(self.id, first, last) if deleted else self._living(first, last)
 
@@ -127,7 +139,54 @@ class Space:
         """Store a new record in a node-managed space; gives its location and object id. `managed` does the rest."""
         return (await self.managed.put(payload)).place
 
+    # -------------------------------------------------------------------------------------------- parts of records
+
+    async def split(self, location: Location, parts: int = 2, *, cut: Cut | None = None, dry_run: bool = False) -> SplitReport:
+        """Break a record into parts that lie elsewhere in the space; it is found and read where it was, as it was. Edit mode only.
+
+        A geometry atom is cut by its triangles, each part near the middle of its own; anything else by bytes, scattered; `cut` says otherwise.
+        What is split so already stays as it is, and an interrupted call is gone on with by calling again. `dry_run`: only say where the parts
+        would want to lie. LocalFault if there is no record, or it is too small, or we may not write; Refused in render mode.
+        """
+        return await split(self._access, self.id, location, Shape(parts, cut), dry_run=dry_run)
+
+    async def merge(self, location: Location) -> SplitReport:
+        """Put a split record together again, in its place; the parts go. What is whole stays as it is. DamagedData if a part is missing."""
+        return await merge(self._access, self.id, location)
+
+    async def tidy(
+        self,
+        *,
+        orphans: bool = False,
+        dry_run: bool = False,
+        progress: ProgressCallback | bool = False,
+        bytes_per_s: float | None = None,
+    ) -> Tidied:
+        """Remove what ended splittings and merges have left: parts that no record names. Reads all of the space.
+
+        Somebody who splits a record in this moment begins anew. `orphans`: also parts whose record is not there at all.
+        """
+        tell = callback_of(progress)
+        return await tidy(self._access, self.id, orphans=orphans, dry_run=dry_run, progress=tell, bytes_per_s=bytes_per_s)
+
     # ------------------------------------------------------------------------------------------- the world around
+
+    async def carried(self, locations: Sequence[Location], carry: Carry, *, write_back: bool = False) -> list[Carried]:
+        """The payloads with coordinates as they are now. `carry(payload, since)` gives one as it is after an `Affine`, None if it knows no way.
+
+        It runs in a worker thread. `write_back`: what was carried on also replaces the record that was read, in edit mode, if nobody else has
+        by then; LocalFault if we may not write. `payloads.carrying.carrier` has functions for atoms, and for rows of floats.
+        """
+        return await carried(self._access, self.id, locations, carry, write_back=write_back)
+
+    async def rebase(
+        self, carry: Carry, *, dry_run: bool = False, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None
+    ) -> Rebased:
+        """Write all records anew whose coordinates are from before a step of the space; `carry` as in `carried`. Edit mode only.
+
+        May be interrupted, and called again: what is done is not done twice.
+        """
+        return await rebase(self._access, self.id, carry, dry_run=dry_run, progress=callback_of(progress), bytes_per_s=bytes_per_s)
 
     async def info(self) -> LoggedSpace:
         """The space as the scene's log describes it now: dimensions, box, transforms; maps locations to positions."""

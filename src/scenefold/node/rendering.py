@@ -20,7 +20,8 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import Opened, SceneIdentity, open_all, payload_of
 from scenefold.client.trying import patiently
-from scenefold.client.verifying import NewerThanKnown, writers_of
+from scenefold.client.verifying import Key, NewerThanKnown, writers_of
+from scenefold.client.wholes import wholes
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys
@@ -110,16 +111,25 @@ class NodeReader:
 
         async def read(start: int) -> None:
             async with slots:
-                keys = [RecordKey(space, location) for location in locations[start : start + READ_BATCH]]
-                # A place may be changing hands, or its owner without a lease, for some seconds: that ends no render.
-                records = await patiently(self.context.world, partial(self.context.data.read, self.scene, keys, identity.position))
-                opened = await self._opened(identity, keys, records)
-                payloads[start : start + len(keys)] = [payload_of(one) for one in opened]
+                keys: list[Key] = [(space, location) for location in locations[start : start + READ_BATCH]]
+                read_more = partial(self._read, identity)
+                found = await wholes(await read_more(keys), keys, read_more, partial(self.context.world.workers.run, "crypto"))
+                payloads[start : start + len(keys)] = [payload_of(one) for one in found]
 
         async with trio.open_nursery() as nursery:
             for start in range(0, len(locations), READ_BATCH):
                 nursery.start_soon(read, start)
         return payloads
+
+    async def _read(self, identity: SceneIdentity, keys: Sequence[Key]) -> list[Opened | None]:
+        """The records as they lie there, read a batch at a time."""
+        found: list[Opened | None] = []
+        for start in range(0, len(keys), READ_BATCH):
+            batch = [RecordKey(key[0], key[1]) for key in keys[start : start + READ_BATCH]]
+            # A place may be changing hands, or its owner without a lease, for some seconds: that ends no render.
+            records = await patiently(self.context.world, partial(self.context.data.read, self.scene, batch, identity.position))
+            found += await self._opened(identity, batch, records)
+        return found
 
     async def _opened(
         self, identity: SceneIdentity, keys: Sequence[RecordKey], records: Sequence[RecordBytes | None]

@@ -12,10 +12,12 @@ from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import SceneId
+from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import SceneIdentity
 from scenefold.node.rendering import NodeReader
 from scenefold.scene.head import NO_HEAD
+from scenefold.scene.payloads.splits import Cut, Part, SplitEntry, contents_of, encode_entry, encode_part
 from scenefold.wire import RecordBytes, RecordKey
 from unit.client.fake_nodes import FakeNodes, make_world
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
@@ -98,3 +100,18 @@ async def test_a_record_of_a_position_that_has_not_come_is_not_shown(monkeypatch
     with pytest.RaisesGroup(pytest.RaisesExc(DamagedData, match="has not come to")):
         await reader.get_many(FILES, PLACES)
     assert asked == [0, 2**64 - 1, 2**64 - 1]
+
+
+async def test_a_split_record_is_read_as_a_whole(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
+    reader, owners = await _reader(monkeypatch, [RejectReason.NOT_READY])
+    files = _scene(owners._nodes).space(FILES)
+    whole, places = bytes(range(200)), [Location.from_number(number) for number in (77, 78)]
+    contents = contents_of(whole, Cut.BYTES, 2)
+    parts = [encode_part(Part(Cut.BYTES, number, 2, PLACES[4], bytes(32), (0, 0, 0, 0, bytes(32)), contents[number])) for number in (0, 1)]
+    await files.put_many(zip(places, parts, strict=True))
+    await files.put(PLACES[4], encode_entry(SplitEntry.of(Cut.BYTES, whole, places, parts)))
+    payloads = [payload for _, payload in ITEMS]
+    assert await reader.get_many(FILES, PLACES) == [*payloads[:4], whole, *payloads[5:]]
+    del owners._nodes.records[FILES, places[1]]
+    with pytest.RaisesGroup(pytest.RaisesExc(DamagedData, match="part 1 of 2")):
+        await reader.get_many(FILES, PLACES)

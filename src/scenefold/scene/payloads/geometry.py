@@ -25,7 +25,7 @@ from scenefold.scene.payloads.binary import PayloadReader, finish, head
 KIND, VERSION = b"sfga", 1
 HAS_NORMALS, HAS_UVS, ONE_MATERIAL = 1, 2, 4
 _FLAGS = HAS_NORMALS | HAS_UVS | ONE_MATERIAL
-_HEAD_BYTES = 24
+HEAD_BYTES = 24
 _OCTAHEDRON = np.float32(32_767)
 
 
@@ -74,7 +74,7 @@ def decode_normals(codes: NDArray[np.int16]) -> NDArray[np.float32]:
 def atom_bytes(vertices: int, triangles: int, *, normals: bool, uvs: bool, one_material: bool) -> int:
     """The size of the payload of such an atom."""
     vertex_bytes = 12 + 4 * normals + 8 * uvs
-    return _HEAD_BYTES + vertices * vertex_bytes + triangles * 6 + (2 if one_material else 2 * triangles)
+    return HEAD_BYTES + vertices * vertex_bytes + triangles * 6 + (2 if one_material else 2 * triangles)
 
 
 def fits(size: int) -> bool:
