@@ -173,6 +173,8 @@ class SceneLog:
 
     def _fenced(self, entry: SetMode | BeginPurge | EndScene, position: int) -> SceneLog:
         if isinstance(entry, SetMode):
+            if entry.mode is SceneMode.ENDED:
+                raise _ill_formed("a scene is ended by its last entry, and by no change of its mode")
             return replace(self, mode=entry.mode, write_floor=position)
         if isinstance(entry, BeginPurge):
             if self.mode is not SceneMode.EDIT:

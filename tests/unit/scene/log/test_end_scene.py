@@ -82,6 +82,9 @@ def test_nobody_sets_the_mode_to_it_and_no_snapshot_stands_for_it() -> None:
     assert "SceneMode 0..1" in str([kind.text for _, kind in ended.fields])
     with pytest.raises(MalformedPacket):
         unpack_piece(LOG_ENTRY, b"\x92\x04\x02")
+    log = with_entries()
+    with pytest.raises(Refused, match="no change of its mode"):
+        log._entered(SetMode(SceneMode.ENDED), log.position + 1)
     assert unpack_piece(LOG_ENTRY, b"\x92\x04\x01") == SetMode(SceneMode.RENDER)
     assert unpack_piece(LOG_ENTRY, b"\x91\x10") == EndScene()
     with pytest.raises(LocalFault):
