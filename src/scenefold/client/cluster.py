@@ -20,6 +20,7 @@ from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
 from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
 from scenefold.client.membership import Membership
+from scenefold.client.orders import Orders
 from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.proof import Proof
 from scenefold.client.proving import Proving
@@ -33,6 +34,7 @@ from scenefold.client.scenes import Scenes
 from scenefold.client.table import Owner
 from scenefold.client.together import together
 from scenefold.client.upkeep import Upkeep, UpkeepChanges, change_upkeep
+from scenefold.client.voters import Voters
 from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.scene.log import Decider
 from scenefold.wire import BlacklistChanged, ChangeBlacklist, DrainNode, RequestReport, RespondTable, Status
@@ -67,7 +69,9 @@ class Cluster:
         self.log = KnownLog(self.calls, profile.genesis_header, profile.log_key, profile.voters[0], me, file, known, links.check_again)
         self.calls.check_own, self.calls.heard = self.log.check_own, self.log.heard
         links.refusal_of = self.log.refusal_of
-        self.membership = Membership(self.calls, profile, secrets, self.log)
+        orders = Orders(self.calls, profile.cluster_id, member, secrets.signing, self.log)
+        self.membership = Membership(self.calls, profile, secrets, self.log, orders)
+        self.voters = Voters(self.log, orders, profile.voters[0])
         voter = profile.voter
         origin = Decider(voter.node_id, voter.public_key.raw)
         card_of, newest = self.membership.card_of, self.log.newest
@@ -215,7 +219,7 @@ class Cluster:
                 NodeState(
                     address=address,
                     incarnation=NEVER_CAME if status is None else status.incarnation,
-                    is_voter=node in self.profile.voters,
+                    is_voter=node in self.log.voters,
                     known_arc=None if status is None else _arc_of(status),
                     heard_s=heard_s,
                     report=report if isinstance(report, NodeReport) else None,

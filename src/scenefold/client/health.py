@@ -163,7 +163,7 @@ def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
     """The cluster with everything that is off about it."""
     nodes = [_trimmed(node, nodes) for node in nodes]
     newest = max((node.report.log_position for node in nodes if node.report is not None), default=0)
-    warnings = [*_absences(nodes), *line_warnings(nodes)]
+    warnings = [*_absences(nodes), *voter_warnings(nodes), *line_warnings(nodes)]
     for node in nodes:
         if node.report is not None:
             warnings += own_warnings(node.address, node.report, newest)
@@ -189,11 +189,26 @@ def _trimmed(node: NodeState, nodes: Sequence[NodeState]) -> NodeState:
     return replace(node, known_arc=max(pieces, key=lambda piece: piece.length, default=None))
 
 
-def _absences(nodes: Iterable[NodeState]) -> Iterable[Concern]:
+def voter_warnings(nodes: Sequence[NodeState]) -> Iterable[Concern]:
+    """Of several who decide the cluster's log: what their number and their silence mean."""
+    voters = [node for node in nodes if node.is_voter]
+    away = [node.address for node in voters if not node.alive]
+    if len(voters) > 1 and len(voters) % 2 == 0:
+        what = f"{len(voters)} nodes decide the cluster's log: an even number stands no more losses than one fewer"
+        yield Concern("voters", f"{what}; add one (`scenectl cluster add-voter`), or remove one", False, voters[0].address)
+    if len(voters) > 1 and away:
+        spare = (len(voters) - 1) // 2 - len(away)
+        rest = f"{spare} more may be lost" if spare > 0 else "none more may be lost" if spare == 0 else "nothing can be decided"
+        what = f"of {len(voters)} nodes that decide the cluster's log {', '.join(away)} {'is' if len(away) == 1 else 'are'} away"
+        yield Concern("voters", f"{what}: {rest}", spare < 0, away[0])
+
+
+def _absences(nodes: Sequence[NodeState]) -> Iterable[Concern]:
+    is_alone = sum(node.is_voter for node in nodes) == 1
     for node in nodes:
         if node.report is None:
             kind, what = ("awaited", "has never come") if node.role == "awaited" else ("missing", "does not answer")
-            consequence = "; nobody can join or be removed meanwhile" if node.is_voter else ""
+            consequence = "; nobody can join or be removed meanwhile" if node.is_voter and is_alone else ""
             yield Concern(kind, f"{node.address} {what}{consequence}: {node.problem}", True, node.address)
 
 

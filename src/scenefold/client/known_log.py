@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import trio
 
@@ -18,10 +19,10 @@ from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.crypto import HEADER_DOMAIN, PublicKey, node_named
-from scenefold.wire import MalformedPacket, RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic, SignedRecord, Want, unpack_log
+from scenefold.wire import DecidedLog, MalformedPacket, RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic, Want, unpack_log
 from scenefold.world import Connection, Priority
 from scenefold.world.log_file import LogFile
-from scenefold.world.log_view import LogView
+from scenefold.world.log_view import KeptRecord, LogView
 
 LOOK_S = 60.0
 """A client asks several nodes so often, whatever those that it talks to claim."""
@@ -32,7 +33,7 @@ PUZZLES_MAX = 256
 CLAIMANTS_MAX = 2
 SETTLE_S = 1.0
 
-Known = tuple[LogView, Sequence[SignedRecord]]
+Known = tuple[LogView, Sequence[KeptRecord]]
 """A view, and the records that it is the fold of."""
 NOTHING_KNOWN: Known = (LogView(), ())
 
@@ -71,6 +72,12 @@ class KnownLog:
         self._puzzles: dict[tuple[str, KeyId | None], tuple[int, float]] = {}
         """The log's position at which others were last asked for that, and when."""
         self._asked_at = -math.inf
+
+    @property
+    def voters(self) -> Sequence[NodeId]:
+        """Who decides the cluster's log, as far as is known here."""
+        voters = self.view.voters
+        return (self._voter,) if voters is None else sorted(voters.nodes)
 
     # ------------------------------------------------------------------------------------------------- who counts
 
@@ -145,7 +152,7 @@ class KnownLog:
         """
         began = self._calls.world.clock.now()
         if began - self._asked_at > age_s_max:
-            await self._calls.several(self._pull, first=self._voter)
+            await self._calls.several(self._pull, first=self.voters[0])
             self._asked_at = began
         return self.view
 
@@ -169,30 +176,40 @@ class KnownLog:
                 self._claimed = trio.Event()
 
     def _claimants(self) -> list[str]:
-        """Who is asked next: the voter, which knows, and others by chance, since whoever claims most may lie."""
-        voter = self._calls.address_of(self._voter)
-        chosen = [voter] if voter in self._claims else []
-        others = [address for address in self._claims if address != voter]
+        """Who is asked next: a voter, which knows, and others by chance, since whoever claims most may lie."""
+        voters = [self._calls.address_of(voter) for voter in self.voters]
+        chosen = [voter for voter in voters if voter in self._claims][:1]
+        others = [address for address in self._claims if address not in chosen]
         while others and len(chosen) < CLAIMANTS_MAX:
             chosen.append(others.pop(int(self._calls.world.entropy.uniform() * len(others))))
         return chosen
 
     async def _pull(self, address: str) -> None:
         """Take all that a node has. PeerFault if that does not verify."""
-        while True:
+        while self.view.voters is None:
             have = self.view.position
             packet = RequestSceneLog(self._genesis.scene, self._genesis.genesis, have, 0, Want.LOG)
             answer = (await self._calls.ask(address, packet, RespondSceneLog, priority=Priority.HIGH)).answer
             if answer is None:
                 raise Refused(RejectReason.NOT_READY, "the node does not know the cluster's log yet", where=address)
-            await self._take(answer, address)
-            if self.view.position == have or self.view.position >= answer.position:
+            await self._take(partial(self._verified, answer), address)
+            if self.view.voters is None and (self.view.position == have or self.view.position >= answer.position):
+                return
+        while True:
+            have = self.view.position
+            packet = RequestSceneLog(self._genesis.scene, self._genesis.genesis, have, 0, Want.DECIDED)
+            decided = (await self._calls.ask(address, packet, RespondSceneLog, priority=Priority.HIGH)).decided
+            if decided is None:
+                # It does not know yet that votes decide.
+                return
+            await self._take(partial(self._voted, decided), address)
+            if self.view.position == have or self.view.position >= decided.newest:
                 return
 
-    async def _take(self, answer: SceneLogAnswer, address: str) -> None:
+    async def _take(self, verified: Callable[[], tuple[LogView, list[KeptRecord]]], address: str) -> None:
         async with self._taking:
             try:
-                view, fresh = await self._calls.world.workers.run("crypto", self._verified, answer)
+                view, fresh = await self._calls.world.workers.run("crypto", verified)
             except (MalformedPacket, DamagedData, Refused) as problem:
                 raise PeerFault(f"the node's log of the cluster does not verify: {problem}", where=address) from problem
             if not fresh:
@@ -203,7 +220,12 @@ class KnownLog:
             if self._file is not None:
                 await self._keep(self._file)
 
-    def _verified(self, answer: SceneLogAnswer) -> tuple[LogView, list[SignedRecord]]:
+    def _voted(self, decided: DecidedLog) -> tuple[LogView, list[KeptRecord]]:
+        if decided.genesis != self._genesis.genesis:
+            raise DamagedData("it is that of another cluster")
+        return self.view.after(decided.decided, self._log_key, decided.genesis)
+
+    def _verified(self, answer: SceneLogAnswer) -> tuple[LogView, list[KeptRecord]]:
         if answer.public.genesis != self._genesis.genesis:
             raise DamagedData("it is that of another cluster")
         self._log_key.verify(answer.public.signature, HEADER_DOMAIN, answer.public.signable())

@@ -16,10 +16,10 @@ from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import KnownLog
+from scenefold.client.orders import Orders
 from scenefold.client.trusted import participants_of
 from scenefold.crypto import (
     AUTHORITY_PURPOSE,
-    ORDER_DOMAIN,
     Card,
     InvitedKind,
     MemberSecrets,
@@ -33,15 +33,11 @@ from scenefold.crypto import (
 from scenefold.wire import ParticipantEntry, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import (
-    Administer,
-    Administered,
     Enrolled,
     RequestCard,
     RequestRenewal,
     RespondCard,
 )
-from scenefold.wire.log_entries import SingleEntry
-from scenefold.wire.orders import Order
 from scenefold.world import Priority
 from scenefold.world.keyring import checked_name
 from scenefold.world.log_view import LogView, NodeKeys
@@ -76,12 +72,13 @@ class Revoked(NamedTuple):
 class Membership:
     """Of one cluster, under the keys of one user."""
 
-    def __init__(self, calls: Calls, profile: ClusterProfile, secrets: MemberSecrets, log: KnownLog) -> None:
+    def __init__(self, calls: Calls, profile: ClusterProfile, secrets: MemberSecrets, log: KnownLog, orders: Orders) -> None:
         self._calls = calls
         self._profile = profile
         self._secrets = secrets
         self._cluster_log = log
         self._me = f"user:{profile.user}"
+        self._orders = orders
 
     async def roll(self) -> Roll:
         """Users, invitations, trusted nodes, as the cluster's log says. A card that the authority did not issue is nobody's."""
@@ -140,7 +137,7 @@ class Membership:
         key = SigningKey.generate()
         expires = int(self._calls.world.clock.wall() + seconds)
         seeds = [node_id_of(seed) for seed in self._profile.seeds] if addresses is None else list(addresses)
-        await self._order(Invite(key.public.raw, name, is_administrator, expires, self._me))
+        await self._orders.give(Invite(key.public.raw, name, is_administrator, expires, self._me))
         ports = self._profile.ports
         kind = InvitedKind.USER if name.startswith("user:") else InvitedKind.NODE
         mark = mark_of(self._profile.authority_certificate())
@@ -156,7 +153,7 @@ class Membership:
         if len(open_ones) != 1:
             what = "no open invitation has this id" if not open_ones else "several invitations begin so"
             raise UsageFault(what, where=invitation.hex(), remedy="see `scenectl cluster invitations`")
-        await self._order(Withdraw(open_ones[0]))
+        await self._orders.give(Withdraw(open_ones[0]))
 
     async def revoke_user(self, user: str) -> Revoked:
         """Let a user's key count no longer, anywhere in the cluster. That it counts no longer already is no error."""
@@ -168,7 +165,7 @@ class Membership:
             raise self._no_member(name, view)
         # Also one that has run out: its keys may be in a newer certificate that the log does not have (reissue.py).
         card = Card.verified(known.der, self._profile.authority_certificate())
-        await self._order(RevokeUser(card.name, card.signing_id))
+        await self._orders.give(RevokeUser(card.name, card.signing_id))
         return Revoked(keys=True)
 
     async def revoke_node(self, node: NodeId) -> Revoked:
@@ -180,7 +177,7 @@ class Membership:
         keys = self.known_keys(node, view)
         if keys is None and not _was_revoked(f"node:{node}", view):
             raise self._no_member(f"node:{node}", view)
-        position = view.position if keys is None else await self._order(RevokeNode(node, keys.signing_id))
+        position = view.position if keys is None else await self._orders.give(RevokeNode(node, keys.signing_id))
         try:
             is_removed = await self._removed_behind(position, node)
         except ScenefoldError as problem:
@@ -201,19 +198,19 @@ class Membership:
 
         member = (await self._calls.patiently(shown, refresh=False)).on_line(node)
         if member is not None:
-            await self._order(RemoveNode(member, "its key was revoked"))
+            await self._orders.give(RemoveNode(member, "its key was revoked"))
         return member is not None
 
     async def trust(self, node: NodeId, *, trusted: bool = True) -> None:
         """Trust a node with the authority's key, or no longer. Who has that key seals it to the node; else a trusted node will."""
         if not trusted:
-            await self._order(Trust(node, False))
+            await self._orders.give(Trust(node, False))
             return
         to, sealed = SealingPublicKey((await self._keys_of(node)).sealing), b""
         if (self._profile.folder / "authority" / "key.pem").exists():
             key = self._profile.authority().key_der()
             sealed = to.seal(key, AUTHORITY_PURPOSE, self._profile.cluster_id, self._calls.world.entropy.token)
-        await self._order(Trust(node, True, to.raw, sealed))
+        await self._orders.give(Trust(node, True, to.raw, sealed))
 
     async def trust_all(self) -> list[NodeId]:
         """Trust all nodes on the line; those that were not trusted before. If one cannot be, the error names those that are by now.
@@ -271,20 +268,6 @@ class Membership:
         if known is None or view.roll.is_revoked(f"node:{node}", known.public_key.key_id):
             return None
         return NodeKeys(known.public_key.raw, known.sealing_key.raw)
-
-    async def _order(self, entry: SingleEntry) -> int:
-        world = self._calls.world
-        issued, request = int(world.clock.wall()), world.entropy.token(16)
-        order = Order(self._profile.cluster_id, request, self._me, issued, entry).encode()
-        packet = Administer(order=order, signature=self._secrets.signing.sign(ORDER_DOMAIN, order))
-        voter = address_of(self._profile.voters[0])
-
-        async def give() -> Administered:
-            return await self._calls.ask(voter, packet, Administered, priority=Priority.HIGH)
-
-        position = (await self._calls.patiently(give, refresh=False)).position
-        self._cluster_log.has_grown()
-        return position
 
     def _now(self) -> datetime.datetime:
         return datetime.datetime.fromtimestamp(self._calls.world.clock.wall(), datetime.UTC)

@@ -52,7 +52,12 @@ async def run_node(
     check_papers(profile, identity, secrets)
     # Found out now, and not on the day that a certificate ends.
     opened_authority(profile, me.address, secrets)
-    papers = Papers(identity.certificate, profile.sealed_authority(me.address) or b"", partial(profile.keep_node_certificate, me.address))
+    papers = Papers(
+        identity.certificate,
+        profile.sealed_authority(me.address) or b"",
+        partial(profile.keep_node_certificate, me.address),
+        partial(profile.forget_log_key, me.address),
+    )
     world = real_world(
         identity,
         profile.authority_certificate(),

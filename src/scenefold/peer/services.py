@@ -33,6 +33,7 @@ from scenefold.peer.line import Claims, Line
 from scenefold.peer.line.parting import lies_with_all_others
 from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.blacklist import OwnBlacklist
+from scenefold.peer.membership.evicting import Evicting
 from scenefold.peer.membership.gossip import Gossip
 from scenefold.peer.membership.members import Members
 from scenefold.peer.membership.probing import Probing
@@ -100,10 +101,11 @@ class PeerServices:
 
         routing = Routing(registry, roster, own)
         peers = Peers(world, links, own, roster, routing)
-        cluster_log = ClusterLog(world, store, peers, facts, own, log_signing_key)
+        ports = NodePorts(world.clock, me, peers, routing, roster, links)
+        cluster_log = ClusterLog(world, store, peers, facts, own, ports, log_signing_key)
+        cluster_log.forget_key = partial(world.workers.run, "import", papers.forget_log_key)
         lease = OwnerLease(world, store, cluster_log, own)
         check_new = partial(check_decider, voter=facts.credential(facts.voter))
-        ports = NodePorts(world.clock, me, peers, routing, roster, links)
         participation = Participation(world, store, peers, own, ports)
         scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts), check_new, participation)
         lending = Lending(world, peers, me, participation.modes_of, scenes.here)
@@ -150,7 +152,7 @@ class PeerServices:
         gossip.answering.key_answer = public_keys.answer
         claims.ask = gossip.probe
         probing = Probing(world, gossip, roster, peers, cluster_log, own, settings)
-        cluster_log.veto = probing.veto
+        cluster_log.veto, cluster_log.voting.elector.evidence = probing.veto, probing.objection
         handlers = Handlers(registry, own.mini, lambda mini: roster.hear_mini(mini, world.clock.now()))
         cluster_log.register(handlers, scenes)
         enrolling = Enrolling(world, facts, me, secrets, cluster_log, peers, papers)
@@ -178,6 +180,7 @@ class PeerServices:
         discovery = Discovery(world, facts, me, settings.address, cluster_log)
         self._door = Door(world, facts, cluster_log, handlers, links)
         self._newcomers = enrolling.serve_newcomer
+        evicting = Evicting(world.clock, cluster_log, roster, me)
         self._background: tuple[Callable[[], Awaitable[None]], ...] = (
             balancer.run,
             sharing.run,
@@ -190,6 +193,7 @@ class PeerServices:
             scrub.run,
             suspects.run,
             self._letting_go.run,
+            evicting.run,
         )
         self._tables = Tables(world, gossip, roster, peers)
         self._is_seed = settings.address in gossip.seeds

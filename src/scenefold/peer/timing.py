@@ -47,6 +47,9 @@ ENROL_RETRY_S = 1.0
 REMOVE_AFTER_S = 120.0
 """Nobody is removed who was heard within this time (a setting): a reboot takes about a minute."""
 
+T_EVICT_S = 600.0
+"""A voter that was not heard for so long is removed as one: each that is away is one fewer that may be lost."""
+
 assert LEASE_ASK_S_MAX + LEASE_RETRY_S < RENEW_S < T_LEASE_S < T_WAIT_S
 assert LIFE_S > T_LEASE_S
 assert REMOVE_AFTER_S > T_WAIT_S

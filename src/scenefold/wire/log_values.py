@@ -54,6 +54,15 @@ class DecidedValue:
     releases: tuple[Release, ...] = ()
     seen: int = 0
 
+    def encode(self) -> bytes:
+        """As it is kept; LocalFault if a field is out of bounds."""
+        return pack_piece(DECIDED_VALUE, self)
+
+    @classmethod
+    def decode(cls, data: bytes) -> DecidedValue:
+        """What `data` is, wholly; MalformedPacket otherwise."""
+        return unpack_piece(DECIDED_VALUE, data)
+
 
 @dataclass(frozen=True, slots=True)
 class DecidedLog:

@@ -42,6 +42,8 @@ class Want(IntEnum):
     LEASE = 3
     DECIDED = 4
     """What is decided above `have`, with what shows it."""
+    LIVES = 5
+    """Of the cluster's log: the lives that a voter of before the change at `have` holds."""
 
 
 @dataclass(frozen=True, slots=True)

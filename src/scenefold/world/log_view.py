@@ -1,6 +1,7 @@
 """What a client sees of the cluster's log: who is a member by which keys, and who is one no more (specs/15-cluster-log.md, Who is who).
 
-Every record is signed with the log's key and bears the hash of the one before, so whoever shows it can leave off its end and nothing else.
+Every record is signed with the log's key, or bears the votes by which it was decided once voters are named, and has the hash of the one before,
+so whoever shows it can leave off its end and nothing else.
 A node folds the whole log (peer/cluster_log/registry.py), whose entries its voter has judged; here only what clients ask for is kept. Values.
 """
 
@@ -8,18 +9,36 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
+from scenefold.consensus import Certificate, Participant, Participants
 from scenefold.crypto import LOG_DOMAIN, Card, PublicKey, key_id_of
-from scenefold.wire import NO_RECORD, AddNode, Found, LogRecord, Member, RemoveNode, RevokeNode, SignedRecord, hash_of_record
+from scenefold.wire import (
+    NO_RECORD,
+    AddNode,
+    AddParticipant,
+    DecidedValue,
+    Found,
+    LogRecord,
+    Member,
+    RemoveNode,
+    RemoveParticipant,
+    RevokeNode,
+    SignedRecord,
+    hash_of_record,
+)
 from scenefold.wire.enrol_entries import Enrol, Invite, RenewCard, RevokeUser, Trust, Withdraw
 from scenefold.world.roll import Roll
 
 NO_INCARNATION = bytes(16)
 """Of a founder that never came."""
+
+
+KeptRecord: TypeAlias = SignedRecord | DecidedValue
+"""By the log's key, or by votes."""
 
 
 class NodeKeys(NamedTuple):
@@ -58,6 +77,8 @@ class LogView:
     """The nodes that came, each with its incarnation."""
     removals: tuple[Removal, ...] = ()
     """All that there were, oldest first."""
+    voters: Participants | None = None
+    """Who decides the next position by votes; None as long as the log's key does."""
 
     def on_line(self, node: NodeId) -> Member | None:
         """A node as it stands on the line; with no incarnation a founder that never came, None for one that does not stand there."""
@@ -86,27 +107,46 @@ class LogView:
         at = f" (position {self.revoked_at[name, key]} of the cluster's log)" if (name, key) in self.revoked_at else ""
         return Refused(RejectReason.KEY_REVOKED, f"the key of {name} is revoked{at}", remedy="ask an administrator for a new invitation")
 
-    def after(self, records: Sequence[SignedRecord], key: PublicKey | None) -> tuple[LogView, list[SignedRecord]]:
+    def after(self, records: Sequence[KeptRecord], key: PublicKey | None, genesis: bytes = b"") -> tuple[LogView, list[KeptRecord]]:
         """The view after those of the records that it lacks, and these. `key`: the log's; None for what was verified before.
 
-        DamagedData (a wrong signature among it), MalformedPacket, or Refused: then nothing of them counts.
+        DamagedData (a wrong signature, or too few votes), MalformedPacket, or Refused: then nothing of them counts.
         """
-        view, fresh = self, []
-        for signed in records:
-            if key is not None:
-                key.verify(signed.signature, LOG_DOMAIN, signed.record)
-            record = signed.decoded()
+        view, fresh = self, list[KeptRecord]()
+        for kept in records:
+            if key is not None and isinstance(kept, SignedRecord):
+                key.verify(kept.signature, LOG_DOMAIN, kept.record)
+            record = kept.decoded() if isinstance(kept, SignedRecord) else LogRecord.decode(kept.value.data)
             if record.position > view.position:
-                view = view._followed(record, hash_of_record(signed.record))
-                fresh.append(signed)
+                view._check_decider(kept, None if key is None else genesis)
+                view = view._followed(record, hash_of_record(kept.record if isinstance(kept, SignedRecord) else kept.value.data))
+                fresh.append(kept)
         return view, fresh
+
+    def _check_decider(self, kept: KeptRecord, genesis: bytes | None) -> None:
+        """DamagedData unless those have decided the next record who may. `genesis` None: its votes were verified before."""
+        if isinstance(kept, SignedRecord) or self.voters is None:
+            if isinstance(kept, SignedRecord) is not (self.voters is None):
+                who = "its key does not any more" if self.voters is not None else "nobody votes yet"
+                raise DamagedData(f"behind position {self.position} of the cluster's log {who}")
+            return
+        certificate = Certificate(kept.position, kept.ballot, kept.votes)
+        if kept.position != self.position + 1 or kept.value.body:
+            raise DamagedData(f"what is shown as decided is no record for position {self.position + 1}")
+        if genesis is not None and not certificate.proves(kept.value, genesis, self.voters):
+            raise DamagedData(f"too few voters have decided what is shown at position {kept.position}")
 
     def _followed(self, record: LogRecord, record_hash: bytes) -> LogView:
         if record.position != self.position + 1 or record.prev_hash != self.head:
             raise DamagedData(f"record {record.position} does not follow what is known, which ends at {self.position}")
         roll, nodes, order, registered, entry = self.roll, self.nodes, self.order, self.registered, record.entry
-        removals = self.removals
+        removals, voters = self.removals, self.voters
         match entry:
+            case AddParticipant(member, key):
+                one = Participant(member, PublicKey(key))
+                voters = Participants((one,)) if voters is None else voters.joined_by(one)
+            case RemoveParticipant(member) if voters is not None:
+                voters = voters.left_by(member)
             case Found():
                 if not entry.voters or entry.voters[0] not in [founder.node for founder in entry.founders]:
                     raise DamagedData("its first voter did not found the cluster")
@@ -128,7 +168,7 @@ class LogView:
         revoked_at = self.revoked_at
         if roll.revoked is not self.roll.revoked:
             revoked_at = {**revoked_at, **dict.fromkeys(roll.revoked - self.roll.revoked, record.position)}
-        return LogView(record.position, record_hash, roll, nodes, revoked_at, order, registered, removals)
+        return LogView(record.position, record_hash, roll, nodes, revoked_at, order, registered, removals, voters)
 
     def cards(self, owners: Sequence[bytes]) -> list[Card]:
         """The newest cards of all members that have one and count, by name. `owners`: of the users that the cluster began with."""

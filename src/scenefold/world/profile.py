@@ -54,7 +54,9 @@ from scenefold.world.ports import Ports
 from scenefold.world.profile_making import (
     DEFAULT_USER,
     FORMAT,
+    GIVEN_UP_WORDS,
     LOG_SEED,
+    LOG_SEED_GIVEN_UP,
     SEALED_AUTHORITY,
     SETTINGS,
     checked_addresses,
@@ -219,14 +221,21 @@ class ClusterProfile:
         return secrets
 
     def log_signing_key(self, address: str) -> SigningKey | None:
-        """The key that signs the cluster's log, if the node is a voter; LocalFault if it is not the known one."""
-        if self.member(address).node_id not in self.voters:
+        """The key that signs the cluster's log, if the node has it and has not given it up; LocalFault if it is not the known one."""
+        if self.member(address).node_id not in self.voters or (self.node_folder(address) / LOG_SEED_GIVEN_UP).exists():
             return None
         path = self.node_folder(address) / LOG_SEED
         key = SigningKey.from_file(path)
         if key.public != self.log_key:
             raise damaged(path, "it is not the key of this cluster's log")
         return key
+
+    def forget_log_key(self, address: str) -> None:
+        """Erase the key that signs the cluster's log from the node's folder, since votes decide from now on. OSError if that fails."""
+        folder = self.node_folder(address)
+        if not (folder / LOG_SEED_GIVEN_UP).exists():
+            write_secret(folder / LOG_SEED_GIVEN_UP, GIVEN_UP_WORDS)
+        (folder / LOG_SEED).unlink(missing_ok=True)
 
     def sealed_authority(self, address: str) -> bytes | None:
         """The authority's key as it was sealed to a node when the cluster was made; None for all nodes but one."""

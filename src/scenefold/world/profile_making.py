@@ -24,6 +24,9 @@ FORMAT = 4
 SETTINGS = "cluster.toml"
 AUTHORITY_CERTIFICATE = Path("authority/certificate.pem")
 LOG_SEED = "log.seed"
+LOG_SEED_GIVEN_UP = "log.given-up"
+"""In its place, once voters decide the cluster's log by votes (specs/15-cluster-log.md, Voters)."""
+GIVEN_UP_WORDS = b"The key of the cluster's log lay here until voters took over, and is erased.\n"
 SEALED_AUTHORITY = "authority.sealed"
 
 

@@ -15,6 +15,7 @@ from scenefold.base.errors import DamagedData, LocalFault, Refused
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.membership import Membership
+from scenefold.client.orders import Orders
 from scenefold.crypto import AUTHORITY_PURPOSE, Card
 from scenefold.wire import Packet
 from scenefold.wire.enrol_entries import RevokeUser, Trust
@@ -71,6 +72,7 @@ class Log:
 
     def __init__(self, view: LogView) -> None:
         self.view = view
+        self.voters = (VOTER,)
 
     def has_grown(self) -> None:
         pass
@@ -100,7 +102,9 @@ def membership(nodes: Nodes, folder: Path, kept: list[bytes], view: LogView) -> 
         user_certificate=lambda: card_for("user:ada", 0).der,
         keep_user_certificate=kept.append,
     )
-    return Membership(nodes, profile, NEWCOMERS[0], Log(view))  # type: ignore[arg-type]
+    log: Any = Log(view)
+    orders = Orders(nodes, profile.cluster_id, "user:ada", NEWCOMERS[0].signing, log)  # type: ignore[arg-type]
+    return Membership(nodes, profile, NEWCOMERS[0], log, orders)  # type: ignore[arg-type]
 
 
 async def trust_in(node: NodeId, view: LogView, folder: Path) -> Trust:

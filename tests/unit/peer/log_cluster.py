@@ -10,20 +10,24 @@ from typing import Any
 
 import trio
 
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import address_of
+from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
 from scenefold.peer.enrolment.enrolment import Enrolment, IdentityRenewed
 from scenefold.peer.handlers import Handlers
+from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
 from scenefold.peer.routing import Routing
 from scenefold.store import open_store
-from scenefold.wire import MiniStatus
+from scenefold.wire import AddParticipant, LogEntry, MiniStatus
+from scenefold.wire.enrol_entries import Trust
 from scenefold.world import Connection, Priority, background_tasks, open_links, serve_connection
 from scenefold.world.sim import SimNet
-from unit.peer.logs_made import LOG_KEY, facts, node, secrets_of
+from unit.peer.logs_made import LOG_KEY, facts, key_of, node, secrets_of
 
 FOLDER = Path("/data")
 
@@ -62,6 +66,7 @@ class LogNode:
     async def _live(self, task_status: trio.TaskStatus[None]) -> None:
         cluster = self._cluster
         world = cluster.net.world(f"node:{self.id}", self.address)
+        self.clock = world.clock
         async with (
             open_store(world, FOLDER, self.id, reserve_bytes=0) as store,
             open_links(world) as links,
@@ -69,14 +74,18 @@ class LogNode:
         ):
             identity = store.identity
             self.own = OwnStatus(self.id, self.address, identity.incarnation, identity.boot, secrets_of(self.number))
-            roster = Roster(self.id)
+            roster = self._roster = Roster(self.id)
             routing = Routing(lambda: self.log.registry, roster, self.own)
             peers = Peers(world, links, self.own, roster, routing)
-            self.log = ClusterLog(world, store, peers, cluster.facts, self.own, LOG_KEY if self.number == 0 else None)
+            self.ports = NodePorts(world.clock, self.id, peers, routing, roster, links)
+            self.log = ClusterLog(
+                world, store, peers, cluster.facts, self.own, self.ports, LOG_KEY if self.number == 0 and cluster.has_key else None
+            )
             self.lease = OwnerLease(world, store, self.log, self.own)
             self.enrolment = Enrolment(world, store, self.log, self.lease, self.own)
             handlers = Handlers(lambda: self.log.registry, self.own.mini, self._hear)
             self.log.register(handlers)
+            self.ports.intake.register(handlers)
             roster.tell_position = self.log.heard_of
             await self.log.load()
 
@@ -85,12 +94,20 @@ class LogNode:
 
             await nursery.start(partial(world.network.listen, self.address, Priority.HIGH, serve))
             await nursery.start(self.log.run)
+            nursery.start_soon(self._know_members, roster)
             nursery.start_soon(self.lease.run)
             nursery.start_soon(self.enrolment.run)
             task_status.started()
             await trio.sleep_forever()
 
+    async def _know_members(self, roster: Roster) -> None:
+        registry = self.log.registry
+        while True:
+            roster.set_members(registry, self._cluster.net.now)
+            registry = await self.log.changed_after(registry.position)
+
     def _hear(self, mini: MiniStatus) -> None:
+        self._roster.hear_mini(mini, self._cluster.net.now)
         self.log.heard_of(mini.node, mini.log_position)
 
 
@@ -101,6 +118,8 @@ class LogCluster:
         self.net = net
         self.facts = facts(founders, spares, net.ports)
         self.nodes: dict[int, LogNode] = {}
+        self.has_key = True
+        """Whether the first node has the log's key still."""
         self._nursery = nursery
 
     async def start(self, *numbers: int) -> None:
@@ -119,8 +138,44 @@ class LogCluster:
         """Wait until these nodes are members and hold a lease."""
         with trio.fail_after(within_s):
             for number in numbers:
-                await self.nodes[number].enrolment.registered()
-                await self.nodes[number].lease.held()
+                while not self.nodes[number].lease.holds():
+                    # A life may end meanwhile, and another one begin.
+                    with trio.move_on_after(1.0):
+                        await self.nodes[number].lease.held()
+
+    async def name_voters(self, *numbers: int, within_s: float = 60.0) -> None:
+        """Trust these nodes, and name them as voters, the first one first."""
+        first = self.nodes[numbers[0]]
+        with trio.fail_after(within_s):
+            for number in numbers:
+                sealing = secrets_of(number).sealing.public.raw
+                if not first.log.registry.is_trusted(node(number)):
+                    await self.patiently(first, Trust(node(number), True, sealing, b"sealed to %d" % number))
+                await self.patiently(first, self.naming(number))
+            await self.ready(*numbers)
+
+    async def ready(self, *numbers: int) -> None:
+        """Wait until these voters have heard what those before them granted."""
+        for number in numbers:
+            await self.nodes[number].log.voting.voted.opened.wait()
+            while not self.nodes[number].log.voting.is_ready:
+                with trio.move_on_after(1.0):
+                    await self.nodes[number].log.voting.voted.desk.looked()
+
+    def naming(self, number: int) -> AddParticipant:
+        return AddParticipant(self.nodes[number].own.member, key_of(number).public.raw)
+
+    async def patiently(self, one: LogNode, entry: LogEntry) -> int:
+        """Have something decided, as often as it is not yet to be."""
+        while True:
+            try:
+                return await one.log.propose(entry)
+            except Refused as refusal:
+                if refusal.reason is not RejectReason.NOT_READY:
+                    raise
+            except Unreachable:
+                pass
+            await trio.sleep(0.5)
 
     async def equal(self, within_s: float = 60.0) -> None:
         """Wait until all logs that run are equal."""

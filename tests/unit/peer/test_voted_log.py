@@ -83,7 +83,7 @@ class Assembly:
                     log = await open_log(self._world(number), store, setting, judge, port, port, owner, position=self.first.position)
                     desk = LeaseDesk(self._world(number), store, setting.me, lambda: _registry(log), lambda: owner.has_accepted)
                     await desk.load()
-                    owner.desk = desk
+                    owner.desk, desk.woke = desk, log.restate
                     life.start_soon(owner.run)
                     await life.start(log.run)
                     self.hosts[number] = Host(log, desk, scope, gone)
@@ -193,7 +193,7 @@ def test_voters_decide_and_find_what_they_decided_on_their_disks() -> None:
             assert assembly.registry(1).head == assembly.registry(2).head == head
             assert assembly.registry(1).voters == (node(1), node(2)) and not assembly.registry(1).stands(node(3))
             await assembly.equal(0, 1, 2)
-            assert not assembly.hosts[0].log.is_silent
+            assert assembly.hosts[0].log.is_silent, "it votes no more"
             nursery.cancel_scope.cancel()
 
     run_simulated(1, main, virtual_s_max=600, wall_s_max=100)

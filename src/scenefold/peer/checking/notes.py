@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator
 from scenefold.base.errors import DamagedData
 from scenefold.peer.cluster_log.held_notes import READY, unpack_page, unpack_ready
 from scenefold.peer.cluster_log.lives import unpack_granted, unpack_lives
+from scenefold.peer.cluster_log.numbered_lives import unpack_life
+from scenefold.peer.cluster_log.voted_lease import NOTE as OWN_LIFE
 from scenefold.peer.copies.copies_note import decode_copies
 from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.membership.blacklist import decode_blacklist
@@ -31,6 +33,7 @@ _READERS: tuple[tuple[str, Callable[[bytes], object]], ...] = (
     (r"cluster-log/\d{8}", unpack_log),
     (r"cluster-log/header", SceneLogPublic.decode),
     (r"cluster-log/lives", unpack_lives),
+    (OWN_LIFE, unpack_life),
     (r"cluster-log/life/[0-9a-f]{8}", unpack_granted),
     (r"cluster-log/held/[0-9a-f]{2}", unpack_page),
     (READY, unpack_ready),

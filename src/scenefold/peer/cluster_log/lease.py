@@ -17,6 +17,7 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.own_life import OwnLife
+from scenefold.peer.cluster_log.voted_lease import VotedLease
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.timing import LEASE_RETRY_S, RENEW_S, T_LEASE_S
 from scenefold.store import Store
@@ -35,6 +36,8 @@ class OwnerLease:
         self._own = own
         self._until = -math.inf
         self._life = OwnLife(world, store)
+        self._voted = VotedLease(world, store, cluster_log.voting, own.member)
+        self._voted.granted = self._has_grown
         self._news = trio.Event()
         self._quiet = QuietLog(_log)
         self.rolled_back = trio.Event()
@@ -61,13 +64,14 @@ class OwnerLease:
         await self._life.load()
         while True:
             await self._membership()
+            if self._cluster_log.is_by_votes:
+                await self._ask_voters()
+                continue
             asked_at = await self._ask()
             if asked_at is None:
                 await self._world.clock.sleep(LEASE_RETRY_S)
             elif self._life.granted(asked_at):
-                self._until = asked_at + T_LEASE_S
-                self._news.set()
-                self._news = trio.Event()
+                self._grown_to(asked_at + T_LEASE_S)
                 await self._world.clock.sleep(max(0.0, asked_at + RENEW_S - self._world.clock.now()))
             # Else it was granted under an old life, and the next is drawn and asked with at once.
 
@@ -76,6 +80,7 @@ class OwnerLease:
         while not registry.is_current(self._own.member):
             # Who was removed speaks for nothing from the moment of learning it.
             self._until = -math.inf
+            self._voted.removed()
             registry = await self._cluster_log.changed_after(registry.position)
 
     async def _ask(self) -> float | None:
@@ -100,12 +105,40 @@ class OwnerLease:
             self._complain(f"no lease from the voter: {problem}")
         return None
 
-    async def _no_longer(self, refusal: Refused) -> None:
-        """Removed, which the log says too, or rolled back, which only the voter knows."""
+    async def _ask_voters(self) -> None:
+        """Once, of all voters, and wait until it is time again."""
+        await self._cluster_log.voting.voted.opened.wait()
+        asked_at, before = self._world.clock.now(), self._voted.until
+        try:
+            problem = await self._voted.ask(self._life.lives, self._cluster_log.registry)
+        except Refused as refusal:
+            problem = f"none is asked for until the disk takes a note of it: {refusal}"
+        if self._voted.is_restored:
+            await self._no_longer("the disk of this node is a restored backup: it has had a lease since that its disk does not know of")
+        if self._voted.is_revoked:
+            self._until = -math.inf
+            self.revoked.set()
+        if problem:
+            self._complain(f"no lease: {problem}")
+            await self._world.clock.sleep(LEASE_RETRY_S)
+        elif self._voted.until > before:
+            await self._world.clock.sleep(max(0.0, asked_at + RENEW_S - self._world.clock.now()))
+        # Else it was granted under an old life, and the next is drawn and asked with at once.
+
+    def _has_grown(self) -> None:
+        self._grown_to(self._voted.until)
+
+    def _grown_to(self, until: float) -> None:
+        self._until = max(self._until, until)
+        self._news.set()
+        self._news = trio.Event()
+
+    async def _no_longer(self, why: object) -> None:
+        """Removed, which the log says too, or rolled back, which only voters know."""
         self._until = -math.inf
         await self._cluster_log.pull()
         if self._cluster_log.registry.is_current(self._own.member):
-            _log.warning("%s", refusal)
+            _log.warning("%s", why)
             self.rolled_back.set()
 
     def _complain(self, text: str) -> None:

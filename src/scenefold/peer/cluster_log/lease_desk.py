@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import trio
 
 from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log import telling_lives
 from scenefold.peer.cluster_log.awakening import Awakening
@@ -62,7 +63,11 @@ class LeaseDesk:
         self._held, self._gathering, self._awakening = Held(), Gathering(), Awakening()
         self._writing = trio.Lock()
         self._news = trio.Event()
+        self._looked = trio.Event()
         self._newest: dict[bytes, int] = {}
+        self._leased_at: dict[NodeId, float] = {}
+        self.woke: Callable[[], None] = lambda: None
+        """Called once this node may promise and vote."""
 
     @property
     def is_awake(self) -> bool:
@@ -96,6 +101,15 @@ class LeaseDesk:
             await self._keep(held)
             self._gathering = gathering
         self._look_awake()
+        self._has_looked()
+
+    async def looked(self) -> None:
+        """Return once of whom lives are to be heard may have changed."""
+        await self._looked.wait()
+
+    def leased_at(self, node: NodeId) -> float | None:
+        """Local time of the newest lease that this voter granted a node; None since this start."""
+        return self._leased_at.get(node)
 
     # ---------------------------------------------------------------------------------------------------- leases
 
@@ -104,7 +118,10 @@ class LeaseDesk:
         asker = question.member.incarnation
         self._newest[asker] = question.nonce
         try:
-            return await self._granted(question, self._world.clock.now() + KEPT_S)
+            is_granted = await self._granted(question, self._world.clock.now() + KEPT_S)
+            if is_granted:
+                self._leased_at[question.member.node] = self._world.clock.now()
+            return is_granted
         finally:
             if self._newest.get(asker) == question.nonce:
                 del self._newest[asker]
@@ -162,6 +179,7 @@ class LeaseDesk:
             gathering, held = telling_lives.told(self._gathering, self._held, teller, council_at, lives, log, is_all=True)
             await self._keep(held)
             self._gathering = gathering
+        self._has_looked()
 
     def heard(self, voter: Member, *, is_refused: bool) -> None:
         """What another voter said to a question under this node's own life: 18, or something else that shows that it has looked at it."""
@@ -174,9 +192,15 @@ class LeaseDesk:
         return RegistryLog(self._registry())
 
     def _look_awake(self) -> None:
-        councils = self._log().councils
+        councils, was_awake = self._log().councils, self.is_awake
         if councils:
             self._awakening = self._awakening.looked_at(councils[-1].voters, self._me)
+        if self.is_awake and not was_awake:
+            self.woke()
+
+    def _has_looked(self) -> None:
+        self._looked.set()
+        self._looked = trio.Event()
 
     async def _keep(self, held: Held) -> None:
         """Durable first. Shielded: who asked may be gone, but what is believed here must not fall behind the disk."""

@@ -62,6 +62,11 @@ class LogCopy:
         """Local time when a record became known here; the time of loading for those of before."""
         return self._learnt[position - 1]
 
+    @property
+    def signed(self) -> int:
+        """How many records the log's key has signed, as far as they are here."""
+        return self._book.count
+
     def hash_at(self, position: int) -> bytes:
         return self._book.hash_at(position)
 
@@ -91,6 +96,12 @@ class LogCopy:
             if registry.position != self.registry.position + 1:
                 raise Refused(RejectReason.NOT_READY, "this voter has just learnt that its disk was an older one")
             await self._keep([record], header)
+            self._adopt(registry)
+
+    def follow(self, registry: Registry) -> None:
+        """What votes decided behind the newest record of the log's key, and is durable here."""
+        assert registry.position >= self.registry.position
+        if registry.position > self.registry.position:
             self._adopt(registry)
 
     async def _keep(self, records: Sequence[SignedRecord], header: SceneLogPublic) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable
+from typing import Protocol
 
 import trio
 
@@ -19,7 +20,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.log_copy import LogCopy
 from scenefold.peer.peers import Peers
-from scenefold.peer.timing import LOG_ASK_S_MAX, PULL_PAUSE_S, SYNC_S
+from scenefold.peer.timing import LOG_ASK_S_MAX, PULL_PAUSE_S, SYNC_S, VOTER_PATIENCE_S
 from scenefold.wire import MalformedPacket, RequestSceneLog, RespondSceneLog, SceneLogAnswer, Want
 from scenefold.world import Priority, World
 from scenefold.world.facts import ClusterFacts
@@ -28,10 +29,21 @@ from scenefold.world.quiet import QuietLog
 CLAIMANTS_MAX = 2
 SYNC_S_MIN = 0.1
 """Between two looks whether it is time: the two clocks that are involved may run at different rates."""
+WITNESSES_MAX = 16
+"""Nodes that a starting voter asks whether they know more than itself."""
 SOURCES_MAX = 8
 """Nodes that one pull asks, one after the other."""
 
 _log = logging.getLogger("scenefold.peer.cluster_log.cluster_log")
+
+
+class ByVotes(Protocol):
+    """The log behind the newest record of its key (voting.py)."""
+
+    @property
+    def is_open(self) -> bool: ...
+
+    async def pull_from(self, node: NodeId) -> bool: ...
 
 
 class LogPuller:
@@ -50,6 +62,8 @@ class LogPuller:
         """When we last asked all round for what a node claims, and did not get it."""
         self._confirmed_at = -math.inf
         self._quiet = QuietLog(_log)
+        self.by_votes: ByVotes | None = None
+        """Who learns what votes have decided."""
 
     def heard_of(self, node: NodeId, position: int) -> None:
         """A node says that its log has come to this position."""
@@ -67,7 +81,8 @@ class LogPuller:
         while True:
             if self._copy.position:
                 await self._due()
-            if self._claims or not is_asked_for_news_only:
+            # Behind the log's key the log itself asks once in a while (peer/logs).
+            if self._claims or not (is_asked_for_news_only or self._is_by_votes()):
                 await self.pull()
             await self._world.clock.sleep(PULL_PAUSE_S)
 
@@ -96,10 +111,12 @@ class LogPuller:
 
     def _is_heeded(self, node: NodeId) -> bool:
         """Whether a claim counts: the voter's always does, since nobody else could know of its last word."""
-        return node == self._facts.voter or self._world.clock.now() - self._in_vain_at.get(node, -math.inf) >= SYNC_S
+        return node in self._voters or self._world.clock.now() - self._in_vain_at.get(node, -math.inf) >= SYNC_S
 
     async def pull_from(self, node: NodeId) -> bool:
         """Take all that a node has; whether it answered with a log."""
+        if self.by_votes is not None and self.by_votes.is_open:
+            return await self.by_votes.pull_from(node)
         genesis = self._facts.genesis_header
         while True:
             have = self._copy.position
@@ -127,13 +144,29 @@ class LogPuller:
             return False
         return True
 
+    async def ask_around(self, founders: Iterable[NodeId]) -> None:
+        """Whether others know more than this voter: its disk may be an older one, or a new one."""
+        witnesses = self.others((*self._copy.registry.members, *founders))[:WITNESSES_MAX]
+        with trio.move_on_after(VOTER_PATIENCE_S):
+            async with trio.open_nursery() as nursery:
+                for node in witnesses:
+                    nursery.start_soon(self.pull_from, node)
+
     def others(self, nodes: Iterable[NodeId]) -> list[NodeId]:
         """These nodes without this one, each once."""
         return [node for node in dict.fromkeys(nodes) if node != self._me]
+
+    @property
+    def _voters(self) -> tuple[NodeId, ...]:
+        """Who decides the log, as far as is known here."""
+        return self._copy.registry.voters if self._is_by_votes() else (self._facts.voter,)
+
+    def _is_by_votes(self) -> bool:
+        return bool(self._copy.registry.voting.councils)
 
     def _sources(self) -> list[NodeId]:
         """Whom to ask: who claims most, the voter, then others, not always the same ones."""
         claimants = sorted(self._claims, key=lambda node: (-self._claims[node], node))
         rest = self.others((*self._copy.registry.members, *self._facts.founders))
         start = int(self._world.entropy.uniform() * len(rest)) if rest else 0
-        return self.others((*claimants[:CLAIMANTS_MAX], self._facts.voter, *rest[start:], *rest[:start]))[:SOURCES_MAX]
+        return self.others((*claimants[:CLAIMANTS_MAX], *self._voters, *rest[start:], *rest[:start]))[:SOURCES_MAX]

@@ -21,7 +21,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import HEADER_DOMAIN, LEASE_DOMAIN, LOG_DOMAIN, SigningKey
 from scenefold.peer.cluster_log.beginnings import Beginnings
 from scenefold.peer.cluster_log.lives import Lives, is_restored, lives_asked_with, note_of, pack_granted, unpack_granted
-from scenefold.peer.cluster_log.log_rules import check_proposer, committed_at, in_words, lease_message, predecessor
+from scenefold.peer.cluster_log.log_rules import BEGAN_ANEW, check_proposer, committed_at, in_words, lease_message, predecessor
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.card_rules import credential_of
 from scenefold.peer.timing import T_WAIT_S
@@ -43,6 +43,16 @@ def first_trust_of(node: NodeId, attempt: int = 0) -> bytes:
     """
     again = attempt.to_bytes(4, "big") if attempt else b""
     return hashlib.sha256(b"scenefold/first-trust" + node.to_bytes(4, "big") + again).digest()[:16]
+
+
+async def check_not_vetoed(member: Member, proposer: NodeId, registry: Registry, veto: Veto | None) -> None:
+    """Refused (13) if a voter objects to a removal. Who leaves by itself is not held back, nor is one whose key was revoked; anybody else may
+    turn out to be alive."""
+    if member.node == proposer or veto is None or not registry.stands(member.node) or registry.is_barred(member.node):
+        return
+    objection = await veto(member)
+    if objection is not None:
+        raise Refused(RejectReason.BUSY, f"{address_of(member.node)} is not removed: {objection}")
 
 
 class Voter:
@@ -93,7 +103,7 @@ class Voter:
         """
         self._refuse_unless_allowed(entry, request_id, proposer)
         if isinstance(entry, RemoveNode) and self._committed_at(entry, request_id) is None:
-            await self._hear_veto(entry.member, proposer)
+            await check_not_vetoed(entry.member, proposer, self._registry(), self.veto)
         async with self._lock:
             known = self._committed_at(entry, request_id)
             if known is not None:
@@ -136,15 +146,6 @@ class Voter:
         if self._committed_at(entry, request_id) is None:
             check_proposer(entry, proposer, self._registry(), self._facts, self._world.clock.wall())
 
-    async def _hear_veto(self, member: Member, proposer: NodeId) -> None:
-        """Who leaves by itself is not held back, nor is one whose key was revoked; anybody else may turn out to be alive."""
-        registry = self._registry()
-        if member.node == proposer or self.veto is None or not registry.stands(member.node) or registry.is_barred(member.node):
-            return
-        objection = await self.veto(member)
-        if objection is not None:
-            raise Refused(RejectReason.BUSY, f"{address_of(member.node)} is not removed: {objection}")
-
     async def _register(self, entry: AddNode, request_id: bytes, node: NodeId) -> int:
         now = self._world.clock.now()
         try:
@@ -164,11 +165,12 @@ class Voter:
         wait_s = self._since(old.node) + T_WAIT_S - self._world.clock.now()
         if wait_s >= 0:
             raise Refused(RejectReason.BUSY, f"id in use: {address_of(old.node)} may hold a lease for {wait_s:.0f} s more")
-        reason = "it began anew, with an empty or an older data folder"
-        await self._append(RemoveNode(old, reason), self._world.entropy.token(16), self._facts.voter)
+        await self._append(RemoveNode(old, BEGAN_ANEW), self._world.entropy.token(16), self._facts.voter)
 
     async def _append(self, entry: LogEntry, request_id: bytes, origin: NodeId) -> int:
         registry = self._registry()
+        if registry.voting.councils:
+            raise Refused(RejectReason.NOT_READY, "the log's key decides no more, and voters do not yet", remedy="try again in a moment")
         record = LogRecord(registry.position + 1, registry.head, request_id, origin, entry)
         after = registry.apply(record)
         data = record.encode()

@@ -4,6 +4,7 @@ nothing until that is decided."""
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import trio
 
@@ -14,7 +15,7 @@ from scenefold.peer.cluster_log.cluster_judge import record_in
 from scenefold.peer.cluster_log.lease_desk import LeaseDesk
 from scenefold.peer.logs import Owner
 from scenefold.peer.timing import PROPOSE_RETRY_S
-from scenefold.wire import AddParticipant, MalformedPacket, RemoveParticipant
+from scenefold.wire import AddParticipant, LogRecord, MalformedPacket, RemoveParticipant
 from scenefold.world import QuietLog, World
 
 _log = logging.getLogger("scenefold.peer.cluster_log.cluster_log")
@@ -31,6 +32,20 @@ class VoterOwner(Owner):
         self._quiet = QuietLog(_log)
         self.has_accepted = False
         """This node has voted for what is not decided here, or is about to."""
+        self.objects: Callable[[LogRecord], RejectReason | None] = lambda _record: None
+        """What this node has against what another one proposes."""
+        self.heard: Callable[[Decide, Judge], None] = lambda _decided, _after: None
+        """Called with what is decided."""
+
+    def speaks(self) -> bool:
+        return self.desk.is_awake
+
+    def veto(self, value: Value | None) -> RejectReason | None:
+        try:
+            return None if value is None else self.objects(record_in(value))
+        except MalformedPacket:
+            # The judge refuses it.
+            return None
 
     def abstains(self, value: Value) -> bool:
         try:
@@ -52,6 +67,7 @@ class VoterOwner(Owner):
 
     def decided(self, decided: Decide, after: Judge) -> None:
         self._news.set()
+        self.heard(decided, after)
 
     async def run(self) -> None:
         """Let the desk look at what has changed, until cancelled."""

@@ -73,7 +73,11 @@ def check_voters_stay(registry: Registry, entry: LogEntry) -> None:
     voters = registry.voting.deciders
     node = None if voters is None else _stripped(entry)
     if node is not None and node in registry.voters:
-        raise Refused(RejectReason.NOT_AUTHORISED, f"{address_of(node)} is a voter", remedy="remove it as a voter first")
+        raise Refused(
+            RejectReason.NOT_AUTHORISED,
+            f"{address_of(node)} is a voter",
+            remedy=f"remove it as a voter first: scenectl cluster remove-voter {address_of(node)}",
+        )
 
 
 def _joined(registry: Registry, entry: AddParticipant) -> Participants:
@@ -95,18 +99,22 @@ def _joined(registry: Registry, entry: AddParticipant) -> Participants:
     if voters.member_of(node) is not None:
         raise _ill_formed(f"{address_of(node)} is a voter already")
     if len(voters.everyone) >= VOTERS_MAX:
-        raise Refused(RejectReason.LIMIT_EXCEEDED, f"this cluster has {VOTERS_MAX} voters already", remedy="remove one first")
+        raise Refused(
+            RejectReason.LIMIT_EXCEEDED,
+            f"this cluster has {VOTERS_MAX} voters already",
+            remedy="remove one first: scenectl cluster remove-voter",
+        )
     return voters.joined_by(one)
 
 
 def _left(voters: Participants | None, entry: RemoveParticipant) -> Participants:
     node = entry.member.node
-    if voters is None or voters.member_of(node) is None:
+    if voters is None or (voters.member_of(node) is not None and len(voters.everyone) == 1):
+        raise _ill_formed("the last voter stays: nobody could decide anything any more")
+    if voters.member_of(node) is None:
         raise _ill_formed(f"{address_of(node)} is no voter")
     if entry.member not in voters:
         raise Refused(RejectReason.WRONG_INCARNATION, f"this is not the incarnation in which {address_of(node)} votes")
-    if len(voters.everyone) == 1:
-        raise _ill_formed("the last voter stays: nobody could decide anything any more")
     return voters.left_by(entry.member)
 
 

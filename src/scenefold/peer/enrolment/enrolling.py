@@ -16,6 +16,7 @@ from scenefold.base.errors import DamagedData, Refused, ScenefoldError, Unreacha
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import AUTHORITY_PURPOSE, Authority, Card, MemberSecrets, authority_der
+from scenefold.peer.cluster_log.asking_voters import ask_in_turn
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.enrolment.card_rules import check_renewable, credential_of, not_due
@@ -254,10 +255,14 @@ class Enrolling:
     # ------------------------------------------------------------------------------------------------------------- orders
 
     async def _on_order(self, packet: Administer, _peer: str) -> Packet:
-        voter = self._facts.voter
+        voters = self._registry.voters if self._cluster_log.is_by_votes else (self._facts.voter,)
         Order.decode(packet.order)  # What is none is not passed on: the voter would take it for ours.
-        if voter != self._me:
-            return await self._peers.ask(voter, Priority.HIGH, packet, Administered, ASK_S_MAX)
+        if self._me not in voters:
+
+            async def ask(voter: NodeId) -> Packet:
+                return await self._peers.ask(voter, Priority.HIGH, packet, Administered, ASK_S_MAX)
+
+            return await ask_in_turn([node for node in self._peers.others() if node in voters] or voters, ask)
         order = judge_order(packet.order, packet.signature, self._registry, self._facts, self._world.clock.wall())
         position = await self._cluster_log.propose(order.entry, order.request)
         return Administered(position=position)

@@ -7,7 +7,7 @@
     RENEW                this incarnation was removed; or the voter granted it a lease that this disk does not know of: a restored backup
     TAKE_SEAT            this node is a founder whose seat is vacant
     JOIN                 nothing of this node, or only an earlier incarnation of it, which the voter will retire
-    GIVE_UP              this node is the voter, and the log knows it under another incarnation: what it decided is lost
+    GIVE_UP              this node is the only voter, and the log knows it under another incarnation: what it decided is lost
 
 `next_step` is the table; `Enrolment` carries it out. RENEW ends this life of the node: the store takes a new incarnation,
 and `IdentityRenewed` goes up to whoever runs the node, which begins again with everything it had in memory gone. What the
@@ -22,6 +22,8 @@ from collections.abc import Awaitable, Callable
 from enum import Enum, auto
 from functools import partial
 
+import trio
+
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
@@ -29,7 +31,7 @@ from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.membership.status import OwnStatus
-from scenefold.peer.timing import ENROL_RETRY_S
+from scenefold.peer.timing import ENROL_RETRY_S, SYNC_S
 from scenefold.store import Store
 from scenefold.wire import AddNode, Member
 from scenefold.world import World, first_of
@@ -38,6 +40,8 @@ from scenefold.world.quiet import QuietLog
 Join = Callable[[], Awaitable[None]]
 """Registers this node left of another one. It may fail as requests fail, and is tried again."""
 
+LEARN_S = 2 * SYNC_S
+"""For a node that voted alone once, and has lost its disk, to learn that others vote since."""
 WAITING = "waiting until the lease of this node's earlier incarnation is over, or for its turn if it has begun anew many times lately"
 """What a voter that is busy with us means (beginnings.py)."""
 
@@ -66,7 +70,7 @@ def next_step(registry: Registry, me: Member, *, is_rolled_back: bool) -> Step:
         return Step.WAIT
     if known is not None and known.incarnation == me.incarnation:
         return Step.RENEW if is_rolled_back else Step.BE_MEMBER
-    if known is not None and me.node in registry.voters:
+    if known is not None and registry.voters == (me.node,):
         return Step.GIVE_UP
     if registry.removal(me.incarnation) is not None:
         return Step.RENEW
@@ -122,6 +126,9 @@ class Enrolment:
                     await self._try(self._take_seat)
                 case Step.JOIN:
                     await self._try(self.join)
+                case Step.GIVE_UP if await self._learns_more(registry):
+                    # It was one of several, and knows a part of the log yet.
+                    continue
                 case Step.GIVE_UP:
                     raise LocalFault(
                         "this node decides the cluster's log, and its data folder is not the one that it decided with",
@@ -129,6 +136,13 @@ class Enrolment:
                         remedy="restore its data folder; the other nodes still know the log up to "
                         f"position {registry.position}, but nobody may decide in its place",
                     )
+
+    async def _learns_more(self, registry: Registry) -> bool:
+        """Whether others tell, in a while, what votes decided behind this."""
+        if registry.voting.councils:
+            with trio.move_on_after(LEARN_S):
+                await self._cluster_log.changed_after(registry.position)
+        return self._cluster_log.registry.position > registry.position
 
     async def _until_concerned(self, registry: Registry) -> None:
         """Wait for the next record, or for the word of the voter that this disk is an old one, or our key revoked."""

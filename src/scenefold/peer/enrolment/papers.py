@@ -10,6 +10,10 @@ def _nowhere(_certificate: bytes) -> None:
     return
 
 
+def _nothing() -> None:
+    return
+
+
 @dataclass(frozen=True, slots=True)
 class Papers:
     """`certificate`: PEM; empty where nobody looks at certificates. `sealed`: the authority's key as it was sealed to this node when the
@@ -18,6 +22,8 @@ class Papers:
     certificate: bytes = b""
     sealed: bytes = b""
     keep: Callable[[bytes], None] = _nowhere
+    forget_log_key: Callable[[], None] = _nothing
+    """Erases the key of the cluster's log, once it counts no more; it blocks."""
 
 
 NO_PAPERS = Papers()

@@ -104,13 +104,17 @@ class Log:
 
     @property
     def is_silent(self) -> bool:
-        """What this node has voted for at the open position was damaged, so that it says nothing there."""
+        """What this node has voted for at the open position was damaged, or its owner has it say nothing yet."""
         return self._memory.setting(self._state) != self._setting
 
     def receive(self, sender: NodeId, message: Message) -> None:
         """A packet of a node. Returns at once; what finds no room, or is larger than anything, is lost."""
         if fits(message):
             self._inbox.put(Received(sender, message))
+
+    def restate(self) -> None:
+        """Whether this node speaks has changed: its owner hears once more how the open position stands."""
+        self._owner.stands(self._state.slot, is_silent=self.is_silent)
 
     def lost(self, node: NodeId) -> None:
         """A connection to a node is refused, or broken."""

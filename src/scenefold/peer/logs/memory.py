@@ -53,9 +53,9 @@ class Memory:
         return State(judge, position + len(stored.tail), stored.slot)
 
     def setting(self, state: State) -> Setting:
-        """As whom this node speaks of the open position: as nobody, where it may have said something that it has forgotten, or where nobody
-        takes what it signs for its own."""
-        if state.position >= self._silent_until and self._is_known_in(state.judge.participants):
+        """As whom this node speaks of the open position: as nobody, where it may have said something that it has forgotten, where nobody
+        takes what it signs for its own, or as long as its owner says so."""
+        if self._owner.speaks() and state.position >= self._silent_until and self._is_known_in(state.judge.participants):
             return self._setting
         return replace(self._setting, me=Member(self._setting.me.node, _NOBODY))
 

@@ -40,6 +40,10 @@ class Owner:
         """Why what is proposed does not suit this node now (specs/26-modes.md, The switch)."""
         return None
 
+    def speaks(self) -> bool:
+        """Whether this node may promise and vote at all; until then it learns. Who says otherwise than before calls the log's `restate`."""
+        return True
+
     def abstains(self, value: Value) -> bool:
         """Whether this node must not vote for this yet."""
         return False

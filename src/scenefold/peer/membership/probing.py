@@ -125,10 +125,10 @@ class Probing:
 
     async def veto(self, member: Member) -> str | None:
         """Why this voter does not want a member removed; None if it does not object. Takes up to 2 s: it probes."""
-        objection = self._objection(member)
+        objection = self.objection(member)
         if objection is None and await self._probe(member.node):
             objection = "it answered the voter's own probe"
-        return objection or self._objection(member)
+        return objection or self.objection(member)
 
     # ------------------------------------------------------------------------------------------------- suspecting
 
@@ -226,7 +226,8 @@ class Probing:
         met = self._gossip.met_at(member.node) if member.incarnation == NO_INCARNATION else None
         return max(value for value in (known, met, float("-inf")) if value is not None)
 
-    def _objection(self, member: Member) -> str | None:
+    def objection(self, member: Member) -> str | None:
+        """What this node, as a voter, knows against a removal, without asking anybody."""
         now = self._world.clock.now()
         evidence = Evidence(
             is_voter=member.node in self._cluster_log.registry.voters,

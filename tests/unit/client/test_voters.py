@@ -1,0 +1,147 @@
+"""If this fails, a client believes what no majority of voters has decided, loses it from its profile, or asks voters for what they cannot do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.client.orders import Orders
+from scenefold.client.voters import Voters
+from scenefold.wire import AddParticipant, DecidedValue, RemoveNode, RemoveParticipant
+from scenefold.wire.enrol_packets import Administer, Administered
+from scenefold.wire.orders import Order
+from scenefold.world.log_file import LogFile
+from scenefold.world.log_view import KeptRecord, LogView
+from unit.client.fake_nodes import make_world
+from unit.peer.logs_made import LOG_KEY, key_of, member, node
+from unit.peer.voters_made import GENESIS, Senate, dismissed
+
+
+def told(senate: Senate) -> list[DecidedValue]:
+    return [DecidedValue(proof.position, value, proof.ballot, proof.votes) for value, proof in senate.decided]
+
+
+def begun(senate: Senate) -> LogView:
+    return LogView().after(senate.records, LOG_KEY.public, GENESIS)[0]
+
+
+def senate_that_decided() -> Senate:
+    senate = Senate()
+    senate.decide(RemoveNode(member(4), "gone"))
+    senate.decide(dismissed(0), origin=1)
+    return senate
+
+
+def test_what_a_majority_decided_is_followed_and_who_votes_changes_with_it() -> None:
+    senate = senate_that_decided()
+    view, fresh = begun(senate).after(told(senate), LOG_KEY.public, GENESIS)
+    assert view.head == senate.registry.head and fresh == told(senate)
+    assert view.voters is not None and view.voters.nodes == {node(1), node(2)} and node(4) not in view.members
+    assert view.after(told(senate), LOG_KEY.public, GENESIS) == (view, [])
+
+
+def test_neither_the_key_nor_too_few_votes_nor_votes_of_another_cluster_count_behind_it() -> None:
+    senate = senate_that_decided()
+    view, decided = begun(senate), told(senate)
+    newest, _ = view.after(decided[:2], LOG_KEY.public, GENESIS)
+    for spoilt in (replace(decided[2], votes=decided[2].votes[:1]), replace(decided[2], ballot=replace(decided[2].ballot, counter=9))):
+        with pytest.raises(DamagedData):
+            newest.after([spoilt], LOG_KEY.public, GENESIS)
+    with pytest.raises(DamagedData):
+        newest.after(decided[2:], LOG_KEY.public, bytes(32))
+    with pytest.raises(DamagedData, match="nobody votes yet"):
+        LogView().after(decided, LOG_KEY.public, GENESIS)
+    behind = Senate()
+    behind.by_key(RemoveNode(member(4), "by who has stolen the key"))
+    only_key = begun(Senate(voters=1))
+    with pytest.raises(DamagedData):
+        only_key.after(behind.records[-1:], LOG_KEY.public, GENESIS)
+
+
+def test_a_profile_keeps_both_kinds_of_records(tmp_path: Path) -> None:
+    senate = senate_that_decided()
+    records: list[KeptRecord] = [*senate.records, *told(senate)]
+    file = LogFile(tmp_path)
+    file.save(senate.records)
+    file.save(records)
+    view, kept = file.load()
+    assert kept == records and view.head == senate.registry.head and view.voters is not None
+    file.save(records[:3])
+    assert LogFile(tmp_path).load()[1] == records, "more was known already"
+    (tmp_path / "members.log").write_bytes((tmp_path / "members.log").read_bytes()[:-40])
+    with pytest.raises(LocalFault, match="damaged"):
+        file.load()
+
+
+class Nodes:
+    """Voters that answer orders as they are told to."""
+
+    def __init__(self) -> None:
+        self.world = make_world()
+        self.answers: dict[str, Exception] = {}
+        self.asked: list[tuple[str, Any]] = []
+
+    async def ask(self, address: str, packet: Administer, *_: object, **__: object) -> Administered:
+        self.asked.append((address, Order.decode(packet.order).entry))
+        if address in self.answers:
+            raise self.answers[address]
+        return Administered(position=20)
+
+    async def patiently(self, call: Any, **_: object) -> Any:
+        return await call()
+
+
+def office(senate: Senate) -> tuple[Nodes, Voters]:
+    view, _ = begun(senate).after(told(senate), LOG_KEY.public, GENESIS) if senate.decided else (begun(senate), ())
+    return office_of(view)
+
+
+def office_of(view: LogView) -> tuple[Nodes, Voters]:
+    async def newest(**_: object) -> LogView:
+        return view
+
+    nodes = Nodes()
+    known: list[NodeId] = [node(0)] if view.voters is None else sorted(view.voters.nodes)
+    log: Any = SimpleNamespace(newest=newest, voters=known, has_grown=lambda: None)
+    return nodes, Voters(log, Orders(nodes, bytes(16), "user:ada", key_of(9), log), node(0))  # type: ignore[arg-type]
+
+
+async def test_the_first_voter_is_named_before_the_second() -> None:
+    senate = Senate(voters=1)
+    senate.records.pop()
+    nodes, voters = office(senate)
+    assert await voters.add(node(1))
+    assert [entry for _, entry in nodes.asked] == [AddParticipant(member(number), key_of(number).public.raw) for number in (0, 1)]
+
+
+async def test_an_order_goes_to_another_voter_if_one_is_away_or_cannot() -> None:
+    nodes, voters = office(Senate())
+    nodes.answers = {
+        address_of(node(0)): Unreachable("nobody there"),
+        address_of(node(1)): Refused(RejectReason.NO_MAJORITY, "too few answer"),
+    }
+    assert await voters.remove(node(1))
+    assert nodes.asked == [(address_of(node(number)), RemoveParticipant(member(1))) for number in range(3)]
+    nodes.answers[address_of(node(2))] = Refused(RejectReason.LIMIT_EXCEEDED, "seven already")
+    with pytest.raises(Refused, match="seven"):
+        await voters.add(node(3))
+
+
+async def test_what_is_so_already_is_no_order() -> None:
+    nodes, voters = office(Senate())
+    assert not await voters.add(node(1)) and not await voters.remove(node(4)) and not nodes.asked
+
+
+async def test_who_is_not_trusted_or_unknown_is_no_voter() -> None:
+    nodes, voters = office_of(replace(begun(Senate()), roll=LogView().roll))
+    for who, words in ((node(3), "not trusted"), (node(9), "no node of this cluster")):
+        with pytest.raises(LocalFault, match=words):
+            await voters.add(who)
+    assert not nodes.asked
