@@ -38,6 +38,8 @@ def unrest(cluster: Cluster) -> list[Unrest]:
     wrong += [Unrest(laws.CONVERGED, f"n{slot} is no member", (slot,)) for slot in outside]
     for slot in sorted(members):
         wrong += _member(cluster, cluster.nodes[slot])
+    if missing := cluster.voters_missing():
+        wrong.append(Unrest(laws.CONVERGED, missing))
     if wrong:
         return wrong
     arcs = [(f"n{slot}", arc) for slot in sorted(members) if (arc := arc_of(cluster.nodes[slot].disk)) is not None]

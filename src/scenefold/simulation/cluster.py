@@ -7,34 +7,31 @@ again after a second, as a supervisor would, and is a violation unless the node 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 import trio
 
-from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.location import Location
 from scenefold.crypto import MemberSecrets, SealingKey, SigningKey
 from scenefold.node.running import run_assembled
-from scenefold.peer import NodeContext, NodeSettings
-from scenefold.peer.balance.draining import NodeDrained
-from scenefold.peer.enrolment.enrolment import IdentityRenewed
+from scenefold.peer import Extension, NodeContext, NodeSettings
+from scenefold.peer.enrolment.papers import Papers
 from scenefold.simulation import laws
 from scenefold.simulation.acknowledged import see_acknowledged
 from scenefold.simulation.copying import Copying, rack_of
 from scenefold.simulation.disks import incarnation_of
+from scenefold.simulation.ends import judge_end, words_of
 from scenefold.simulation.judged import see_judged
 from scenefold.simulation.logs import hear_bugs
 from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
-from scenefold.store import StoreDamaged
 from scenefold.wire import HandItem, PutItem
 from scenefold.world import leaves
 from scenefold.world.facts import ClusterFacts, Credential
-from scenefold.world.ports import DiskFull
 from scenefold.world.sim import Point, SimDisk, SimNet
 
 RESTART_S = 1.0
@@ -139,6 +136,14 @@ class Cluster:
         hear_bugs(partial(self.watch.violated, laws.SOUND))
         self._log_key = key_of(net.seed, "the cluster's log")
         ids = [node.node_id for node in self.nodes.values()]
+        self._has_log_key = True
+        self.extensions: Sequence[Extension] = ()
+        self.has_several_voters = False
+        """Whether others are to vote beside the first one."""
+        self.may_lose: Callable[[Node], bool] = lambda node: node is not self.nodes[0]
+        """Whether the cluster can go on without the disk of a node."""
+        self.voters_missing: Callable[[], str] = lambda: ""
+        """What of those who shall vote is not as it shall be."""
         self.facts = ClusterFacts(
             name="simulated",
             cluster_id=hashlib.sha256(f"{net.seed} cluster".encode()).digest()[:16],
@@ -157,7 +162,9 @@ class Cluster:
 
     @property
     def voter(self) -> Node:
-        return self.nodes[0]
+        """Who decides alone; where several do, who of those that run knows their log furthest."""
+        running = [node for _, node in sorted(self._running.items())] if self.has_several_voters else []
+        return max(running, key=_log_position, default=self.nodes[0])
 
     def slot_of(self, node_id: int) -> int:
         """The slot of a node; -1 for a stranger."""
@@ -235,13 +242,15 @@ class Cluster:
             node.born.set()
             self.net.observe(node.address, Point.AFTER_COMMIT, partial(self.watch.committed, node.slot))
         settings = self._settings(node)
-        log_key = self._log_key if node.slot == 0 else None
+        log_key = self._log_key if node.slot == 0 and self._has_log_key else None
+        papers = Papers(forget_log_key=partial(setattr, self, "_has_log_key", False))
         ends: list[BaseException] = []
         came_up = False
         with trio.CancelScope() as node.scope:
             try:
                 async with trio.open_nursery() as life:
-                    context = await life.start(run_assembled, settings, self.facts, node.secrets, log_key, world, ())
+                    living = partial(run_assembled, settings, self.facts, node.secrets, log_key, world, self.extensions, papers=papers)
+                    context = await life.start(living)
                     came_up = True
                     if node.is_wanted:
                         self._is_up(node, context)
@@ -260,25 +269,12 @@ class Cluster:
 
     def _judge_end(self, node: Node, ends: list[BaseException], *, came_up: bool) -> str:
         """Why a life ended that nobody ended; what must not be is a violation."""
-        words = "; ".join(f"{type(end).__name__}: {end}" for end in ends) or "without a reason"
-        drained = any(isinstance(end, NodeDrained) for end in ends)
-        # The start must be counted durably, so none is possible on a full disk; a node that runs goes on running.
-        is_full = not came_up and all(isinstance(end, LocalFault) and isinstance(end.__cause__, DiskFull) for end in ends)
-        node.must_be_wiped = node.has_rotted and any(isinstance(end, StoreDamaged) for end in ends)
-        is_right = is_full or node.must_be_wiped or all(isinstance(end, IdentityRenewed | NodeDrained | Unreachable) for end in ends)
-        if not ends or not is_right:
-            self.watch.violated(laws.SOUND, f"n{node.slot} ends by itself: {words}", slots=(node.slot,))
-        if node.must_be_wiped:
-            self.watch.counts["damage noticed"] += 1
-        if any(isinstance(end, IdentityRenewed) for end in ends):
-            self.watch.counts["new incarnations"] += 1
-        if drained:
-            self.watch.counts["drained"] += 1
+        if judge_end(node, self.watch, ends, came_up=came_up):
             node.is_wanted, node.has_left = False, True
             node.left.set()
             self._down(node)
             self.net.crash(node.address)
-        return words
+        return words_of(ends)
 
     def _is_up(self, node: Node, context: NodeContext) -> None:
         incarnation = incarnation_of(node.disk)
@@ -298,3 +294,7 @@ class Cluster:
 
         see_acknowledged(context, acknowledged)
         see_judged(context, self.watch.judged)
+
+
+def _log_position(node: Node) -> int:
+    return 0 if node.context is None else node.context.cluster_log.registry.position

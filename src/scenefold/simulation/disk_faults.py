@@ -126,7 +126,7 @@ class DiskFaults:
     async def _wipe(self, fault: Fault) -> None:
         """The machine dies, and comes back with an empty disk."""
         node = self._cluster.nodes[fault.slots[0]]
-        if not self._cluster.crash(node.slot):
+        if not self._cluster.may_lose(node) or not self._cluster.crash(node.slot):
             return
         self._begins(fault)
         self._cluster.wipe(node, "loses its disk")

@@ -11,6 +11,7 @@ from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import LOCATION_BYTES, Arc, Location
 from scenefold.crypto import RecordPlace
 from scenefold.crypto.record_header import version_key
+from scenefold.peer.cluster_log.held_notes import READY, unpack_ready
 from scenefold.peer.cluster_log.lives import Lives, note_of, unpack_granted, unpack_lives
 from scenefold.peer.cluster_log.own_life import NOTE as LIVES_NOTE
 from scenefold.peer.copies.copies import Copies
@@ -123,6 +124,12 @@ def granted_life(voter: Disk, node: NodeId) -> tuple[bytes, int] | None:
     """Under which incarnation and life a node was last granted a lease, as the voter's disk has it."""
     note = _kept(voter, NOTES, note_of(node).encode())
     return unpack_granted(note) if note else None
+
+
+def ready_at(voter: Disk) -> int:
+    """The newest change of voters as of which this one knows what those before granted; 0 if there is none."""
+    note = _kept(voter, NOTES, READY.encode())
+    return unpack_ready(note) if note else 0
 
 
 def records_of(disk: Disk, arc: Arc | None = None) -> dict[Place, Version]:

@@ -47,6 +47,8 @@ class Order:
     """Whether some spaces have copies, and nodes and racks may be lost for ever."""
     participants: int | None = None
     """How many decide the scene's log, in the workload `logs`; 0: its origin alone; None: as the seed says."""
+    voters: int = 1
+    """How many decide the cluster's log; 1: the first one alone, by the log's key."""
 
     @property
     def deciders(self) -> int:
@@ -64,6 +66,9 @@ class Order:
         whole = draw(self.seed, self.climate)
         if self.workload == "logs":
             whole = spared(whole, self.nodes, self.deciders)
+        if self.voters > 1:
+            # No voter may be put back to an earlier state (specs/26-modes.md, A voter's own disk).
+            whole = tuple(fault for fault in whole if fault.kind is not Kind.RESTORED_BACKUP)
         return whole if self.keep is None else tuple(whole[number] for number in self.keep)
 
     @property
@@ -86,6 +91,8 @@ class Order:
             words.append(f"--workload {self.workload}")
         if self.participants is not None:
             words.append(f"--participants {self.participants}")
+        if self.voters > 1:
+            words.append(f"--voters {self.voters}")
         if self.copies:
             words.append("--copies")
         if self.storm_s != STORM_S:

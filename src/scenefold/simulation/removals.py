@@ -53,5 +53,7 @@ def _removed(cluster: Cluster, removal: Removal) -> None:
     if now - judged_at > JUDGED_S:
         judged_at = now
     window = (judged_at - (cluster.habits.remove_after_s or DEFAULT_REMOVE_AFTER_S) / 2, judged_at)
-    if node.is_wanted and watch.reach.was_reachable(slot, 0, list(cluster.running), window):
-        watch.violated(laws.REMOVED_RIGHTLY, f"n{slot} is removed though it could be reached: {removal.reason}", slots=(slot, 0))
+    context = cluster.voter.context
+    voters = [0] if context is None else [cluster.slot_of(voter) for voter in context.cluster_log.registry.voters]
+    if node.is_wanted and all(watch.reach.was_reachable(slot, voter, list(cluster.running), window) for voter in voters):
+        watch.violated(laws.REMOVED_RIGHTLY, f"n{slot} is removed though it could be reached: {removal.reason}", slots=(slot, *voters))

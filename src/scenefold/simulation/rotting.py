@@ -9,6 +9,7 @@ from __future__ import annotations
 import trio
 
 from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.senate import is_voter
 from scenefold.store.sealing import SEALED
 from scenefold.world.sim import dice
 
@@ -28,7 +29,7 @@ class TableRot:
 
     def strike(self, node: Node) -> bool:
         """Turn a bit over, if the dice say so; whether it did."""
-        if self._dice.random() >= ODDS or self._has_struck or node is self._cluster.voter:
+        if self._dice.random() >= ODDS or self._has_struck or is_voter(self._cluster, node):
             return False
         filled = [table for table in SEALED if node.disk.peek(table)]
         if not filled:

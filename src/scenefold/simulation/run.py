@@ -37,6 +37,7 @@ from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.purging import Purges
 from scenefold.simulation.removals import watch_removals
 from scenefold.simulation.rotating import KeyChanges
+from scenefold.simulation.senate import Senate
 from scenefold.simulation.speed import quick_headers, quick_packets, remembered_signatures
 from scenefold.simulation.storm import Storm
 from scenefold.simulation.story import Violation, told
@@ -47,7 +48,7 @@ from scenefold.simulation.workload import CLIENTS, SINGLE, WITH_COPIES, Tally, W
 from scenefold.world import open_links
 from scenefold.world.sim import SimNet, Trace, run_simulated
 
-START_S_MAX = 30.0
+START_S_MAX = 60.0
 AFTERMATH_S = 6.0
 """Clients work on for so long after everything has healed: what a fault broke often shows only then."""
 ENOUGH_S_MAX = 240.0
@@ -106,6 +107,10 @@ class _Drama:
             spares = max(spares_of(self._schedule, self._order.nodes), default=self._order.nodes - 1) + 1 - self._order.nodes
             cluster = self._cluster = Cluster(self._net, self._order.nodes, spares, nursery, self._habits())
             cluster.on_death = partial(judge_store, cluster)
+            if self._order.voters > 1:
+                senate = Senate(cluster, self._order.voters)
+                cluster.has_several_voters, cluster.may_lose, cluster.voters_missing = True, senate.may_lose, senate.missing
+                cluster.extensions = (senate,)
             for slot in range(self._order.nodes):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)

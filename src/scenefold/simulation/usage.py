@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from scenefold.base.limits import DECIDERS_MAX
+from scenefold.base.limits import DECIDERS_MAX, VOTERS_MAX
 from scenefold.simulation.faults import KINDS, Kind
 from scenefold.simulation.mutants import MUTANTS
 from scenefold.simulation.outcome import WORKLOADS, Order
@@ -45,6 +45,8 @@ def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Na
         _check_writable(parser, options.trace)
     if options.faults and options.workload == "data" and all(KINDS[kind].moves_members for kind in options.faults):
         parser.error("--workload data leaves all of these --faults out")
+    if options.voters > (options.nodes or NODES):
+        parser.error(f"--voters {options.voters} are more than the {options.nodes or NODES} --nodes")
     if options.participants is not None and options.workload != "logs":
         parser.error("--participants is for --workload logs")
     if not options.copies and (lonely := [kind.value for kind in options.faults if KINDS[kind].of_copies]):
@@ -66,6 +68,7 @@ def _order(parser: Parser, options: argparse.Namespace, seed: int) -> Order:
         options.trace,
         options.copies,
         options.participants,
+        options.voters,
     )
     order = Order(seed, options.nodes or NODES, *asked)
     if options.workload != "logs" or order.deciders <= order.nodes:
@@ -102,6 +105,9 @@ def _parser() -> Parser:
         type=number(int, 0, DECIDERS_MAX),
         metavar="N",
         help="with --workload logs: who decides the log; 0: its origin alone (default: 3, 5 or 7, by the seed)",
+    )
+    parser.add_argument(
+        "--voters", type=number(int, 1, VOTERS_MAX), default=1, metavar="N", help="who decides the cluster's log (default 1, by its key)"
     )
     parser.add_argument("--copies", action="store_true", help="some spaces have copies, and nodes and racks are lost for ever")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
