@@ -17,12 +17,13 @@ from scenectl.names import ClusterName
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.trusting import trust
 from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
+from scenectl.voting import add_voter, remove_voter, voters
 
 if TYPE_CHECKING:
     from scenefold.client import ClusterStatus, RemovedNode
 
 app = App(name="cluster", help="Make a cluster, join it, and look at it.", help_format="plaintext")
-for verb in (health, invite, invitations, users, trust, revoke, renew):
+for verb in (health, invite, invitations, users, trust, revoke, renew, voters, add_voter, remove_voter):
     app.command(verb)
 
 

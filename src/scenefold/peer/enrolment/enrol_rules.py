@@ -24,7 +24,7 @@ from scenefold.peer.enrolment.card_rules import (
     in_utc,
     is_original,
 )
-from scenefold.wire import RemoveNode, RevokeNode
+from scenefold.wire import AddParticipant, RemoveNode, RemoveParticipant, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.orders import Order
 from scenefold.world.enrol_forms import Wanted, check_signed, form_in, wanted
@@ -121,6 +121,8 @@ def _check_ordered(order: Order, registry: Registry, facts: ClusterFacts, now: f
         case RemoveNode(member, _):
             if not registry.is_barred(member.node):
                 raise _forbidden(f"{address_of(member.node)} leaves by itself, or once it is silent", "use `scenectl node drain`")
+        case AddParticipant() | RemoveParticipant():
+            registry.voting.after(registry, order.entry, registry.position + 1)
         case Trust(node, trusted):
             check_trust(order.entry, registry, facts)
             if not trusted:
@@ -155,7 +157,10 @@ def _check_revocation(entry: RevokeUser | RevokeNode, registry: Registry, facts:
     if known is None or known.public_key.key_id != entry.key:
         raise _forbidden(f"{address_of(entry.node)} is no node with such a key", "see `scenectl cluster nodes`")
     if entry.node in registry.voters:
-        raise _forbidden(f"{address_of(entry.node)} decides the cluster's log, which cannot do without it")
+        remedy = (
+            f"take it from the voters first: scenectl cluster remove-voter {address_of(entry.node)}" if len(registry.voters) > 1 else ""
+        )
+        raise _forbidden(f"{address_of(entry.node)} decides the cluster's log, which cannot do without it", remedy)
     check_others_issue(entry.node, registry)
 
 
