@@ -51,7 +51,7 @@ def init(
     folder
         Folder to make; it is the cluster's profile. It must not exist, or be empty.
     nodes
-        IPv4 addresses of the nodes, separated by commas. The lowest of them decides who is a member: never lose its disk.
+        IPv4 addresses of the nodes, separated by commas. The lowest of them decides who is a member: never lose its disk before others do, too (`cluster add-voter`).
     spares
         IPv4 addresses of nodes that may join later; they get keys now.
     name

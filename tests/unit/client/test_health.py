@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
-from scenefold.client.health import ClusterStatus, NodeState, judged, line_warnings
+from scenefold.client.health import ClusterStatus, NodeState, judged, line_warnings, voter_warnings
 from scenefold.client.moving import movements, rates
 from scenefold.client.own_warnings import own_warnings
 from scenefold.client.reports import NodeReport, read_drain_report, read_report
@@ -321,3 +321,26 @@ def test_nonsense_in_a_report_of_upkeep_or_of_what_is_kept_apart_is_a_fault_of_t
     for key in ("upkeep", "suspects"):
         with pytest.raises(PeerFault, match="cannot be read"):
             report(ADDRESSES[0], arc(0, 1), **{key: nonsense})
+
+
+@pytest.mark.parametrize(
+    ("voters", "away", "told", "degrades"),
+    [
+        (1, 0, [], False),
+        (3, 0, [], False),
+        (2, 0, ["an even number"], False),
+        (3, 1, ["none more may be lost"], False),
+        (3, 2, ["nothing can be decided"], True),
+        (4, 1, ["an even number", "none more may be lost"], False),
+    ],
+)
+def test_of_several_who_decide_the_log_it_is_told_what_their_number_and_silence_mean(
+    voters: int, away: int, told: list[str], degrades: bool
+) -> None:
+    nodes = [
+        replace(missing(f"127.0.0.{number + 2}", None) if number < away else node(f"127.0.0.{number + 2}", None), is_voter=number < voters)
+        for number in range(5)
+    ]
+    concerns = list(voter_warnings(nodes))
+    assert len(concerns) == len(told) and all(words in concern.text for words, concern in zip(told, concerns, strict=True))
+    assert any(concern.degrades for concern in concerns) is degrades

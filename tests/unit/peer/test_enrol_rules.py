@@ -35,6 +35,7 @@ from scenefold.world.facts import ClusterFacts
 from unit.peer import logs_made
 from unit.peer.logs_made import add, found, key_of, node, record, secrets_of
 from unit.peer.members_made import AUTHORITY, NEWCOMERS, NOW, TLS_KEYS, card_for, enrolled, invitation_key
+from unit.peer.voters_made import dismissed, named, trusted
 
 DAY = datetime.timedelta(days=1)
 OWNER = card_for("user:owner", 2, admin=True)
@@ -406,3 +407,31 @@ def test_the_keys_of_users_are_those_of_the_log_and_of_the_first_owner_until_the
     revoked = log(*member("user:ada", 0), RevokeUser("user:ada", ada.signing_id))
     assert not is_user_key(ada.keys.signing, revoked, FACTS)
     assert is_user_key(NEWCOMERS[1].signing.public, registry, replace(FACTS, authority=b"")), "without an authority nobody can tell"
+
+
+def voting(count: int, *, nodes: int = 9) -> Registry:
+    """So many voters, of nodes that are all trusted but the last."""
+    registry = Registry()
+    for number, entry in enumerate((found(nodes), *map(add, range(nodes)), *map(trusted, range(nodes - 1)), *map(named, range(count)))):
+        registry = registry.apply(record(registry, entry, b"%016d" % number))
+    return registry
+
+
+def test_who_decides_the_log_is_ordered_in_words_that_say_what_cannot_be() -> None:
+    three = voting(3)
+    assert ordered(three, order(named(3))) and ordered(three, order(dismissed(0))) and ordered(voting(0), order(named(0)))
+    cases = [
+        (three, named(8), "not trusted", RejectReason.NOT_AUTHORISED),
+        (three, named(0), "is a voter already", RejectReason.ILL_FORMED),
+        (three, named(3, life=1), "no member under this incarnation", RejectReason.WRONG_INCARNATION),
+        (three, dismissed(5), "is no voter", RejectReason.ILL_FORMED),
+        (voting(7), named(7), "7 voters already", RejectReason.LIMIT_EXCEEDED),
+        (voting(1), dismissed(0), "last voter stays", RejectReason.ILL_FORMED),
+        (voting(0), dismissed(0), "last voter stays", RejectReason.ILL_FORMED),
+        (voting(0), named(1), "first voter that is named", RejectReason.ILL_FORMED),
+    ]
+    for registry, entry, words, reason in cases:
+        with pytest.raises(Refused, match=words) as caught:
+            ordered(registry, order(entry))
+        assert caught.value.reason is reason
+    assert "remove-voter 127.0.0.2" in forbidden(three, order(RevokeNode(node(0), key_of(0).key_id)))
