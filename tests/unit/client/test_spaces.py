@@ -194,12 +194,12 @@ async def test_without_the_keeper_of_the_log_it_is_said_who_is_missing(autojump_
 
 async def test_a_log_of_another_position_is_not_believed(autojump_clock: MockClock, tmp_path: Path) -> None:
     nodes = FakeNodes()
-    scene = await scene_of(nodes, tmp_path)
+    scene, other = await scene_of(nodes, tmp_path), await scene_of(nodes, tmp_path)
     older = dict(nodes.logs)
     await scene.create_space("hall", BOX)
     nodes.logs = older
     with pytest.raises(DamagedData, match="not the one that its header names"):
-        await scene.spaces()
+        await other.spaces()
 
 
 async def test_who_signs_under_an_old_position_learns_the_new_one(autojump_clock: MockClock, tmp_path: Path) -> None:

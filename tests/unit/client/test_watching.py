@@ -44,6 +44,7 @@ class Street:
             voters=ids[:1],
             voter=SimpleNamespace(node_id=ids[0], public_key=SigningKey(bytes(32)).public),
             name="studio",
+            cluster_id=bytes(32),
             keyring=None,
             user="owner",
             folder=Path(),
