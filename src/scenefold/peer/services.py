@@ -101,7 +101,7 @@ class PeerServices:
 
         routing = Routing(registry, roster, own)
         peers = Peers(world, links, own, roster, routing)
-        ports = NodePorts(world.clock, me, peers, routing, roster, links)
+        ports = NodePorts(world.clock, me, peers, routing, roster, links, lambda incarnation: registry().removal(incarnation) is not None)
         cluster_log = ClusterLog(world, store, peers, facts, own, ports, log_signing_key)
         cluster_log.forget_key = partial(world.workers.run, "import", papers.forget_log_key)
         lease = OwnerLease(world, store, cluster_log, own)

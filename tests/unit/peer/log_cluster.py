@@ -77,7 +77,7 @@ class LogNode:
             roster = self._roster = Roster(self.id)
             routing = Routing(lambda: self.log.registry, roster, self.own)
             peers = Peers(world, links, self.own, roster, routing)
-            self.ports = NodePorts(world.clock, self.id, peers, routing, roster, links)
+            self.ports = NodePorts(world.clock, self.id, peers, routing, roster, links, lambda _incarnation: False)
             self.log = ClusterLog(
                 world, store, peers, cluster.facts, self.own, self.ports, LOG_KEY if self.number == 0 and cluster.has_key else None
             )

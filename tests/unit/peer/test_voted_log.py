@@ -165,6 +165,9 @@ class _Port:
     def alive(self) -> frozenset[NodeId]:
         return self.reachable()
 
+    def is_gone(self, _member: Member) -> bool:
+        return False
+
 
 def test_voters_decide_and_find_what_they_decided_on_their_disks() -> None:
     async def main() -> None:

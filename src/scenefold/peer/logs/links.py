@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of, node_id_of
@@ -21,6 +21,9 @@ SEND_S_MAX = 2.0
 """For a packet to leave, with the connection that it may take. Who is silent holds up nobody but himself."""
 LOOK_S = 0.1
 """So long what the roster says of everybody is not asked for anew: a log looks at each event."""
+
+WasRemoved = Callable[[bytes], bool]
+"""Whether the cluster's log has removed an incarnation: none comes back."""
 
 _log = logging.getLogger("scenefold.peer.logs")
 
@@ -53,8 +56,8 @@ class LinkCarrier:
 class NodeSurroundings:
     """`Surroundings` for any log."""
 
-    def __init__(self, clock: Clock, me: NodeId, routing: Routing, roster: Roster) -> None:
-        self._clock, self._me, self._routing, self._roster = clock, me, routing, roster
+    def __init__(self, clock: Clock, me: NodeId, routing: Routing, roster: Roster, was_removed: WasRemoved) -> None:
+        self._clock, self._me, self._routing, self._roster, self._was_removed = clock, me, routing, roster, was_removed
         self._alive: frozenset[NodeId] = frozenset()
         self._looked_at = float("-inf")
 
@@ -71,6 +74,9 @@ class NodeSurroundings:
             self._looked_at = now
         return self._alive
 
+    def is_gone(self, member: Member) -> bool:
+        return self._was_removed(member.incarnation)
+
     def is_current(self, member: Member) -> bool:
         """Whether a node is this incarnation, as far as is known here."""
         return self._roster.incarnation(member.node) == member.incarnation
@@ -79,10 +85,12 @@ class NodeSurroundings:
 class NodePorts:
     """All that logs need of their node: one of each for all of them."""
 
-    def __init__(self, clock: Clock, me: NodeId, peers: Peers, routing: Routing, roster: Roster, links: Links) -> None:
+    def __init__(
+        self, clock: Clock, me: NodeId, peers: Peers, routing: Routing, roster: Roster, links: Links, was_removed: WasRemoved
+    ) -> None:
         self.logs = Logs()
         self.carrier = LinkCarrier(clock, peers, self.logs)
-        self.around = NodeSurroundings(clock, me, routing, roster)
+        self.around = NodeSurroundings(clock, me, routing, roster, was_removed)
         self.intake = Intake(clock, self.logs)
         links.on_lost = self._lost
 

@@ -213,7 +213,10 @@ class Log:
         now = self._world.clock.now()
         self._shunned = {node: until for node, until in self._shunned.items() if until > now}
         around = self._around
-        view = View(now, around.line(), around.reachable() - self._shunned.keys(), around.alive() | {self._setting.me.node})
+        # A node that lost its disk lives on as another one, which does not take part: to wait for that would be in vain each time.
+        gone = {one.member.node for one in self._state.judge.participants.everyone if around.is_gone(one.member)}
+        alive = (around.alive() - gone) | {self._setting.me.node}
+        view = View(now, around.line(), around.reachable() - self._shunned.keys() - gone, alive)
         message = event.message if isinstance(event, Received) else None
         if isinstance(message, Propose) and message.genesis == self.genesis:
             if message.proposal.phase is Phase.PREPARE:

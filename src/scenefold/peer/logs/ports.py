@@ -8,6 +8,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Decide, Judge, Learn, Message, Reply, Slot, Value
 from scenefold.store.logs import NOTHING_BESIDE, Beside
+from scenefold.wire import Member
 
 
 class Carrier(Protocol):
@@ -31,6 +32,9 @@ class Surroundings(Protocol):
 
     def alive(self) -> frozenset[NodeId]:
         """Who is believed to be alive."""
+
+    def is_gone(self, member: Member, /) -> bool:
+        """Whether this incarnation of a node will never say anything again, as far as is known here, whoever lives in its place."""
 
 
 class Owner:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -22,6 +23,7 @@ from unit.consensus.logs_made import GENESIS, member
 from unit.peer.logs.test_parts import learn
 
 ME, ONE, TWO, STRANGER = NodeId(9), NodeId(1), NodeId(2), NodeId(3)
+GONE = b"g" * 16
 
 
 class Clock:
@@ -69,7 +71,9 @@ def ports_of(clock: Clock, post: Post, alive: list[NodeId]) -> tuple[NodePorts, 
         SimpleNamespace(members=(ONE, ME, TWO)),
         SimpleNamespace(alive=lambda: list(alive), incarnation=lambda node: bytes(16) if node == ONE else None),
     )
-    return NodePorts(cast(Any, clock), ME, cast(Any, post), cast(Any, routing), cast(Any, roster), cast(Any, links)), links
+    return NodePorts(
+        cast(Any, clock), ME, cast(Any, post), cast(Any, routing), cast(Any, roster), cast(Any, links), lambda known: known == GONE
+    ), links
 
 
 def test_what_is_said_about_a_log_comes_to_it_from_nodes_alone() -> None:
@@ -131,6 +135,7 @@ def test_the_world_is_as_line_and_roster_say_and_lost_connections_are_told() -> 
     clock.time += LOOK_S
     assert ports.around.alive() == {ONE, TWO}
     assert ports.around.is_current(member(ONE))
+    assert ports.around.is_gone(replace(member(ONE), incarnation=GONE)) and not ports.around.is_gone(member(ONE))
     assert not ports.around.is_current(member(ONE, 1)) and not ports.around.is_current(member(TWO))
     log = Heard()
     ports.logs.add(cast(Any, log))

@@ -12,6 +12,7 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Decide, Judge, Outcome, Value
+from scenefold.consensus.timing import Timing
 from scenefold.peer.logs import Answer, Owner
 from scenefold.peer.logs.asking import WAITING_MAX
 from scenefold.store.layout import LOGS, NOTES
@@ -147,6 +148,21 @@ def test_the_proposer_dies_at_a_step_and_another_one_goes_on(point: Point, count
         assert all(slot_on(node.disk)[1].accepted is None for node in town.nodes.values())
 
     in_town(5, main)
+
+
+def test_nobody_waits_for_a_node_that_lives_on_as_another_one() -> None:
+    """It lost its disk. Packets come to it, and it says nothing, as it takes no part."""
+
+    async def main(town: Town) -> None:
+        lost = town.nodes[2]
+        town.crash(lost, silent=True)
+        town.replaced = frozenset({lost.id})
+        began = trio.current_time()
+        for request in "abc":
+            assert (await ask(town.nodes[1], request, is_for_all=True)).outcome is Outcome.COMMITTED
+        assert trio.current_time() - began < Timing().pass_s_min, "not even one pass was waited for"
+
+    in_town(3, main)
 
 
 def test_what_only_a_voter_knows_is_brought_to_an_end_by_it() -> None:

@@ -58,6 +58,8 @@ class Town:
         self.nodes: dict[int, Node] = {}
         self.sees_cracks = sees_cracks
         self.by_id: dict[NodeId, Node] = {}
+        self.replaced: frozenset[NodeId] = frozenset()
+        """Nodes that are up, as others that take no part in the log."""
         self.owner = Owner()
         self.replayed = 0.0
         """Odds that, with a packet, an old one comes once more."""
@@ -187,10 +189,14 @@ class _Wire:
         return tuple(node.id for node in self._town.nodes.values())
 
     def reachable(self) -> frozenset[NodeId]:
-        return frozenset(other.id for other in self._others() if other.is_wanted or not self._town.sees_cracks)
+        seen = (other for other in self._others() if other.is_wanted or not self._town.sees_cracks)
+        return frozenset(other.id for other in seen) | self._town.replaced
 
     def alive(self) -> frozenset[NodeId]:
-        return frozenset(other.id for other in self._others() if other.log is not None)
+        return frozenset(other.id for other in self._others() if other.log is not None) | self._town.replaced
+
+    def is_gone(self, member: Member) -> bool:
+        return member.node in self._town.replaced
 
     def _others(self) -> list[Node]:
         town, me = self._town, self._node
