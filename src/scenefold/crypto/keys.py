@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from typing import Self
 
 from cryptography.exceptions import InvalidSignature as _InvalidSignature
@@ -25,6 +25,9 @@ from scenefold.crypto.suites import DEFAULT_SUITE, ED25519, RSA3072, SUITES, sui
 
 SIGNATURE_BYTES = SUITES[ED25519].signature_bytes
 """Of suite 1, which all that goes by datagram is signed in."""
+
+_KEYS_MAX = 4_096
+"""Keys that were read last: each header of a scene brings all of its keys again."""
 
 RECORD_DOMAIN = b"scenefold/record"
 HEADER_DOMAIN = b"scenefold/header"
@@ -89,6 +92,7 @@ class PublicKey:
             raise InvalidSignature(f"the signature is not that of key {self.key_id:08x}") from None
 
 
+@lru_cache(_KEYS_MAX)
 def _verifier(raw: bytes, suite: int) -> Callable[[bytes, bytes], None]:
     """What checks a signature over bytes; it raises the library's InvalidSignature."""
     if suite == RSA3072:

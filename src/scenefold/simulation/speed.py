@@ -15,11 +15,13 @@ from typing import Any
 
 from scenefold.crypto import PublicKey, RecordHeader, SealingKey, SealingPublicKey, SigningKey, datagrams
 from scenefold.peer.membership import hearing
-from scenefold.wire import SceneBody, SceneLogPublic
+from scenefold.peer.scene_log.scene_judge import SceneJudge
+from scenefold.wire import LogValue, SceneBody, SceneLogPublic
 
 REMEMBERED_MAX = 50_000
 PACKETS_MAX = 8_192
 HEADERS_MAX = 8_192
+VALUES_MAX = 1_024
 
 _Signed = tuple[bytes, bytes, bytes, bytes]
 
@@ -70,37 +72,69 @@ def quick_packets() -> Iterator[None]:
 def quick_headers() -> Iterator[None]:
     """Each header of a record or of a scene is packed and read once in this process: nodes, clients and the judge look at the same ones again and again."""
     with ExitStack() as stack:
-        for owner, names in _HEADERS.items():
-            for name in names:
-                stack.enter_context(_remembering(owner, name))
+        for owner in (RecordHeader, SceneLogPublic, SceneBody):
+            stack.enter_context(_decoded_once(owner))
+        for owner in (SceneLogPublic, SceneBody):
+            stack.enter_context(_encoded_once(owner))
+        stack.enter_context(_judged_once())
         yield
-
-
-_HEADERS: dict[type, tuple[str, ...]] = {
-    RecordHeader: ("decode",),
-    SceneLogPublic: ("decode", "encode", "signable"),
-    SceneBody: ("decode", "encode"),
-}
 
 
 @contextmanager
-def _remembering(owner: Any, name: str) -> Iterator[None]:
-    """A pure method of a class, or a class method of bytes."""
-    before: Any = owner.__dict__[name]
-    is_of_class = isinstance(before, classmethod)
-    remembering: Any = lru_cache(HEADERS_MAX)(before.__func__ if is_of_class else before)
-    setattr(owner, name, classmethod(remembering) if is_of_class else _method(remembering))
+def _decoded_once(owner: Any) -> Iterator[None]:
+    before: Any = owner.__dict__["decode"]
+    remembering: Any = lru_cache(HEADERS_MAX)(before.__func__)
+    owner.decode = classmethod(remembering)
     try:
         yield
     finally:
-        setattr(owner, name, before)
+        owner.decode = before
 
 
-def _method(function: Any) -> Any:
-    def method(self: Any) -> Any:
-        return function(self)
+@contextmanager
+def _encoded_once(owner: Any) -> Iterator[None]:
+    """By which object it is, first: to look at all that is in it takes a while."""
+    encode: Any = owner.encode
+    by_value = lru_cache(HEADERS_MAX)(encode)
+    remembered: dict[int, tuple[Any, bytes]] = {}
 
-    return method
+    def quick_encode(self: Any) -> Any:
+        known = remembered.get(id(self))
+        if known is None:
+            if len(remembered) >= HEADERS_MAX:
+                remembered.clear()
+            # As long as it is remembered nothing else has its number.
+            known = remembered[id(self)] = self, by_value(self)
+        return known[1]
+
+    owner.encode = quick_encode
+    try:
+        yield
+    finally:
+        owner.encode = encode
+
+
+@contextmanager
+def _judged_once() -> Iterator[None]:
+    """Each value of a scene's log, behind one header: all who decide on it judge it alike."""
+    judge: Any = SceneJudge
+    checked = judge._checked
+    remembered: dict[tuple[object, ...], tuple[Any, Any]] = {}
+
+    def quick_checked(self: SceneJudge, value: LogValue, *, is_decided: bool) -> Any:
+        looked_at = id(self.known.public), self.changes, value.data, value.body, is_decided
+        known = remembered.get(looked_at)
+        if known is None:
+            if len(remembered) >= VALUES_MAX:
+                remembered.clear()
+            known = remembered[looked_at] = self.known, checked(self, value, is_decided=is_decided)
+        return known[1]
+
+    judge._checked = quick_checked
+    try:
+        yield
+    finally:
+        judge._checked = checked
 
 
 @contextmanager

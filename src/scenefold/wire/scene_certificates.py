@@ -7,6 +7,7 @@ and the public header, which names the sealed log in turn. So a certificate can 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from scenefold.base.limits import CERTIFICATE_BYTES_MAX, DECIDERS_MAX, LOG_BODY_BYTES_MAX
 from scenefold.wire.ballots import BALLOT, Ballot
@@ -17,6 +18,9 @@ from scenefold.wire.log_records import hash_of_record
 from scenefold.wire.members import PARTICIPANT_ENTRY, ParticipantEntry
 from scenefold.wire.pieces import pack_piece, unpack_piece
 from scenefold.wire.scene_headers import SCENE_LOG_PUBLIC, SceneLogPublic
+
+_ROSTERS_MAX = 256
+"""Those who decide change seldom, and each value names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +85,7 @@ def digest_of_header(public: SceneLogPublic) -> bytes:
     return hash_of_record(public.signable())
 
 
+@lru_cache(_ROSTERS_MAX)
 def digest_of_participants(participants: tuple[ParticipantEntry, ...]) -> bytes:
     """Of those who decide, in the order of their nodes."""
     return hash_of_record(pack_piece(_PARTICIPANTS, participants))

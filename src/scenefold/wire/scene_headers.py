@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 from scenefold.base.limits import (
@@ -171,14 +171,26 @@ class SceneLogPublic:
     signature: bytes = UNSIGNED
     decision: Decision | None = None
     purged: int = 0
+    _signable: bytes | None = field(default=None, init=False, repr=False, compare=False)
+    """Packed once: whoever decides on a header looks at these bytes a dozen times."""
 
     def signable(self) -> bytes:
         """The bytes that `signature` signs, under the domain scenefold/header, and `decision` under scenefold/decided."""
-        return pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED, decision=None))
+        if self._signable is None:
+            packed = pack_piece(SCENE_LOG_PUBLIC, replace(self, signature=UNSIGNED, decision=None))
+            object.__setattr__(self, "_signable", packed)
+            return packed
+        return self._signable
 
     def proposed(self) -> SceneLogPublic:
         """This header as its author proposed it."""
-        return replace(self, decision=None)
+        return self if self.decision is None else self.decided_by(None)
+
+    def decided_by(self, decision: Decision | None) -> SceneLogPublic:
+        """This header with another decision, or none."""
+        other = replace(self, decision=decision)
+        object.__setattr__(other, "_signable", self._signable)
+        return other
 
     def with_genesis(self) -> SceneLogPublic:
         """This header as the first of its scene: genesis and scene id follow from it, but for lockboxes and log, which name the genesis,

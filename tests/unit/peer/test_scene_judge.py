@@ -17,6 +17,8 @@ from scenefold.consensus import Ask, Certificate, Decide, Learn, Outcome, Receiv
 from scenefold.consensus.packets import decided_page, decided_value, messages_of, packet_of
 from scenefold.crypto import HEADER_DOMAIN, SigningKey
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log import scene_judge
+from scenefold.peer.scene_log.headers import checked_proposal
 from scenefold.peer.scene_log.scene_judge import REQUESTS_MAX, SceneJudge
 from scenefold.scene.log import CHANGES_MAX, Followed, check_decided, check_log, decided_by_votes, opened_value, value_of, without_log
 from scenefold.wire import (
@@ -131,6 +133,25 @@ def test_only_what_is_decided_may_lack_its_log() -> None:
     assert judge.refuses(lean, is_decided=True) is None
     wrong = LogValue(value.data, SceneBody(opened_value(value).public, b"other").encode())
     assert judge.refuses(wrong, is_decided=True) is RejectReason.ILL_FORMED
+
+
+def test_what_was_found_of_a_value_is_remembered_and_of_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    council = Council()
+    value, judge, looked = council.value(council.offer(grant(1))), judge_of(council), list[int]()
+
+    def counting(public: SceneLogPublic, known: KnownScene | None) -> KnownScene:
+        looked.append(public.position)
+        return checked_proposal(public, known)
+
+    monkeypatch.setattr(scene_judge, "checked_proposal", counting)
+    assert [judge.refuses(value) for _ in range(3)] == [None] * 3 and len(looked) == 1
+    lean = without_log(value)
+    assert judge.refuses(lean, is_decided=True) is None
+    assert judge.refuses(lean) is RejectReason.ILL_FORMED, "that it is decided counts where it is shown"
+    assert judge.refuses(LogValue(value.data, value.body + b"\0")) is RejectReason.ILL_FORMED
+    behind = replace(judge, changes=CHANGES_MAX)
+    joined = council.value(council.offer(added(4)))
+    assert judge.refuses(joined) is None and behind.refuses(joined) is RejectReason.LIMIT_EXCEEDED, "another judge looks for itself"
 
 
 def test_a_log_that_is_too_long_for_a_value_is_refused_in_words() -> None:

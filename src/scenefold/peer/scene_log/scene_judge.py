@@ -6,6 +6,7 @@ takes part and of the sealed log. What the records mean they cannot tell; who re
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -20,12 +21,13 @@ from scenefold.peer.scene_log.headers import checked_proposal
 from scenefold.scene.log.certified import CHANGES_MAX, changes_before
 from scenefold.scene.log.decisions import check_log
 from scenefold.scene.log.roster import misfit
-from scenefold.scene.log.values import deciders_after, opened_value, value_of
+from scenefold.scene.log.values import data_of, deciders_after, opened_value
 from scenefold.wire import MalformedPacket, SceneBody, SceneLogPublic, digest_of_header
 
 _REQUEST_BYTES = 16
 REQUESTS_MAX = 1_024
 """Requests that a participant remembers. A client asks for the same one again within half a minute, or looks into the log."""
+_FITTING_MAX = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,8 @@ class SceneJudge:
     """How often those who decide have changed."""
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     """The positions of the newest requests, as far as this node has met them, in their order. Nothing is refused for them."""
+    _fitting: OrderedDict[tuple[bytes, bytes, bool], KnownScene] = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
+    """Of the newest values that may stand, the scene with each: a value comes again with every packet about it."""
 
     @classmethod
     def of(cls, known: KnownScene) -> SceneJudge:
@@ -65,17 +69,27 @@ class SceneJudge:
             return None
 
     def after(self, value: Value) -> SceneJudge:
-        public = opened_value(value).public
+        known = self.check(value, is_decided=True)
+        public = known.public
         changed = public.participants != self.public.participants
         return SceneJudge(
-            KnownScene.of(public),
+            known,
             participants_after(public) if changed else self.participants,
             self.changes + changed,
             _newest({**self.requests, **_request_of(public)}),
         )
 
-    def check(self, value: Value, *, is_decided: bool = False) -> None:
-        """Likewise, with Refused."""
+    def check(self, value: Value, *, is_decided: bool = False) -> KnownScene:
+        """The scene with this value; Refused if it may not stand."""
+        looked_at = value.data, value.body, is_decided
+        known = self._fitting.get(looked_at)
+        if known is None:
+            known = self._fitting[looked_at] = self._checked(value, is_decided=is_decided)
+            if len(self._fitting) > _FITTING_MAX:
+                self._fitting.popitem(last=False)
+        return known
+
+    def _checked(self, value: Value, *, is_decided: bool) -> KnownScene:
         try:
             body = opened_value(value)
         except MalformedPacket as problem:
@@ -85,13 +99,13 @@ class SceneJudge:
             raise _ill_formed("what is proposed is not decided yet")
         if public.genesis != self.public.genesis or public.position != self.public.position + 1:
             raise _ill_formed(f"the value is not one for position {self.public.position + 1} of this scene")
-        if value != value_of(public, b"", self.public):
+        if value.data != data_of(deciders_after(self.public), deciders_after(public), digest_of_header(public)):
             raise _ill_formed("the value does not name what it brings, or others who decide")
         if public.previous != digest_of_header(self.public) or len(public.request) != _REQUEST_BYTES:
             raise _ill_formed("the header does not follow the one before, or names no request")
         self._check_log(body, is_decided=is_decided)
         self._check_roster(public)
-        checked_proposal(public, self.known)
+        return checked_proposal(public, self.known)
 
     def _check_log(self, body: SceneBody, *, is_decided: bool) -> None:
         if is_decided and not body.private:

@@ -7,7 +7,6 @@ voted for, so that no link can be left out: the votes of a few are a majority of
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import lru_cache
 
 from scenefold.base.errors import DamagedData, LocalFault
@@ -46,7 +45,7 @@ def decided_by_origin(public: SceneLogPublic, key: SigningKey) -> SceneLogPublic
     vote = Vote(public.position, NO_BALLOT, digest, origin.member)
     signature = NodeSignature(origin.member.node, key.sign(Vote.DOMAIN, vote.signable(public.genesis)))
     first = SceneCertificate(public.position, NO_BALLOT, header, public.participants, (signature,))
-    return replace(public, decision=Decision(BY_PARTICIPANTS, (first.encode(),)))
+    return public.decided_by(Decision(BY_PARTICIPANTS, (first.encode(),)))
 
 
 def decided_by_votes(public: SceneLogPublic, known: SceneLogPublic, ballot: Ballot, votes: Iterable[Vote]) -> SceneLogPublic:
@@ -64,7 +63,7 @@ def decided_by_votes(public: SceneLogPublic, known: SceneLogPublic, ballot: Ball
         raise LocalFault("these votes are no majority", where=f"scene {public.scene:08x}, log position {public.position}")
     named = () if public.participants == known.participants else public.participants
     own = SceneCertificate(public.position, ballot, header, named, tuple(signed[: _majority(deciders)]))
-    return replace(public, decision=Decision(BY_PARTICIPANTS, (*_changes(known), own.encode())))
+    return public.decided_by(Decision(BY_PARTICIPANTS, (*_changes(known), own.encode())))
 
 
 def changes_before(public: SceneLogPublic) -> int:

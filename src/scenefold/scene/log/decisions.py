@@ -6,7 +6,7 @@ the scene's genesis holds, or participants, whom the origin named first. So nobo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
@@ -33,7 +33,7 @@ def decided(public: SceneLogPublic, key: SigningKey) -> SceneLogPublic:
     if public.participants:
         return decided_by_origin(public, key)
     signature = key.sign(DECISION_DOMAIN, public.signable())
-    return replace(public, decision=Decision(BY_ORIGIN, (signature,)))
+    return public.decided_by(Decision(BY_ORIGIN, (signature,)))
 
 
 def check_decided(public: SceneLogPublic) -> None:

@@ -6,6 +6,7 @@ The records are what members read. Nodes without a key go by the public header, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.limits import DECIDERS_MAX, PARTICIPANTS_MAX
@@ -22,6 +23,8 @@ from scenefold.wire import (
 
 Entries = tuple[ParticipantEntry, ...]
 """By their nodes' ids."""
+_REMEMBERED_MAX = 256
+"""Lists that were looked at: those who take part change seldom, and each header names them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +79,7 @@ def misfit(participants: Entries, observers: Entries, next_participants: Entries
     return unlawful(next_participants, next_observers)
 
 
+@lru_cache(_REMEMBERED_MAX)
 def unlawful(participants: Entries, observers: Entries) -> str:
     """What is wrong with these lists, whatever was before; empty if nothing is."""
     nodes = [entry.member.node for entry in (*participants, *observers)]

@@ -10,6 +10,7 @@ came before without showing that itself.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
@@ -27,6 +28,8 @@ from scenefold.wire import (
 
 ORIGINS_INCARNATION = bytes(16)
 """Of a scene's origin as the one who decides alone: it does so in any of its lives, by its key."""
+_OPENED_MAX = 4
+"""Bodies that were opened last, of up to 4 MB each: whoever decides on a value looks into it again at each step."""
 
 
 def deciders_after(public: SceneLogPublic) -> Entries:
@@ -62,7 +65,12 @@ def value_of(public: SceneLogPublic, private: bytes, known: SceneLogPublic) -> L
 
 def opened_value(value: LogValue) -> SceneBody:
     """What a scene's value brings; MalformedPacket if it is none. Whether it is what the data names is not looked at."""
-    return SceneBody.decode(value.body)
+    return _opened(value.body)
+
+
+@lru_cache(_OPENED_MAX)
+def _opened(body: bytes) -> SceneBody:
+    return SceneBody.decode(body)
 
 
 def without_log(value: LogValue) -> LogValue:

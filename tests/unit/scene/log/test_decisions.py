@@ -103,3 +103,12 @@ def test_a_first_header_is_the_same_each_time_it_is_made() -> None:
     assert (one.header, one.private) == (other.header, other.private)
     check_log(one.header, one.private)
     assert one.header.with_genesis() == one.header
+
+
+def test_what_is_signed_of_a_header_follows_what_it_says_and_not_by_whom_it_was_decided() -> None:
+    header = STORY.header
+    before = header.signable()
+    assert header.proposed().decision is None and header.proposed().signable() == before
+    assert header.proposed().decided_by(header.decision) == header
+    changed = replace(header, write_floor=header.write_floor + 1)
+    assert changed.signable() != before and changed.proposed().signable() == changed.signable()
