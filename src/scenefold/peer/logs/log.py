@@ -217,12 +217,15 @@ class Log:
         gone = {one.member.node for one in self._state.judge.participants.everyone if around.is_gone(one.member)}
         alive = (around.alive() - gone) | {self._setting.me.node}
         view = View(now, around.line(), around.reachable() - self._shunned.keys() - gone, alive)
-        message = event.message if isinstance(event, Received) else None
-        if isinstance(message, Propose) and message.genesis == self.genesis:
-            if message.proposal.phase is Phase.PREPARE:
-                return replace(view, veto=self._owner.veto(message.value))
+        if not isinstance(event, Received) or not isinstance(event.message, Propose):
+            return view
+        message, is_carried = event.message, event.sender in self._state.judge.participants.nodes
+        if message.genesis != self.genesis or message.proposal.position != self._state.position + 1:
+            return view
+        if message.proposal.phase is Phase.ACCEPT:
             return replace(view, abstains=message.value is not None and self._owner.abstains(message.value))
-        return view
+        # Nobody but participants carries proposals; and the owner may do something about one that is for him to consent to.
+        return replace(view, veto=self._owner.veto(message.value) if is_carried else None)
 
     def _count(self, before: State, after: State) -> None:
         was, proposal = before.proposal, after.proposal

@@ -10,8 +10,9 @@ import pytest
 import trio
 
 from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Decide, Judge, Outcome, Value
+from scenefold.consensus import Decide, Judge, Outcome, Propose, Value
 from scenefold.consensus.timing import Timing
 from scenefold.peer.logs import Answer, Owner
 from scenefold.peer.logs.asking import WAITING_MAX
@@ -19,6 +20,7 @@ from scenefold.store.layout import LOGS, NOTES
 from scenefold.store.log_rows import decided_key, unpack_decided, votes_key
 from scenefold.store.logs import Beside
 from scenefold.store.sealing import opened
+from scenefold.wire import Ballot, Phase, ProposalId
 from scenefold.world.sim import CALM, Point, Weather, run_simulated
 from unit.consensus.logs_made import GENESIS
 from unit.peer.logs.town import Node, Town, request_maker, until
@@ -290,6 +292,36 @@ def test_of_what_is_decided_only_the_newest_body_stays_and_what_follows_is_writt
         assert unpack_decided(keys[2], memoryview(node.disk.peek(LOGS)[keys[2]])).value.body == b""
 
     in_town(1, main, owner=Lean())
+
+
+def test_whose_consent_is_asked_who_takes_no_part_does_not_say() -> None:
+    """An owner does something about what it may consent to; anybody could make it do so, and for nothing."""
+
+    class Asked(Owner):
+        def __init__(self) -> None:
+            self.values: list[Value | None] = []
+
+        def veto(self, value: Value | None) -> RejectReason | None:
+            self.values.append(value)
+            return None
+
+    owner = Asked()
+
+    async def main(town: Town) -> None:
+        node, other = town.nodes[1], town.nodes[2]
+        assert node.log is not None
+        value: Any = request_maker("it", other)(node.log.judge)
+        stranger, everyone = NodeId(7), tuple(town.by_id)
+        town.by_id[stranger] = other  # So what is answered comes somewhere.
+        for sender, at, expected in ((stranger, 1, []), (other.id, 2, []), (other.id, 1, [value])):
+            proposal = ProposalId(at, Ballot(1, stranger), Phase.PREPARE)
+            node.log.receive(sender, Propose(GENESIS, proposal, everyone, (), value=value))
+            await trio.sleep(0.5)
+            assert owner.values == expected
+        assert (await ask(other, "it")).outcome is Outcome.COMMITTED
+        assert len(owner.values) == 3, "two others are asked"
+
+    in_town(3, main, owner=owner)
 
 
 def test_two_sides_of_a_crack() -> None:
