@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -208,3 +209,78 @@ def test_copies_that_cannot_be(profile: str, hall: str) -> None:
 def hall(profile: str) -> str:
     made(profile, "hall", "--copies", "1")
     return "hall"
+
+
+def kitchen(profile: str, *arguments: str, stdin: bytes = b"") -> Done:
+    return scenectl(*arguments, "--scene", "kitchen", "--json", profile=profile, stdin=stdin)
+
+
+def test_a_record_is_split_read_and_merged(profile: str) -> None:
+    made(profile, "shelf", "--dimensions", "3")
+    whole = bytes(range(256)) * 30
+    assert kitchen(profile, "data", "put", "shelf", "0a", "-", stdin=whole).code == 0
+    planned = kitchen(profile, "data", "split", "shelf", "0a", "--parts", "3", "--dry-run").json
+    assert (planned["changed"], planned["dry_run"], planned["cut"], len(planned["parts"])) == (False, True, "bytes", 3)
+    split = kitchen(profile, "data", "split", "shelf", "0a", "--parts", "3").json
+    assert (split["changed"], split["bytes"], split["parts"]) == (True, len(whole), planned["parts"])
+    assert kitchen(profile, "data", "split", "shelf", "0a", "--parts", "3").json["changed"] is False
+    assert scenectl("data", "get", "shelf", "0a", "--scene", "kitchen", profile=profile).out == whole
+    assert kitchen(profile, "data", "ls", "shelf").json["locations"] == [split["location"]]
+    assert sorted([*split["parts"], split["location"]]) == kitchen(profile, "data", "ls", "shelf", "--deleted").json["locations"]
+    looked = space(profile, "tidy", "shelf", "--dry-run").json
+    assert (looked["in_use"], looked["removed"], looked["records"]) == (3, 0, 4)
+    text = scenectl("data", "split", "shelf", "0a", "--parts", "3", "--scene", "kitchen", profile=profile).out.decode()
+    assert "is split already into 3 parts by bytes" in text
+    merged = kitchen(profile, "data", "merge", "shelf", "0a").json
+    assert (merged["changed"], merged["parts"]) == (True, split["parts"])
+    assert kitchen(profile, "data", "merge", "shelf", "0a").json["changed"] is False
+    assert scenectl("data", "get", "shelf", "0a", "--scene", "kitchen", profile=profile).out == whole
+    kitchen(profile, "data", "split", "shelf", "0a")
+    kitchen(profile, "data", "put", "shelf", "0a", "-", stdin=b"an edit")
+    assert space(profile, "tidy", "shelf").json["removed"] == 2
+    kitchen(profile, "data", "split", "shelf", "0a")
+    kitchen(profile, "data", "delete", "shelf", "0a")
+    assert space(profile, "tidy", "shelf").json["in_use"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "complaint"),
+    [
+        (["split", "nook", "0b"], 1, "there is no record"),
+        (["merge", "nook", "0b"], 1, "there is no record"),
+        (["split", "nook", "0a", "--parts", "9"], 1, "too small to split"),
+        (["split", "nook", "0a", "--by", "triangles"], 1, "no geometry atom"),
+        (["split", "nook", "0a", "--parts", "1"], 2, "--parts"),
+        (["split", "nook", "0a", "--parts", "257"], 2, "--parts"),
+        (["split", "attic", "0a"], 1, "no space 'attic'"),
+        (["split", "renders", "0a"], 1, "nodes choose"),
+        (["merge", "geometry copy 1", "0a"], 2, "shadow"),
+    ],
+)
+def test_what_cannot_be_split(profile: str, nook: str, arguments: list[str], code: int, complaint: str) -> None:
+    assert complaint in kitchen(profile, "data", *arguments).refusal(code)
+
+
+@pytest.fixture(scope="module")
+def nook(profile: str) -> str:
+    """A space with one small record."""
+    made(profile, "nook")
+    assert kitchen(profile, "data", "put", "nook", "0a", "-", stdin=b"tiny").code == 0
+    return "nook"
+
+
+def test_coordinates_are_written_anew_where_their_space_lies_now(profile: str) -> None:
+    made(profile, "field", "--box", "0,0,0:1,1,1")
+    row = struct.pack("<3f", 0.5, 0.25, 0.125)
+    for place, payload in (("0a", row), ("0b", b"no row")):
+        assert kitchen(profile, "data", "put", "field", place, "-", stdin=payload).code == 0
+    assert space(profile, "rebase", "field", "--holds", "float32").json["behind"] == 0
+    assert space(profile, "translate", "field", "--by", "1,2,3").code == 0
+    looked = space(profile, "rebase", "field", "--holds", "float32", "--dry-run")
+    assert (looked.code, looked.json["behind"], looked.json["rebased"]) == (5, 2, 0)
+    done = space(profile, "rebase", "field", "--holds", "float32")
+    assert (done.code, done.json["rebased"], done.json["unknown"]) == (5, 1, 1)
+    moved = scenectl("data", "get", "field", "0a", "--scene", "kitchen", profile=profile).out
+    assert struct.unpack("<3f", moved) == (1.5, 2.25, 3.125)
+    assert space(profile, "rebase", "field", "--holds", "float32").json["behind"] == 1
+    assert "renders" not in space(profile, "rebase", "field", "--holds", "rows").refusal(2)

@@ -68,6 +68,8 @@ async def remove(access: SceneAccess, space: SpaceId, parts: Mapping[Location, O
 
 async def remove_leftovers(access: SceneAccess, space: SpaceId, places: Sequence[Location]) -> int:
     """Delete those of the parts at these places that are left over; how many. What cannot be read is left for a walk to tell."""
+    if not places:
+        return 0
     keys: list[Key] = [(space, place) for place in places]
     found = dict(zip(places, await access.get(keys), strict=True))
     parts = {at: (one, part) for at, one in found.items() if one is not None and (part := part_in(one)) is not None}

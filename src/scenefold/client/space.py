@@ -81,7 +81,7 @@ class Space:
     async def delete(self, location: Location, *, expect: bytes | None = None) -> bytes:
         """Replace a record by one that says that nothing lies here; `get` gives None from then on. Gives its digest.
 
-        `expect` as in `put`. What says so stays in its place; lists leave it out.
+        `expect` as in `put`. What says so stays in its place; lists leave it out. So do parts of a split record: `remove` takes them along.
         """
         return await self.put(location, self._access.tombstone((self.id, location)), expect=expect)
 

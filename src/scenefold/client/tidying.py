@@ -15,7 +15,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.client.access import SceneAccess
 from scenefold.client.editable import editable, fixed_space
-from scenefold.client.leftovers import Standing, part_in, remove, standing_of
+from scenefold.client.leftovers import Standing, part_in, remove, remove_leftovers, standing_of
 from scenefold.client.progress import ProgressCallback, no_progress
 from scenefold.client.sealing import Opened
 from scenefold.client.walking import Looked, Walk, Walked
@@ -98,6 +98,8 @@ class _Tidying:
             return
         fenced = await self._fence(space, {place: entries[place] for place in pending_at})
         given_up = {place: one for place, one in kinds[Standing.PENDING].items() if parts[place][1].entry in fenced}
+        # Somebody wrote there in between, perhaps the look at another batch: they may be left over by now.
+        found.removed += await remove_leftovers(self._access, space, [place for place in kinds[Standing.PENDING] if place not in given_up])
         orphans = kinds[Standing.ORPHANED] if self._orphans else {}
         found.removed += await remove(self._access, space, {**kinds[Standing.LEFT_OVER], **given_up, **orphans})
 

@@ -266,3 +266,23 @@ async def test_parts_are_of_the_version_that_they_were_made_from(autojump_clock:
     second = (await files.split(AT)).parts
     assert not set(first) & set(second), "nobody takes the parts of one splitting for those of another"
     assert decode_entry((await lying(files))[AT].payload).length == len(WHOLE)
+
+
+async def test_an_archive_carries_split_records_and_they_are_merged_where_it_is_brought_back(
+    autojump_clock: MockClock, studio: Studio, tmp_path: Path
+) -> None:
+    scene = await kitchen(studio)
+    files = scene.space(FILES)
+    for number in (1, 2):
+        await files.put(Location.from_number(number), WHOLE)
+        await files.split(Location.from_number(number))
+    await files.put(Location.from_number(2), b"an edit, which leaves two parts over")
+    await scene.export(tmp_path / "kitchen.tar")
+    back, _ = await Studio(tmp_path / "elsewhere").scenes(1).import_archive("pantry", tmp_path / "kitchen.tar")
+    pantry = back.space(FILES)
+    assert await pantry.get_many([Location.from_number(1), Location.from_number(2)]) == await files.get_many(await listed(files))
+    report = await pantry.tidy()
+    assert (report.in_use, report.left_over, report.removed) == (2, 2, 2), "what was made in another scene names no version of this one"
+    await pantry.merge(Location.from_number(1))
+    assert await pantry.get(Location.from_number(1)) == WHOLE
+    assert len(await lying(pantry)) == 2

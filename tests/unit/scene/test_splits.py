@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from house.sources import ROOT
 from scenefold.base.errors import DamagedData
 from scenefold.base.limits import PAYLOAD_BYTES_MAX
 from scenefold.base.location import Location
@@ -191,3 +193,14 @@ def test_vertices_that_are_numbered_wrong_are_damaged() -> None:
     for wrong in ([*numbers[:-1], 12], [numbers[0], numbers[0], *numbers[2:]], numbers[::-1]):
         with pytest.raises(DamagedData, match="number their vertices"):
             joined_atom([with_numbers(wrong), second])
+
+
+@pytest.mark.parametrize(
+    "golden", json.loads((ROOT / "specs" / "vectors" / "splits.json").read_text(encoding="utf-8")), ids=lambda one: one["cut"]
+)
+def test_golden_bytes(golden: dict) -> None:  # type: ignore[type-arg]
+    whole, parts = bytes.fromhex(golden["whole"]), list(map(bytes.fromhex, golden["parts"]))
+    entry = decode_entry(bytes.fromhex(golden["entry"]))
+    assert whole_of(entry, AT, parts) == whole
+    assert (entry.cut.name.lower(), entry.length, encode_entry(entry)) == (golden["cut"], len(whole), bytes.fromhex(golden["entry"]))
+    assert (parts_of(whole, entry.cut, len(parts)), [named.location for named in entry.parts]) == (parts, places(len(parts)))
