@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import pytest
 import trio
 
@@ -143,5 +145,46 @@ def test_a_cut_off_editor_wakes_after_the_switch_and_its_edit_gets_in_nowhere(as
                 await hall.put_at(place(3), b"too late")
             for number, there in ((0, b"a chair"), (1, b"a chair"), (2, None), (3, None)):
                 assert await got(court, place(number)) == there
+
+    held(3, main)
+
+
+def test_nobody_edits_before_who_renders_has_ended_or_has_lost_his_lease() -> None:
+    async def main(court: Court) -> None:
+        await court.create(0, 1, 2)
+        access, leases = court.scene.access, court.client.calls.leases
+        await set_mode(access, SceneMode.RENDER)
+        async with leases.rendering(access):
+            with pytest.raises(Refused) as told:
+                await set_mode(access, SceneMode.EDIT)
+            assert told.value.reason is RejectReason.BUSY
+            assert lenders(court)
+        assert (await set_mode(access, SceneMode.EDIT)).is_active
+        await set_mode(access, SceneMode.RENDER)
+
+        net, renderer = court.cluster.net, "user:renderer"
+        world, writer = net.world(renderer), key_of(1, "the writer")
+        async with open_client("renderer", world, court.cluster.facts, MemoryKeyring(), writer, court.cluster.watch.recorder) as other:
+            scene = await other.scenes.open("kitchen")
+            ended: list[float] = []
+
+            async def render() -> None:
+                with pytest.raises(Refused, match="ran out"):
+                    async with other.calls.leases.rendering(scene.access):
+                        await trio.sleep_forever()
+                ended.append(trio.current_time())
+
+            async with trio.open_nursery() as nursery:
+                nursery.start_soon(render)
+                await court.until(lambda: bool(lenders(court)))
+                parted = net.partition([node.address for node in court.cluster.nodes.values()], [renderer])
+                shown = None
+                while shown is None:
+                    # Busy, as long as what was lent is live.
+                    with suppress(Refused):
+                        shown = await set_mode(access, SceneMode.EDIT)
+                assert shown.is_active and ended, "it lost its lease before anybody could edit"
+                net.unite(parted)
+            await court.hall.put_at(place(1), b"a chair")
 
     held(3, main)

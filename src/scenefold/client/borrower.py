@@ -21,6 +21,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.borrowing import LENT_S_MAX, Loan
 from scenefold.client.hedging import first_answer
 from scenefold.crypto import LEASE_DOMAIN, SigningKey
+from scenefold.scene.head import was_edited
 from scenefold.wire import BorrowLease, LeaseUse, LentLease, SceneMode
 from scenefold.world import Priority
 
@@ -37,6 +38,7 @@ LEND_NEXT_S = 2.5
 """Of silence, after which the next one is asked as well."""
 PAUSE_S = 0.5
 RETURN_S = 2.0
+MODES = {LeaseUse.EDIT: SceneMode.EDIT, LeaseUse.RENDER: SceneMode.RENDER}
 _HELD_UP = (RejectReason.MODE_FORBIDS, RejectReason.NOT_READY, RejectReason.UNKNOWN_SCENE_OR_SPACE)
 """What participants say that have no lease themselves, or know less of the scene than we do."""
 
@@ -46,8 +48,10 @@ _log = logging.getLogger("scenefold.client.leases")
 class Borrowing:
     """Used from the Trio thread only."""
 
-    def __init__(self, leases: Leases, access: SceneAccess, key: SigningKey) -> None:
+    def __init__(self, leases: Leases, access: SceneAccess, key: SigningKey, use: LeaseUse, process: bytes) -> None:
+        """`use`: EDIT or RENDER. `process`: what this client drew for that."""
         self._leases, self._calls, self._access, self._key = leases, leases.calls, access, key
+        self._use, self._process = use, process
         self.loan = Loan()
         self._changed = trio.Event()
         self._asking = trio.Lock()
@@ -91,12 +95,12 @@ class Borrowing:
         until, problems = self._now() + LEND_S_MAX, list[ScenefoldError]()
         while True:
             identity = access.identity
-            identity.check_mode(needs, access.name)
+            self._check_mode(identity, needs, access.name)
             if is_held(identity.write_floor) and self.may_sign(identity):
                 return
             held = self.loan.held
             if held is not None and is_held(identity.write_floor):
-                # The records are to show that their author knows of what the lease is of.
+                # Whoever acts by it is to know what it is of; records show that.
                 await access.refresh(held.position)
                 if access.identity.position >= held.position:
                     continue
@@ -108,10 +112,27 @@ class Borrowing:
                     # What they refuse we may not know yet: another mode, or that our access was revoked.
                     await access.refresh()
                     access.check_writer()
-                    access.identity.check_mode(needs, access.name)
+                    self._check_mode(access.identity, needs, access.name)
             if self._now() >= until:
-                raise _no_lease(access, problems)
+                raise _no_lease(access, problems, self._use)
             await self._calls.world.clock.sleep(PAUSE_S)
+
+    def _check_mode(self, identity: SceneIdentity, needs: Collection[SpaceId], name: str) -> None:
+        """Refused (9) if the scene's mode, by what is known of it, forbids what the lease is for."""
+        if self._use is LeaseUse.EDIT:
+            identity.check_mode(needs, name)
+        elif identity.mode is not SceneMode.RENDER:
+            raise was_edited(f"scene {name}")
+
+    async def lost(self) -> None:
+        """Return once nothing may be done by it any more."""
+        while True:
+            held, now = self.loan.held, self._now()
+            if held is None or not self.loan.may_sign(held.position, now):
+                return
+            changed = self._changed
+            with trio.move_on_after(held.until - now):
+                await changed.wait()
 
     # ------------------------------------------------------------------------------------------------------- asking
 
@@ -140,18 +161,27 @@ class Borrowing:
         # Here, where nothing is waited for between: who keeps it ends as soon as nobody holds anything for us.
         self._is_kept = self._is_kept or self._leases.start(self._keep)
         try:
-            lent = await self._said(node, LeaseUse.EDIT, LEND_ASK_S)
-            _check(lent, node, identity)
+            lent = await self._said(node, self._use, LEND_ASK_S)
+            self._check(lent, node, identity)
         except (Refused, Unreachable, PeerFault) as problem:
             problems.append(problem)
             raise
         self._last = node
         left_s = lent.left_ms / 1000
-        self._set(self.loan.lent(lent.position, left_s, asked_at, self._now(), is_asked_back=lent.is_asked_back))
+        # A render that has begun is not cut: whoever wants to edit waits for its end.
+        is_asked_back = lent.is_asked_back and self._use is LeaseUse.EDIT
+        self._set(self.loan.lent(lent.position, left_s, asked_at, self._now(), is_asked_back=is_asked_back))
+
+    def _check(self, lent: LentLease, node: NodeId, identity: SceneIdentity) -> None:
+        """PeerFault for what no participant lends; Refused (16) if it knows less of the scene than is known here."""
+        if lent.mode is not MODES[self._use] or not lent.is_active or not 0 < lent.left_ms <= LENT_S_MAX * 1000:
+            raise PeerFault("what is lent is no lease of the kind that was asked for", where=address_of(node))
+        if lent.position < identity.write_floor:
+            raise Refused(RejectReason.NOT_READY, "the participant does not know the scene's newest entries yet", where=address_of(node))
 
     async def _said(self, node: NodeId, use: LeaseUse, within_s: float) -> LentLease:
         identity, nonce = self._access.identity, self._leases.next_nonce()
-        plain = BorrowLease(identity.scene, identity.genesis, use, nonce, node, self._key.key_id, self._leases.process())
+        plain = BorrowLease(identity.scene, identity.genesis, use, nonce, node, self._key.key_id, self._process)
         signature = await self._calls.world.workers.run("crypto", self._key.sign, LEASE_DOMAIN, plain.signable())
         packet = replace(plain, signature=signature)
         lent = await self._calls.ask(address_of(node), packet, LentLease, priority=Priority.HIGH, timeout_s=within_s)
@@ -197,29 +227,22 @@ class Borrowing:
             _log.debug("a lease is not given back to %s: %s", address_of(node), problem)
 
 
-def _check(lent: LentLease, node: NodeId, identity: SceneIdentity) -> None:
-    """PeerFault for what no participant lends; Refused (16) if it knows less of the scene than is known here."""
-    if lent.mode is not SceneMode.EDIT or not lent.is_active or not 0 < lent.left_ms <= LENT_S_MAX * 1000:
-        raise PeerFault("what is lent is no lease for edits", where=address_of(node))
-    if lent.position < identity.write_floor:
-        raise Refused(RejectReason.NOT_READY, "the participant does not know the scene's newest entries yet", where=address_of(node))
-
-
-def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError]) -> Refused:
+def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError], use: LeaseUse) -> Refused:
     """In words, with the reason that says most of those for which participants lent nothing."""
     deciders = access.identity.deciders
     where = f"scene {access.name}; {', '.join(map(address_of, deciders))}"
+    done, kind = ("written to the scene", "edits") if use is LeaseUse.EDIT else ("rendered of the scene", "renders")
     refused = [problem for problem in problems if isinstance(problem, Refused)]
     for problem in refused:
         if problem.reason is RejectReason.BUSY:
-            what = "nothing is written just now: somebody changes the scene's mode, or too many write"
+            what = f"nothing is {done} just now: somebody changes its mode, or too many hold leases of it"
             return Refused(RejectReason.BUSY, what, where=where, remedy="try again in a while")
     for problem in refused:
         if problem.reason not in _HELD_UP:
             return problem
     what = (
-        f"nothing can be written to the scene now: none of the {len(deciders)} nodes that decide it lends a lease for edits; "
+        f"nothing can be {done} now: none of the {len(deciders)} nodes that decide it lends a lease for {kind}; "
         f"{len(deciders) // 2 + 1} of them must hear each other"
     )
-    remedy = "start those that are down, or wait until the network is whole, and repeat it; nothing was written"
+    remedy = f"start those that are down, or wait until the network is whole, and repeat it; nothing was {done.split()[0]}"
     return Refused(RejectReason.MODE_FORBIDS, what, where=where, remedy=remedy)

@@ -1,4 +1,4 @@
-"""Leases that a client borrows of a scene's participants, without which it signs no edit (specs/26-modes.md, Lent leases).
+"""Leases that a client borrows of a scene's participants, without which it signs no edit, nor renders (specs/26-modes.md, Lent leases).
 
 One is asked for when a write needs it, and serves all writes of the scene until it is idle. `Leases.run` renews it beside them and gives it
 back; without that task each that has run out is asked for anew by the write that needs it. Asking is `Borrowing`'s (borrower.py); when to
@@ -7,15 +7,19 @@ ask, and until when to sign, `Loan` says (borrowing.py).
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Collection
-from contextlib import AbstractContextManager
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection
+from contextlib import AbstractContextManager, asynccontextmanager
 from typing import TYPE_CHECKING
 
 import trio
 
+from scenefold.base.errors import Refused
 from scenefold.base.ids import KeyId, SpaceId
+from scenefold.base.reasons import RejectReason
 from scenefold.client.borrower import Borrowing
 from scenefold.crypto import SigningKey
+from scenefold.wire import LeaseUse, SceneMode
+from scenefold.world import background_tasks
 
 if TYPE_CHECKING:
     from scenefold.client.access import SceneAccess
@@ -32,9 +36,8 @@ class Leases:
 
     def __init__(self, calls: Calls) -> None:
         self.calls = calls
-        self._process = b""
         self._nonce = 0
-        self._all: dict[tuple[bytes, KeyId], Borrowing] = {}
+        self._all: dict[tuple[bytes, KeyId, LeaseUse], Borrowing] = {}
         self._nursery: trio.Nursery | None = None
 
     async def run(self) -> None:
@@ -57,18 +60,43 @@ class Leases:
         """Around a call that may write."""
         return Edit(self)
 
-    def of(self, access: SceneAccess, key: SigningKey) -> Borrowing:
-        """One for each scene and key, however often the scene is opened."""
-        which = access.identity.genesis, key.key_id
+    @asynccontextmanager
+    async def rendering(self, access: SceneAccess) -> AsyncIterator[None]:
+        """Around an image of a scene that participants decide, if it is in render mode: it stays so until the end.
+
+        Refused (9, 13) if none of them lends a lease, or if it runs out; the body is cancelled then. Who is no writer of the scene is lent none,
+        and is told by what he reads if somebody edited meanwhile. In edit mode there is nothing to hold.
+        """
+        identity, key = access.identity, access.writer
+        if not identity.deciders or identity.mode is not SceneMode.RENDER or key is None or not identity.may_write(key.key_id):
+            yield
+            return
+        borrowing = self.of(access, key, LeaseUse.RENDER)
+        await borrowing.begin(access, ())
+        try:
+            with trio.CancelScope() as body:
+                async with background_tasks() as nursery:
+
+                    async def watch() -> None:
+                        await borrowing.lost()
+                        body.cancel()
+
+                    nursery.start_soon(watch)
+                    yield
+        finally:
+            borrowing.ends()
+        if body.cancelled_caught:
+            what = "the lease under which the scene was being rendered ran out: no node that decides it answered in time"
+            raise Refused(RejectReason.MODE_FORBIDS, what, where=f"scene {access.name}", remedy="render again")
+
+    def of(self, access: SceneAccess, key: SigningKey, use: LeaseUse = LeaseUse.EDIT) -> Borrowing:
+        """One for each scene, key and use, however often the scene is opened. To its lender each is another borrower."""
+        which = access.identity.genesis, key.key_id, use
         borrowing = self._all.get(which)
         if borrowing is None:
-            borrowing = self._all[which] = Borrowing(self, access, key)
+            process = self.calls.world.entropy.token(_PROCESS_BYTES)
+            borrowing = self._all[which] = Borrowing(self, access, key, use, process)
         return borrowing
-
-    def process(self) -> bytes:
-        """What this client drew at its start."""
-        self._process = self._process or self.calls.world.entropy.token(_PROCESS_BYTES)
-        return self._process
 
     def next_nonce(self) -> int:
         self._nonce += 1

@@ -25,7 +25,7 @@ from scenefold.client.wholes import wholes
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys
-from scenefold.scene.head import SceneHead, check_head
+from scenefold.scene.head import SceneHead, check_head, check_unedited
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet, RecordBytes, RecordKey
 from scenefold.world import World
@@ -136,7 +136,9 @@ class NodeReader:
     ) -> list[Opened | None]:
         while True:
             try:
-                return await self.context.world.workers.run("crypto", _open, identity, keys, records)
+                opened = await self.context.world.workers.run("crypto", _open, identity, keys, records)
+                check_unedited(self.head, (one.version[0] for one in opened if one is not None), f"scene {self.scene:08x}")
+                return opened
             except NewerThanKnown as unknown:
                 # A record may be younger than the header that is known here, and the next one of the batch younger still.
                 before, identity = identity, await self._identity(unknown.epoch)

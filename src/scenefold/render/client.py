@@ -12,6 +12,7 @@ import trio
 from scenefold.base.errors import PeerFault, ScenefoldError
 from scenefold.base.ids import address_of
 from scenefold.client import Cluster, Scene
+from scenefold.client.sealing import SceneIdentity
 from scenefold.render.arrays import F32
 from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
@@ -93,21 +94,24 @@ async def render_still(
     watch = _Watch(cluster, organiser, job)
     about = About(cluster.profile.cluster_id, identity.genesis, job)
     keys = await cluster.in_worker("crypto", seal_keys, identity.keys, chosen.sealing, about, token)
-    await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, _head(scene)))
-    try:
-        state = await watch.until_done(progress)
-        report = report_of(state.document, wanted, [address_of(node) for node in chosen.nodes], organiser)
-        image = await watch.fetch(image_size(wanted), progress)
-    finally:
-        await watch.let_go()
+    head = _head(scene, identity)
+    # In render mode nobody switches the scene back before the image is there; who renders in edit mode gets what lies there at the moment.
+    async with cluster.calls.leases.rendering(scene.access):
+        await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head))
+        try:
+            state = await watch.until_done(progress)
+            report = report_of(state.document, wanted, [address_of(node) for node in chosen.nodes], organiser)
+            image = await watch.fetch(image_size(wanted), progress)
+        finally:
+            await watch.let_go()
     layers = _unpack(image, wanted.width, wanted.height)
     return StillResult(layers, {**report, "left_out": [one.document() for one in chosen.left_out]})
 
 
-def _head(scene: Scene) -> SceneHead:
+def _head(scene: Scene, identity: SceneIdentity) -> SceneHead:
     """What the nodes must not fall behind of."""
     log = scene.access.log
-    return NO_HEAD if log is None else SceneHead(scene.access.identity.position, log.keys.header_key.raw)
+    return NO_HEAD if log is None else SceneHead(identity.position, log.keys.header_key.raw, identity.read_floor)
 
 
 class _Watch:

@@ -122,12 +122,15 @@ class FakeCouncil(FakeNodes):
         writer.verify(packet.signature, LEASE_DOMAIN, packet.signable())
         assert packet.lender == me in _nodes(header), "it is asked as who it is"
         assert packet.nonce > max([borrowed.nonce for lender, borrowed in self.borrowed if lender == address], default=0), "it rises"
+        assert len({borrowed.process for _, borrowed in self.borrowed if borrowed.use is packet.use} | {packet.process}) == 1 or (
+            packet.use is LeaseUse.GIVE_BACK
+        ), "one for each use"
         self.borrowed.append((address, packet))
         if packet.use is LeaseUse.GIVE_BACK:
             return LentLease(packet.nonce, me, header.position, header.mode, True)
         alive = [node for node in _nodes(header) if not self._is_gone(node)]
-        reason = self.unlending.get(address)
-        if reason is None and (len(alive) <= len(header.participants) // 2 or header.mode is not SceneMode.EDIT):
+        reason, wanted = self.unlending.get(address), SceneMode.RENDER if packet.use is LeaseUse.RENDER else SceneMode.EDIT
+        if reason is None and (len(alive) <= len(header.participants) // 2 or header.mode is not wanted):
             reason = RejectReason.MODE_FORBIDS
         if reason is not None:
             return Fault(reason, "no lease")

@@ -216,3 +216,52 @@ async def test_output_of_renders_needs_no_lease_for_edits(autojump_clock: MockCl
     await scene.access.change_log(lambda _: SetMode(SceneMode.RENDER))
     await images.put_at(PLACES[0], b"an image")
     assert not uses(council)
+
+
+async def test_who_renders_holds_one_until_the_image_is_there(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    leases = scene.access.calls.leases
+    async with leases.rendering(scene.access):
+        assert not uses(council), "in edit mode there is nothing to hold"
+    await scene.access.change_log(lambda _: SetMode(SceneMode.RENDER))
+    async with background_tasks() as nursery:
+        nursery.start_soon(leases.run)
+        await trio.lowlevel.checkpoint()
+        async with leases.rendering(scene.access):
+            assert uses(council) == [LeaseUse.RENDER]
+            council.asking_back = set(FIVE)
+            await trio.sleep(60.0)
+            assert len(uses(council)) == 15, "what has begun is renewed, whoever wants to edit"
+        await trio.sleep(IDLE_S + 0.1)
+        assert uses(council)[-1] is LeaseUse.GIVE_BACK
+
+
+async def test_a_render_ends_when_its_lease_does(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    await scene.access.change_log(lambda _: SetMode(SceneMode.RENDER))
+    leases = scene.access.calls.leases
+    async with background_tasks() as nursery:
+        nursery.start_soon(leases.run)
+        await trio.lowlevel.checkpoint()
+        council.lent_ms = 11_000
+        began = trio.current_time()
+
+        async def render() -> None:
+            async with leases.rendering(scene.access):
+                council.away = set(FIVE)
+                await trio.sleep(60.0)
+
+        with pytest.raises(Refused, match="ran out") as told:
+            await render()
+        assert told.value.reason is RejectReason.MODE_FORBIDS and trio.current_time() - began == 11.0
+        council.away = set()
+        council.unlending = dict.fromkeys(FIVE, RejectReason.MODE_FORBIDS)
+        with pytest.raises(Refused, match="nothing was rendered"):
+            async with leases.rendering(scene.access):
+                raise AssertionError("nobody has lent anything")
+    council.unlending.clear()
+    with pytest.raises(ZeroDivisionError):
+        async with leases.rendering(scene.access):
+            raise ZeroDivisionError

@@ -16,7 +16,7 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import SceneIdentity
 from scenefold.node.rendering import NodeReader
-from scenefold.scene.head import NO_HEAD
+from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.scene.payloads.splits import Cut, Part, SplitEntry, contents_of, encode_entry, encode_part
 from scenefold.wire import RecordBytes, RecordKey
 from unit.client.fake_nodes import FakeNodes, make_world
@@ -115,3 +115,15 @@ async def test_a_split_record_is_read_as_a_whole(monkeypatch: pytest.MonkeyPatch
     del owners._nodes.records[FILES, places[1]]
     with pytest.RaisesGroup(pytest.RaisesExc(DamagedData, match="part 1 of 2")):
         await reader.get_many(FILES, PLACES)
+
+
+async def test_in_render_mode_what_was_edited_since_ends_the_render(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
+    """The scene was switched back meanwhile: one image must not show both."""
+    reader, owners = await _reader(monkeypatch, [])
+    _header_known_up_to(monkeypatch, 9)
+    before, behind = replace(reader, head=SceneHead(4, bytes(32), 4)), replace(reader, head=SceneHead(4, bytes(32), 3))
+    await _written_at(owners, 1, 2, 3)
+    assert await before.get_many(FILES, PLACES) == [payload for _, payload in ITEMS]
+    with pytest.RaisesGroup(pytest.RaisesExc(Refused, match="switched back to edit mode")):
+        await behind.get_many(FILES, PLACES)
+    assert await reader.get_many(FILES, PLACES), "in edit mode the image shows what lies there"

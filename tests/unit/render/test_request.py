@@ -18,7 +18,7 @@ from scenefold.wire import pack_value, unpack_value
 
 KEYS = SealedKeys(((NodeId(3), b"a box"),), b"what it opens")
 REQUEST = RenderRequest(
-    7, SceneId(3), bytes(range(32)), KEYS, RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left"), SceneHead(5, bytes(32))
+    7, SceneId(3), bytes(range(32)), KEYS, RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left"), SceneHead(5, bytes(32), 4)
 )
 DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
 ENDLESS = float("inf")

@@ -7,6 +7,7 @@ the signatures. Nothing here waits between a look at `standing` and what is said
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import trio
@@ -66,7 +67,9 @@ class SceneModes(Owner):
         self.public = public
         was_switched = public.mode is not SceneMode.EDIT or public.write_floor > 0
         me, scene = self._own.member, DecidedScene.of(public)
-        self.standing = Standing.started(me, scene, self._now(), was_switched=was_switched, may_have_lent=not is_new)
+        started = Standing.started(me, scene, self._now(), was_switched=was_switched, may_have_lent=not is_new)
+        # It says nothing before it is known what it has voted for (`stands`).
+        self.standing = replace(started, speaker=Member(self._own.me, _NOBODY))
         self._story.forget(public)
         self._asking.forget()
         self._asked_back_until = -1.0
@@ -115,7 +118,8 @@ class SceneModes(Owner):
                 RejectReason.BUSY, "the scene's mode is about to change, or too many leases are lent", remedy="try again in a while"
             )
         self._nonces[borrower] = nonce
-        self.standing, left_s = self.standing.lends(borrower, now, no_more=is_asked_back)
+        # A render that has begun is not cut; who edits comes to an end.
+        self.standing, left_s = self.standing.lends(borrower, now, no_more=is_asked_back and mode is SceneMode.EDIT)
         return left_s, is_asked_back
 
     def take_back(self, borrower: Borrower, nonce: int) -> None:

@@ -116,7 +116,8 @@ class SwitchStory:
             await modes.news.until(lambda: self._to_say > 0 and self._switch is not None)
             assert self._switch is not None
             self._release()
-            if self._own.member in modes.standing.releases.heard:
+            # Its own word is to be among them.
+            if modes.standing.releases.cover(self._own.member, self._switch.position):
                 await self._say(self._switch)
                 self._to_say -= 1
             await self._world.clock.sleep(SAID_PAUSE_S)

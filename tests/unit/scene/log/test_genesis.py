@@ -14,7 +14,7 @@ from scenefold.crypto import HEADER_DOMAIN, SigningKey
 from scenefold.peer.scene_log.headers import checked_header
 from scenefold.scene.head import SceneHead, check_head
 from scenefold.scene.log import FOR_EVER, decided, lockbox_for, proven_header_key, succeeded
-from scenefold.wire import KeyEntry, Role, SceneLogPublic, WriterEntry
+from scenefold.wire import KeyEntry, Role, SceneLogPublic, SceneMode, WriterEntry
 from unit.scene.log.members import MAKER, grant, secrets_of
 from unit.scene.log.test_grants import KEEPER_KEY, MAKER_NUMBER, Story
 
@@ -108,3 +108,7 @@ def test_no_node_renders_by_a_header_of_before_what_the_client_held() -> None:
         check_head(replace(before, position=9), before.genesis, head)
     with pytest.raises(DamagedData, match="another scene"):
         check_head(before, bytes(32), head)
+    with pytest.raises(Refused, match="edit mode") as refused:
+        check_head(story.header, story.header.genesis, replace(head, floor=1))
+    assert refused.value.reason is RejectReason.MODE_FORBIDS
+    check_head(replace(story.header, mode=SceneMode.RENDER), story.header.genesis, replace(head, floor=1))
