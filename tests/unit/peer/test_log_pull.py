@@ -39,7 +39,9 @@ class Others:
 
 
 def a_puller(others: Others) -> LogPuller:
-    copy = SimpleNamespace(position=7, registry=SimpleNamespace(members=[NodeId(number) for number in range(1, 51)]))
+    copy = SimpleNamespace(
+        position=7, registry=SimpleNamespace(members=[NodeId(number) for number in range(1, 51)], voting=SimpleNamespace(councils=()))
+    )
     genesis = SimpleNamespace(scene=1, genesis=bytes(32))
     facts = SimpleNamespace(voter=VOTER, founders=[NodeId(number) for number in range(1, 6)], genesis_header=genesis)
     world = SimpleNamespace(clock=TrioClock(), entropy=SimpleNamespace(uniform=lambda: 0.3))
