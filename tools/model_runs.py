@@ -73,6 +73,7 @@ LEASES = (
     Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1", "three ballots, the lease at 0, who acts at 1"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0", "an entry or a removal before; the lease at who may be removed"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=3 -DACTOR=0", "the same, the lease at the observer"),
+    Run("leases", "-DLATE -DPOSITIONS=2 -DHOLDER=3 -DACTOR=0", "the same, released behind the decision, and forgotten"),
     Run("leases", "-DPOSITIONS=2", "the same, the lease and who acts anywhere", quick=False),
     Run("leases", "-DB=3", "three ballots, the lease and who acts anywhere", quick=False),
     Run("leases", "-DOWNER -DPOSITIONS=2", "an owner's lease and its removal"),

@@ -123,7 +123,7 @@ def relieve(
     dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
-    """Have other trusted nodes decide in a node's place, in all scenes that you own: before it leaves, or when it is gone for good.
+    """Have other trusted nodes decide in a node's place, in all scenes that you own: before it leaves, or when it is gone for good. What it only observes it observes no more.
 
     Exit code 5 if it decides some scene on.
 
@@ -149,7 +149,7 @@ def relieve(
 
     found = run(do)
     rows = [(one.name or "-", f"{one.scene:08x}", "" if one.by is None else address_of(one.by), one.problem) for one in found]
-    text = table(("name", "id", "in its place", "problem"), rows) if rows else f"Node {address} decides no scene."
+    text = table(("name", "id", "in its place", "problem"), rows) if rows else f"Node {address} decides and observes no scene."
     emit(output, {"address": address.text, "dry_run": dry_run, "scenes": [one.document() for one in found]}, text)
     return DEGRADED if any(one.problem for one in found) else DONE
 

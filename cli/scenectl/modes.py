@@ -27,11 +27,14 @@ def mode(
     to: Annotated[Mode | None, Parameter(help="The mode that it shall be in; none is changed if this is left out.")] = None,
     /,
     *,
+    force: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Tell which mode a scene is in, or switch it: in edit mode it can be changed, in render mode only the output of a render is written.
 
     A mode is active once nobody can act by the one before any more: at once, or, if one of those who decide cannot be reached, after some 13 s. Exit code 0: it is active. 3: it is decided, and not active yet, or nobody who can be asked knows.
+
+    Whoever takes part in the scene and seems alive is asked first, and may have something against it: a render that is under way, or an edit.
 
     Example: scenectl scene mode kitchen render --profile studio
 
@@ -39,6 +42,8 @@ def mode(
     ----------
     scene
         Name of the scene.
+    force
+        Ask nobody: renders that are under way come to an end, and who does not answer is passed over. What somebody may still act by is waited for all the same, some 13 s at most.
     """
     from scenectl.running import connected, run
     from scenefold.client.modes import mode_of, set_mode
@@ -50,7 +55,7 @@ def mode(
             if to is None:
                 return await mode_of(access)
             return await set_mode(
-                access, SceneMode[to.name], lambda position: note(f"decided: {to.value} mode, position {position} of the log")
+                access, SceneMode[to.name], lambda position: note(f"decided: {to.value} mode, position {position} of the log"), force=force
             )
 
     found = run(ask)

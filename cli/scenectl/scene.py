@@ -14,6 +14,7 @@ from scenectl.deciding import ParticipantsOption, add_participant, even_warning,
 from scenectl.ending import rm
 from scenectl.modes import mode
 from scenectl.names import SceneName, SceneOption
+from scenectl.observing import add_observer, remove_observer
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
 from scenectl.purging import purge, strays
 from scenectl.scene_log import log
@@ -39,6 +40,8 @@ VERBS: tuple[Callable[..., int | None], ...] = (
     participants,
     add_participant,
     remove_participant,
+    add_observer,
+    remove_observer,
     relieve,
     purge,
     strays,

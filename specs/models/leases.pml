@@ -176,10 +176,15 @@ bit active_;
 #else
 #define ENDING (BEGUN(0) -> 1 : 0)
 #endif
-#ifdef MUT_RELEASE                      /* a release is not durable */
+#if defined(MUT_RELEASE) || defined(LATE)       /* a release is not durable */
 #define LOSE released = 0
 #else
 #define LOSE skip
+#endif
+#ifdef LATE                             /* an observer releases what it has learnt to be decided, and no sooner */
+#define KNOWN (ENDED && c[me] > WHERE)
+#else
+#define KNOWN true
 #endif
 
 #define less(x) x = (x > 0 -> x - 1 : 0)
@@ -203,7 +208,7 @@ end:    do
         :: d_step { me == holder && me < N && USABLE && !lent && !careful ->              /* a client borrows it */
                 lent = left_; remembered = 1; SAFE }
         :: d_step { me == holder && lent && remembered -> lent = 0; remembered = 0 }      /* and gives it back */
-        :: d_step { me == OBSERVER && ENDING && released <= c[me] ->                      /* shown a vote for a switch, it releases */
+        :: d_step { me == OBSERVER && ENDING && released <= c[me] && KNOWN ->             /* shown a vote for a switch, it releases */
                 released = ENDING; said = ENDING; if :: me == holder -> drop :: else fi }
         :: d_step { me == holder && me < N && (left_ || remembered) -> drop; remembered = 0; careful = T }      /* crashes */
         :: d_step { me == holder && me == OBSERVER && (left_ || released) -> drop; LOSE }

@@ -99,8 +99,9 @@ class MemoryHost:
         self.keys.append(open_keys(keys, self.node_id, self.sealing, About(CLUSTER, genesis, job)))
         return self.keys[-1]
 
-    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> MemoryReader:
-        return MemoryReader(self._pool.records)
+    @asynccontextmanager
+    async def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> AsyncIterator[MemoryReader]:
+        yield MemoryReader(self._pool.records)
 
     def record_count(self) -> int:
         return len(self._pool.records)

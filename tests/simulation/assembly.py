@@ -149,8 +149,8 @@ class Assembly:
         record = read.log.state.next_record(entry, request or self._token(16), self.origin.node)
         return follow(read.public, read.log, record, self.keys, secrets_of(200).signing, self._token).sealed()
 
-    async def offer(self, slot: int, offered: Followed) -> AcceptSceneProposal | RejectSceneProposal:
-        reply = await self.ask(slot, ProposeSceneLog(self.genesis, offered.header, offered.private))
+    async def offer(self, slot: int, offered: Followed, *, forced: bool = False) -> AcceptSceneProposal | RejectSceneProposal:
+        reply = await self.ask(slot, ProposeSceneLog(self.genesis, offered.header, offered.private, forced))
         assert isinstance(reply, AcceptSceneProposal | RejectSceneProposal), reply
         if isinstance(reply, AcceptSceneProposal):
             check_decided(replace(offered.header, decision=reply.decision))
@@ -161,9 +161,9 @@ class Assembly:
         with suppress(Refused, DiskFailed, ConnectionLost):
             await self.offer(slot, offered)
 
-    async def change(self, slot: int, entry: LogEntry | None = None) -> AcceptSceneProposal | RejectSceneProposal:
+    async def change(self, slot: int, entry: LogEntry | None = None, *, forced: bool = False) -> AcceptSceneProposal | RejectSceneProposal:
         """One more entry, made from what this node shows, and offered there."""
-        return await self.offer(slot, self.following(await self.read(slot), entry or self.grant()))
+        return await self.offer(slot, self.following(await self.read(slot), entry or self.grant()), forced=forced)
 
     async def commits(self, slot: int, entry: LogEntry | None = None, tries: int = 20) -> int:
         """As an owner who does not give up; gives the position."""

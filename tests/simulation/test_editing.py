@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 
 import pytest
 import trio
@@ -13,7 +14,7 @@ from scenefold.client.modes import set_mode
 from scenefold.client.space import Space
 from scenefold.peer.modes.scene_modes import SceneModes
 from scenefold.peer.timing import T_WAIT_S
-from scenefold.simulation.clients import MemoryKeyring, open_client
+from scenefold.simulation.clients import Client, MemoryKeyring, open_client
 from scenefold.simulation.cluster import key_of
 from scenefold.wire import SceneMode
 from simulation.test_client_participants import Court, held
@@ -145,6 +146,50 @@ def test_a_cut_off_editor_wakes_after_the_switch_and_its_edit_gets_in_nowhere(as
                 await hall.put_at(place(3), b"too late")
             for number, there in ((0, b"a chair"), (1, b"a chair"), (2, None), (3, None)):
                 assert await got(court, place(number)) == there
+
+    held(3, main)
+
+
+def test_force_ends_a_render_and_nobody_edits_before_its_lease_is_over() -> None:
+    """It is lent by one of three, and in the second case by two of them, so that no majority can vote before."""
+
+    @asynccontextmanager
+    async def renderer(court: Court, name: str) -> AsyncIterator[Client]:
+        world, writer = court.cluster.net.world(f"user:{name}"), key_of(1, "the writer")
+        async with open_client(name, world, court.cluster.facts, MemoryKeyring(), writer, court.cluster.watch.recorder) as client:
+            yield client
+
+    async def main(court: Court) -> None:
+        await court.create(0, 1, 2)
+        access = court.scene.access
+        for names in (("r1",), ("r1", "r2", "r3", "r4", "r5")):
+            await set_mode(access, SceneMode.RENDER)
+            ended: list[tuple[float, str]] = []
+
+            async def render(name: str, begun: trio.Event, ended: list[tuple[float, str]] = ended) -> None:
+                async with renderer(court, name) as client:
+                    scene = await client.scenes.open("kitchen")
+                    try:
+                        async with client.calls.leases.rendering(scene.access):
+                            begun.set()
+                            await trio.sleep_forever()
+                    except Refused as refused:
+                        ended.append((trio.current_time(), str(refused)))
+
+            async with trio.open_nursery() as nursery:
+                for name in names:
+                    begun = trio.Event()
+                    nursery.start_soon(render, name, begun)
+                    await begun.wait()
+                with pytest.raises(Refused) as told:
+                    await set_mode(access, SceneMode.EDIT)
+                assert told.value.reason is RejectReason.BUSY and not ended
+                began = trio.current_time()
+                shown = await set_mode(access, SceneMode.EDIT, force=True)
+                assert shown.is_active and len(ended) == len(names), "all of them had ended"
+                assert all("ran out" in words for _, words in ended)
+                assert max(at for at, _ in ended) <= trio.current_time() < began + 2 * T_WAIT_S + 5.0
+            await court.hall.put_at(place(len(names)), b"a chair")
 
     held(3, main)
 

@@ -165,9 +165,9 @@ class SceneAccess:
         """The newest log. Payloads that are written from now on hold coordinates as it says."""
         return self._known(await self.log_or_fault().newest())
 
-    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry]) -> ReadLog:
+    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry], *, forced: bool = False) -> ReadLog:
         """Bring an entry into the log; see `LogAccess.propose`."""
-        return self._known(await self.log_or_fault().propose(entry_of))
+        return self._known(await self.log_or_fault().propose(entry_of, forced=forced))
 
     def _known(self, log: ReadLog) -> ReadLog:
         keys = self.log_or_fault().keys.epochs

@@ -42,14 +42,15 @@ async def mode_of(access: SceneAccess) -> ModeShown:
     return await _shown(access, await _header(access))
 
 
-async def set_mode(access: SceneAccess, mode: SceneMode, decided: Callable[[int], object] = id) -> ModeShown:
+async def set_mode(access: SceneAccess, mode: SceneMode, decided: Callable[[int], object] = id, *, force: bool = False) -> ModeShown:
     """Change the mode, if it is another one, and wait until it is active, though not for ever. `decided` is told the log's position then.
 
-    Refused (13) while a participant has lent what may still be used; it has asked for that to be given back.
+    Refused (13) while a participant has lent what may still be used, which it has asked for to be given back, or an observer renders; (3) if one
+    that seems alive does not say whether it suits it. `force`: nobody is asked. Then renders come to an end, and what was lent runs out before.
     """
     header = await _header(access)
     if header.mode is not mode:
-        header = (await access.change_log(partial(_switching, access.name, mode))).header
+        header = (await access.change_log(partial(_switching, access.name, mode), forced=force)).header
     decided(header.position)
     clock = access.calls.world.clock
     until = clock.now() + ACTIVE_S_MAX

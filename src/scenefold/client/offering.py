@@ -37,10 +37,11 @@ ROUND_MAX = 3
 
 
 class Rejected(NamedTuple):
-    """120, and who answered it."""
+    """120, and who answered it; with PEER_MISSED who does not answer, and how long ago there was a sign of life of it, 0 if that is not known."""
 
     reason: RejectReason
     by: NodeId
+    silent_ms: int = 0
 
 
 async def offered(calls: Calls, packet: ProposeSceneLog, doubt: Doubt) -> SceneLogPublic | Rejected:
@@ -90,4 +91,4 @@ def _outcome(packet: ProposeSceneLog, reply: AcceptSceneProposal | RejectScenePr
         return as_decided(packet, reply)
     if reply.reason == RejectReason.NOT_READY:
         doubt.note([packet.public.position])
-    return Rejected(reply.reason, reply.node)
+    return Rejected(reply.reason, reply.node, reply.silent_ms)

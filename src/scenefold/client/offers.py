@@ -11,10 +11,12 @@ from scenefold.base.reasons import RejectReason
 from scenefold.scene.log import check_decided
 from scenefold.wire import AcceptSceneProposal, ProposeSceneLog, RejectSceneProposal, SceneLogPublic
 
+NOBODY = NodeId(0)
 
-def proposal_of(header: SceneLogPublic, private: bytes) -> ProposeSceneLog:
-    """Packet 118: please have this header, with its sealed log, decided."""
-    return ProposeSceneLog(header.genesis, header, private)
+
+def proposal_of(header: SceneLogPublic, private: bytes, *, forced: bool = False) -> ProposeSceneLog:
+    """Packet 118: please have this header, with its sealed log, decided. `forced`: whomever the change of the mode does not suit."""
+    return ProposeSceneLog(header.genesis, header, private, forced)
 
 
 def as_decided(packet: ProposeSceneLog, reply: AcceptSceneProposal) -> SceneLogPublic:
@@ -32,10 +34,21 @@ def check_answer(packet: ProposeSceneLog, reply: AcceptSceneProposal | RejectSce
         raise PeerFault(f"a proposal is said to be accepted: {problem.what}", where=problem.where) from problem
 
 
-def refusal_of(reason: RejectReason, name: str, by: int = 0, before: SceneLogPublic | None = None) -> Refused:
-    """In words, for whoever proposed something. `by`: who says so, if that is known; `before`: the header that it was to follow."""
-    where = f"scene {name}" + (f", says {address_of(NodeId(by))}" if by else "")
+def refusal_of(
+    reason: RejectReason, by: NodeId = NOBODY, silent_ms: int = 0, *, name: str, before: SceneLogPublic | None = None
+) -> Refused:
+    """In words, for whoever proposed something. `by`: who says so, if that is known; `before`: the header that it was to follow.
+
+    `silent_ms`: with PEER_MISSED, since when `by`, who does not answer, gave no sign of life; 0: not known.
+    """
+    where = f"scene {name}" + (f", says {address_of(by)}" if by else "")
     if before is not None and before.participants:
+        if reason is RejectReason.PEER_MISSED and by:
+            return _missed(by, silent_ms, name, before)
+        if reason is RejectReason.BUSY and _observes(by, before):
+            what = f"an observer of the scene, {address_of(by)}, is reading it for an image"
+            remedy = f"wait until the render has ended; `scenectl scene mode {name} MODE --force` ends it"
+            return Refused(reason, what, where=f"scene {name}", remedy=remedy)
         return _refusal_of_participants(reason, where, name, before)
     if reason is RejectReason.LIMIT_EXCEEDED:
         what = f"the cluster takes no more scenes: {SCENES_PER_USER_MAX} of one user, {SCENES_LISTED_MAX} in all"
@@ -44,6 +57,20 @@ def refusal_of(reason: RejectReason, name: str, by: int = 0, before: SceneLogPub
         return Refused(reason, "the cluster is busy: the scene was changed too often lately", where=where, remedy="try again in a while")
     words = reason.name.lower().replace("_", " ")
     return Refused(reason, f"the cluster refused the scene: {words}", where=where)
+
+
+def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic) -> Refused:
+    """Of a change of the mode: who seems alive has to agree."""
+    address, part = address_of(node), "an observer" if _observes(node, before) else "a participant"
+    since = f"; its last sign of life came {silent_ms / 1000:.1f} s ago" if silent_ms else ""
+    what = f"{address}, {part} of the scene, was asked whether the mode may change, and does not answer{since}"
+    forget = f"`scenectl scene remove-{part.split()[1]} {name} {address}` if it is gone for good"
+    remedy = f"start it, or repeat this when the others have noticed that it is away; or {forget}; `--force` asks nobody"
+    return Refused(RejectReason.PEER_MISSED, what, where=f"scene {name}", remedy=remedy)
+
+
+def _observes(node: NodeId, header: SceneLogPublic) -> bool:
+    return any(entry.member.node == node for entry in header.observers)
 
 
 def _refusal_of_participants(reason: RejectReason, where: str, name: str, before: SceneLogPublic) -> Refused:

@@ -49,7 +49,7 @@ async def deciders_of(access: SceneAccess) -> Deciders:
     header = None if access.log is None else await access.log.header()
     if header is None:
         raise LocalFault("the cluster does not know this scene", where=f"scene {access.name}")
-    return _deciders(header)
+    return deciders_in(header)
 
 
 async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry]) -> Deciders:
@@ -57,12 +57,12 @@ async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEnt
 
     LocalFault if one takes part already, or these are several, and others decide. That they are trusted the caller has seen to (`entry_of`).
     """
-    return _deciders((await access.change_log(partial(_joining, access.name, entries))).header)
+    return deciders_in((await access.change_log(partial(_joining, access.name, entries))).header)
 
 
 async def remove_participant(access: SceneAccess, node: NodeId) -> Deciders:
     """Let a node decide no more, whichever life it leads. LocalFault if it does not, or nobody else does."""
-    return _deciders((await access.change_log(partial(_leaving, access.name, node))).header)
+    return deciders_in((await access.change_log(partial(_leaving, access.name, node))).header)
 
 
 def _joining(name: str, entries: Sequence[ParticipantEntry], log: SceneLog) -> LogEntry:
@@ -78,7 +78,8 @@ def _joining(name: str, entries: Sequence[ParticipantEntry], log: SceneLog) -> L
             remedy = f"`scenectl scene remove-participant {name} {address}` first; its place is free then"
             raise LocalFault(what, where=f"{where}, {address}", remedy=remedy)
         if member.node in observers:
-            raise LocalFault("the node takes part as an observer", where=f"{where}, {address}")
+            remedy = f"`scenectl scene remove-observer {name} {address}` first"
+            raise LocalFault("the node takes part as an observer", where=f"{where}, {address}", remedy=remedy)
     if before and len(entries) != 1:
         raise LocalFault("those who decide change one at a time", where=where, remedy="add them one after the other")
     if len(before) + len(entries) > DECIDERS_MAX:
@@ -99,6 +100,7 @@ def _leaving(name: str, node: NodeId, log: SceneLog) -> LogEntry:
     return RemoveParticipant(members[node])
 
 
-def _deciders(header: SceneLogPublic) -> Deciders:
+def deciders_in(header: SceneLogPublic) -> Deciders:
+    """As a header names them."""
     participants, observers = ([NodeId(entry.member.node) for entry in entries] for entries in (header.participants, header.observers))
     return Deciders(NodeId(header.origin), tuple(participants), tuple(observers), header.position)

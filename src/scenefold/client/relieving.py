@@ -20,9 +20,12 @@ if TYPE_CHECKING:
     from scenefold.world.log_view import LogView
 
 
+_NO_KEY = "you have no key of it: ask one of its owners"
+
+
 @dataclass(frozen=True, slots=True)
 class Relieved:
-    """One scene. `by`: who decides in the node's place; None: nobody, fewer decide. `problem`: why the node decides on, or nobody came in its place."""
+    """One scene that it decided, or observed. `by`: who decides in the node's place; None: nobody, fewer decide. `problem`: why the node decides on, or nobody came in its place."""
 
     scene: SceneId
     name: str | None
@@ -46,7 +49,11 @@ async def relieve(cluster: Cluster, node: NodeId, by: NodeId | None = None, *, d
     names = {scene.genesis: scene.name for scene in await cluster.scenes.list()}
     found = []
     for header in await cluster.scenes.headers():
-        if node not in _deciding(header) or header.mode is SceneMode.ENDED:
+        if header.mode is SceneMode.ENDED:
+            continue
+        if any(entry.member.node == node for entry in header.observers):
+            found.append(await _unobserved(cluster, names.get(header.genesis), header.scene, node, dry_run=dry_run))
+        if node not in _deciding(header):
             continue
         name, heir = names.get(header.genesis), _heir(header, view, node, by, cluster.calls.is_silent)
         problem = _hopeless(header, name, heir)
@@ -54,6 +61,17 @@ async def relieve(cluster: Cluster, node: NodeId, by: NodeId | None = None, *, d
             problem = await _replaced(cluster, name, header, view, node, heir)
         found.append(Relieved(header.scene, name, None if problem else heir, problem))
     return found
+
+
+async def _unobserved(cluster: Cluster, name: str | None, scene: SceneId, node: NodeId, *, dry_run: bool) -> Relieved:
+    """Nobody observes in its place: who is there no more only has each change of the mode wait."""
+    problem = "" if name is not None else _NO_KEY
+    if name is not None and not dry_run:
+        try:
+            await (await cluster.scenes.open(name)).remove_observer(node)
+        except (LocalFault, Refused, Unreachable, PeerFault) as failure:
+            problem = str(failure)
+    return Relieved(scene, name, None, problem)
 
 
 async def _replaced(cluster: Cluster, name: str, header: SceneLogPublic, view: LogView, node: NodeId, heir: NodeId | None) -> str:
@@ -84,7 +102,7 @@ def _hopeless(header: SceneLogPublic, name: str | None, heir: NodeId | None) -> 
     if not header.participants:
         return "it is decided where scenes of this cluster begin; `scenectl scene add-participant` lets others do so"
     if name is None:
-        return "you have no key of it: ask one of its owners"
+        return _NO_KEY
     if heir is None and len(header.participants) == 1:
         return "nobody else is trusted who could decide it"
     return ""

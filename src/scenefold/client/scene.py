@@ -16,6 +16,7 @@ from scenefold.client.grants import Access, access_of, grant, plan_revoke, revok
 from scenefold.client.importing import ImportReport, prepare_import, store_import
 from scenefold.client.log_telling import LogStory, story_of
 from scenefold.client.new_space import SpaceOptions, new_space
+from scenefold.client.observers import add_observer, remove_observer
 from scenefold.client.participants import Deciders, add_participants, deciders_of, remove_participant
 from scenefold.client.positions import logged_spaces
 from scenefold.client.progress import ProgressCallback, callback_of
@@ -177,6 +178,14 @@ class Scene:
     async def remove_participant(self, node: NodeId) -> Deciders:
         """Let a node decide no more; an owner's to do. It takes a majority of those who decide, the node itself counted."""
         return await remove_participant(self.access, node)
+
+    async def add_observer(self, entry: ParticipantEntry) -> Deciders:
+        """Let a node observe the scene; an owner's to do. `entry`: of `cluster.membership.participants`."""
+        return await add_observer(self.access, entry)
+
+    async def remove_observer(self, node: NodeId) -> Deciders:
+        """Let a node observe the scene no more; an owner's to do."""
+        return await remove_observer(self.access, node)
 
     async def end(self, *, dry_run: bool = False) -> SceneEnd:
         """End this scene, for ever; an owner's to do. `dry_run`: only say what would be lost; see `ending`."""

@@ -55,10 +55,11 @@ class Standing:
 class LogAccess(LogReading):
     """What is read, and what is proposed."""
 
-    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, request_id: bytes | None = None) -> ReadLog:
+    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, request_id: bytes | None = None, forced: bool = False) -> ReadLog:
         """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew.
 
-        `request_id`: of an entry that was proposed before, and may be in the log: it will be there once. LocalFault if the entry does not fit,
+        `request_id`: of an entry that was proposed before, and may be in the log: it will be there once. `forced`: it is a change of the mode, and
+        goes in whomever it does not suit. LocalFault if the entry does not fit,
         or we are no owner; Refused if it did not go in; Unreachable, with words, if nobody knows.
         """
         secrets = await self.owner()
@@ -70,7 +71,7 @@ class LogAccess(LogReading):
             ),
         )
         with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, request_id, secrets.signing, doubt)
+            return await self._proposed(entry_of, request_id, secrets.signing, doubt, forced=forced)
 
     async def owner(self) -> MemberSecrets:
         """What we sign changes with; LocalFault if we are no owner of the scene."""
@@ -80,7 +81,9 @@ class LogAccess(LogReading):
             raise LocalFault("only an owner of the scene may change this", where=f"scene {self._name}", remedy="ask one of them")
         return self._secrets
 
-    async def _proposed(self, entry_of: Callable[[SceneLog], LogEntry], request_id: bytes, author: SigningKey, doubt: Doubt) -> ReadLog:
+    async def _proposed(
+        self, entry_of: Callable[[SceneLog], LogEntry], request_id: bytes, author: SigningKey, doubt: Doubt, *, forced: bool
+    ) -> ReadLog:
         patience, clock = Patience(), self._calls.world.clock
         until = clock.now() + CLIENT_AUTHOR_S
         draft: tuple[ReadLog, Followed] | None = None
@@ -108,14 +111,14 @@ class LogAccess(LogReading):
                 draft = before, await self._calls.world.workers.run("crypto", made.sealed)
             after = draft[1]
             try:
-                outcome = await self._offer(proposal_of(after.header, after.private), before.header, doubt, attempt)
+                outcome = await self._offer(proposal_of(after.header, after.private, forced=forced), before.header, doubt, attempt)
                 if isinstance(outcome, SceneLogPublic):
                     self._take(outcome, keys_with_log(after.keys, after.log.state))
                     await self._memory.keep()
                     self._read = ReadLog(outcome, after.log)
                     return self._read
                 first = outcome.by if outcome.reason in _TOO_LATE else None
-                problem = None if outcome.reason in _TOO_LATE else refusal_of(outcome.reason, self._name, outcome.by, before.header)
+                problem = None if outcome.reason in _TOO_LATE else refusal_of(*outcome, name=self._name, before=before.header)
             except (Unreachable, PeerFault, Refused) as error:
                 problem = error
             # While there is doubt, what the log says next is better than what this answer says.
@@ -147,7 +150,7 @@ class LogAccess(LogReading):
             if isinstance(outcome, SceneLogPublic):
                 return Standing(None, False, known)
             reason, first = (RejectReason.BUSY if outcome.reason in _TOO_LATE else outcome.reason), outcome.by
-            problem = refusal_of(reason, self._name, outcome.by, read.header)
+            problem = refusal_of(reason, outcome.by, outcome.silent_ms, name=self._name, before=read.header)
             if not patience.bears(problem) or clock.now() >= until:
                 raise problem
             await self._calls.pause(patience)
@@ -166,7 +169,7 @@ class LogAccess(LogReading):
             outcome = await offered(self._calls, packet, doubt)
             if isinstance(outcome, SceneLogPublic):
                 return outcome
-            raise refusal_of(outcome.reason, self._name, outcome.by)
+            raise refusal_of(*outcome, name=self._name)
 
         with doubt.no_refusal():
             return await self._calls.of_any(offer)

@@ -25,6 +25,8 @@ class Ask:
     deadline: float
     is_for_all: bool = False
     """Whoever seems alive has to agree, as far as nothing has begun yet."""
+    is_forced: bool = False
+    """Nobody is asked whether it suits him."""
 
 
 @dataclass(frozen=True, slots=True)

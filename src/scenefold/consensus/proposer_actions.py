@@ -24,7 +24,8 @@ def begin(effort: Effort) -> None:
     """remember who asked, for what and until when"""
     ask = effort.asked
     assert ask is not None
-    effort.case.change_proposal(Proposal(wish=ask.value, is_asked=True, is_for_all=ask.is_for_all, deadline=ask.deadline))
+    wanted = Proposal(wish=ask.value, is_asked=True, is_for_all=ask.is_for_all, is_forced=ask.is_forced, deadline=ask.deadline)
+    effort.case.change_proposal(wanted)
 
 
 def take_over(effort: Effort) -> None:
@@ -90,7 +91,7 @@ def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
     in_first = proposal.id.phase is Phase.PREPARE
     highest = case.slot.accepted.value if in_first and case.slot.accepted is not None else None
     value: Value | None = proposal.wish if in_first else proposal.chosen
-    is_takeover = not proposal.is_asked or proposal.wish is None or proposal.digest in case.slot.exposed
+    is_takeover = proposal.is_forced or not proposal.is_asked or proposal.wish is None or proposal.digest in case.slot.exposed
     for node, route in ways.items():
         case.send(node, Propose(case.setting.genesis, proposal.id, route, proposal.facts, highest, value, is_takeover))
     effort.change(arms=frozenset(ways))

@@ -49,6 +49,7 @@ class Proposal:
     is_asked: bool = False
     """Somebody waits for the outcome."""
     is_for_all: bool = False
+    is_forced: bool = False
     deadline: float = NEVER
     met: Ballot | None = None
     """The highest ballot that somebody has refused this one for."""

@@ -7,7 +7,8 @@ are kept in memory only.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -27,7 +28,7 @@ from scenefold.peer.peers import priority_of
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys
 from scenefold.scene.head import SceneHead, check_head, check_unedited
 from scenefold.scene.log import EpochKeys
-from scenefold.wire import Packet, RecordBytes, RecordKey
+from scenefold.wire import Packet, RecordBytes, RecordKey, SceneMode
 from scenefold.world import World
 
 P = TypeVar("P", bound=Packet)
@@ -86,8 +87,12 @@ class RenderHost:
         about = About(self._context.facts.cluster_id, genesis, job)
         return open_keys(keys, self.node_id, self._context.own.secrets.sealing, about)
 
-    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> NodeReader:
-        return NodeReader(self._context, scene, genesis, keys, head)
+    @asynccontextmanager
+    async def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> AsyncIterator[NodeReader]:
+        # What a client holds for all nodes of a job does for those that are no observers (specs/26-modes.md, Renders).
+        use = self._context.participation.own_use(scene) if head.floor else None
+        async with nullcontext() if use is None else use.hold(SceneMode.RENDER):
+            yield NodeReader(self._context, scene, genesis, keys, head)
 
     def record_count(self) -> int:
         return self._context.store.record_count

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import (
+    BOOL,
     DIGEST,
     LOG,
     REASON,
@@ -44,6 +45,8 @@ class Want(IntEnum):
     """What is decided above `have`, with what shows it."""
     LIVES = 5
     """Of the cluster's log: the lives that a voter of before the change at `have` holds."""
+    CONSENT = 6
+    """Of an observer of a scene: whether its mode may change behind `have`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +98,16 @@ class RespondSceneLog(Packet):
 
 @dataclass(frozen=True, slots=True)
 class ProposeSceneLog(Packet):
-    """Please have this decided: a scene's header with its sealed log; in the cluster's own log its first header, and the record."""
+    """Please have this decided: a scene's header with its sealed log; in the cluster's own log its first header, and the record.
+
+    `forced`: a change of the mode, of which nobody need consent.
+    """
 
     TYPE: ClassVar[int] = 118
     genesis: bytes
     public: SceneLogPublic
     private: bytes
+    forced: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +122,13 @@ class AcceptSceneProposal(Packet):
 
 @dataclass(frozen=True, slots=True)
 class RejectSceneProposal(Packet):
-    """`node`: who says so, or decides instead."""
+    """`node`: who says so, or decides instead; with PEER_MISSED who does not answer, and `silent_ms` how long ago there was a sign of life of it, 0 if
+    that is not known."""
 
     TYPE: ClassVar[int] = 120
     reason: RejectReason
     node: NodeId
+    silent_ms: int = 0
 
 
 ROWS = (
@@ -136,8 +145,8 @@ ROWS = (
         ("lives", Many(U64, counts=(0, 2))),
     ),
     row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER)), ("decided", Maybe(DECIDED_LOG))),
-    row(ProposeSceneLog, Carrier.TCP_HIGH, ("genesis", DIGEST), ("public", SCENE_LOG_PUBLIC), ("private", LOG)),
+    row(ProposeSceneLog, Carrier.TCP_HIGH, ("genesis", DIGEST), ("public", SCENE_LOG_PUBLIC), ("private", LOG), ("forced", BOOL)),
     row(AcceptSceneProposal, Carrier.TCP_HIGH, ("position", U64), ("record_hash", DIGEST), ("decision", DECISION_OR_NONE)),
-    row(RejectSceneProposal, Carrier.TCP_HIGH, ("reason", REASON), ("node", U32)),
+    row(RejectSceneProposal, Carrier.TCP_HIGH, ("reason", REASON), ("node", U32), ("silent_ms", U32)),
 )
 STRUCTS = (SCENE_LOG_ANSWER,)

@@ -214,7 +214,6 @@ async def test_who_sees_no_majority_speaks_for_nobody_else(autojump_clock: MockC
         (RejectReason.BUSY, "not now.*try again"),
         (RejectReason.NO_MAJORITY, "no majority.*start those"),
         (RejectReason.MODE_FORBIDS, "mode forbids it"),
-        (RejectReason.PEER_MISSED, "a node that takes part .* does not answer"),
         (RejectReason.LIMIT_EXCEEDED, "too long for this"),
         (RejectReason.SIGNATURE_INVALID, "refused it: signature invalid"),
     ],

@@ -38,6 +38,8 @@ class Intake:
         self._quiet = QuietLog(_log)
         self.watch: Callable[[bytes, Packet], object] = lambda *_: None
         """Called with each packet that is looked at, and the log that it is about: what it shows may mean more than what is to be decided."""
+        self.watches: Callable[[bytes], bool] = lambda _: False
+        """Whether packets are looked at that are about a log which does not run here."""
 
     def register(self, handlers: Handlers) -> None:
         """Packets 7 to 9. Those of 5 and 6 that are about decisions come through the cluster's log, which answers the others."""
@@ -58,12 +60,15 @@ class Intake:
             if log is not None and self._is_welcome(log, sender, message):
                 log.receive(sender, message)
                 about.add(message.genesis)
+            elif log is None and self.watches(message.genesis) and self._may_say(sender, message):
+                about.add(message.genesis)
         for genesis in about:
             self.watch(genesis, packet)
 
     def _is_welcome(self, log: Log, sender: NodeId, message: Message) -> bool:
-        if sender in log.judge.participants.nodes:
-            return True
+        return sender in log.judge.participants.nodes or self._may_say(sender, message)
+
+    def _may_say(self, sender: NodeId, message: Message) -> bool:
         now, count = self._clock.now(), ASKING_COUNTS if isinstance(message, AskLog) else 1
         if self._of_strangers.take(str(sender), now, count):
             return True

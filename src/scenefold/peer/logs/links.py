@@ -77,6 +77,11 @@ class NodeSurroundings:
     def is_gone(self, member: Member) -> bool:
         return self._was_removed(member.incarnation)
 
+    def silent_s(self, node: NodeId) -> float | None:
+        """How long ago there was a sign of life of a node; None if that is not known."""
+        heard_at = self._roster.heard_at(node)
+        return None if heard_at is None else self._clock.now() - heard_at
+
     def is_current(self, member: Member) -> bool:
         """Whether a node is this incarnation, as far as is known here."""
         return self._roster.incarnation(member.node) == member.incarnation

@@ -129,12 +129,13 @@ class Log:
             self._to_ask = {*others} - {self._setting.me.node}
             self._inbox.wake()
 
-    async def ask(self, make: Make | None, within_s: float, *, is_for_all: bool = False) -> Answer:
+    async def ask(self, make: Make | None, within_s: float, *, is_for_all: bool = False, is_forced: bool = False) -> Answer:
         """Have something decided, at whatever position; without `make` look whether anything may have been begun (a barrier).
 
-        Refused if it makes no sense, or too many wait already. After UNKNOWN, or if this is cancelled, whoever has asked asks again.
+        `is_for_all`: whoever seems alive is to have agreed; `is_forced`: nobody is asked whether it suits him. Refused if it makes no sense, or
+        too many wait already. After UNKNOWN, or if this is cancelled, whoever has asked asks again.
         """
-        return await self._asking.ask(make, self._world.clock.now() + within_s, is_for_all=is_for_all)
+        return await self._asking.ask(make, self._world.clock.now() + within_s, is_for_all=is_for_all, is_forced=is_forced)
 
     # --------------------------------------------------------------------------------------------------- its task
 
@@ -224,7 +225,9 @@ class Log:
             return view
         if message.proposal.phase is Phase.ACCEPT:
             return replace(view, abstains=message.value is not None and self._owner.abstains(message.value))
-        # Nobody but participants carries proposals; and the owner may do something about one that is for him to consent to.
+        # Nobody but participants carries proposals; and the owner may do something about one that is for him to consent to, or that asks nobody.
+        if is_carried and message.takeover and message.value is not None:
+            self._owner.insisted(message.value)
         return replace(view, veto=self._owner.veto(message.value) if is_carried else None)
 
     def _count(self, before: State, after: State) -> None:

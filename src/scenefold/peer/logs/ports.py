@@ -44,6 +44,9 @@ class Owner:
         """Why what is proposed does not suit this node now (specs/26-modes.md, The switch)."""
         return None
 
+    def insisted(self, value: Value) -> None:
+        """This is proposed whether it suits this node or not: somebody may have voted for it already, or whoever asked for it forces it."""
+
     def speaks(self) -> bool:
         """Whether this node may promise and vote at all; until then it learns. Who says otherwise than before calls the log's `restate`."""
         return True

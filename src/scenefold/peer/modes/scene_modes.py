@@ -20,7 +20,9 @@ from scenefold.peer.logs.ports import Owner
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.modes.asking import GRANT, Asking
 from scenefold.peer.modes.granter import Verdict
+from scenefold.peer.modes.header_votes import shown_by_header
 from scenefold.peer.modes.lender import Borrower
+from scenefold.peer.modes.own_use import OwnUse
 from scenefold.peer.modes.packets import check_proof
 from scenefold.peer.modes.scene import DecidedScene
 from scenefold.peer.modes.standing import Standing
@@ -58,6 +60,8 @@ class SceneModes(Owner):
         self._world, self._own, self._behind = world, own, behind
         self.news = Waiters()
         """Whatever changes here, but for the time."""
+        self.own_use = OwnUse(self, world)
+        """What this node does by its own lease, where it observes."""
         self._asking = Asking(self, world, peers, own, behind)
         self._story = SwitchStory(self, world, peers, own, public)
         self.begins_at(public, is_new=is_new)
@@ -67,12 +71,16 @@ class SceneModes(Owner):
         self.public = public
         was_switched = public.mode is not SceneMode.EDIT or public.write_floor > 0
         me, scene = self._own.member, DecidedScene.of(public)
-        started = Standing.started(me, scene, self._now(), was_switched=was_switched, may_have_lent=not is_new)
+        # Who observes held nothing before its start that it holds now, and may say so at once.
+        released = public.position if was_switched and me in scene.observers else 0
+        started = Standing.started(me, scene, self._now(), released=released, was_switched=was_switched, may_have_lent=not is_new)
         # It says nothing before it is known what it has voted for (`stands`).
         self.standing = replace(started, speaker=Member(self._own.me, _NOBODY))
         self._story.forget(public)
+        if released and (decided := shown_by_header(public, public)) is not None:
+            self._story.released(decided)
         self._asking.forget()
-        self._asked_back_until = -1.0
+        self._asked_back_until = self._cut_until = -1.0
         self._nonces: dict[Borrower, int] = {}
 
     def _now(self) -> float:
@@ -87,8 +95,26 @@ class SceneModes(Owner):
 
     async def acting(self, within_s: float) -> SceneMode | None:
         """The mode that this node may act in at this moment; it waits so long for that. None: unknown."""
-        await self._until(lambda: self.standing.acts_in(self._now()) is not None, within_s)
+        await self._until(lambda: self.acts_in is not None, within_s)
+        return self.acts_in
+
+    async def may_act(self, mode: SceneMode, within_s: float) -> bool:
+        """Whether this node may begin to act in this mode; it waits so long for that. While the mode is about to change nobody begins."""
+
+        def may() -> bool:
+            return self.acts_in is mode and self._now() >= self._asked_back_until
+
+        await self._until(may, within_s)
+        return may()
+
+    @property
+    def acts_in(self) -> SceneMode | None:
+        """The mode that this node may act in at this moment."""
         return self.standing.acts_in(self._now())
+
+    def want(self) -> None:
+        """A lease is wanted for some time on."""
+        self._asking.wants()
 
     async def leased(self, within_s: float) -> bool:
         """Whether this node holds a lease, whatever mode is active; it waits so long for one."""
@@ -118,8 +144,9 @@ class SceneModes(Owner):
                 RejectReason.BUSY, "the scene's mode is about to change, or too many leases are lent", remedy="try again in a while"
             )
         self._nonces[borrower] = nonce
-        # A render that has begun is not cut; who edits comes to an end.
-        self.standing, left_s = self.standing.lends(borrower, now, no_more=is_asked_back and mode is SceneMode.EDIT)
+        # A render that has begun is not cut, unless somebody insists; who edits comes to an end.
+        comes_to_end = is_asked_back and (mode is SceneMode.EDIT or now < self._cut_until)
+        self.standing, left_s = self.standing.lends(borrower, now, no_more=comes_to_end)
         return left_s, is_asked_back
 
     def take_back(self, borrower: Borrower, nonce: int) -> None:
@@ -157,12 +184,24 @@ class SceneModes(Owner):
         self._story.shown(packet)
         self.news.tell()
 
-    def check_proposal(self, public: SceneLogPublic) -> None:
-        """Refused (13) if this node itself must not vote for what is asked for here."""
+    @property
+    def is_live(self) -> bool:
+        """Whether something that this node lent, now or before its start, may still be used."""
+        return self.standing.lender.is_live(self._now())
+
+    def ask_back(self) -> None:
+        """The mode is about to change. Nothing new is lent either, for as long as a pass takes: else an editor who was asked by one participant goes on
+        with the next."""
+        self._asked_back_until = max(self._asked_back_until, self._now() + ASKED_BACK_S)
+
+    def check_proposal(self, public: SceneLogPublic, *, forced: bool = False) -> None:
+        """Refused (13) if this node itself must not vote for what is asked for here. `forced`: it is proposed all the same, and voted for later."""
         is_switch = public.mode is not self.public.mode
-        if is_switch:
-            self._asked_back_until = self._now() + ASKED_BACK_S
-        if self.standing.abstains(is_switch=is_switch, now=self._now()):
+        if is_switch and forced:
+            self._insist()
+        elif is_switch:
+            self.ask_back()
+        if not forced and self.standing.abstains(is_switch=is_switch, now=self._now()):
             what = "leases that this node lent, now or before its start, may still be used"
             raise Refused(RejectReason.BUSY, what, remedy=f"try again in {T_WAIT_S:.0f} s, or at another participant")
 
@@ -171,9 +210,16 @@ class SceneModes(Owner):
     def veto(self, value: Value | None) -> RejectReason | None:
         if value is None or not self._is_switch(value):
             return None
-        # Nothing new is lent either, for as long as a pass takes: else an editor who was asked by one participant goes on with the next.
-        self._asked_back_until = self._now() + ASKED_BACK_S
+        self.ask_back()
         return RejectReason.BUSY if self.standing.lender.borrowers(self._now()) else None
+
+    def insisted(self, value: Value) -> None:
+        if self._is_switch(value):
+            self._insist()
+
+    def _insist(self) -> None:
+        """What is lent runs out, renders' leases too: until then nothing is lent or renewed."""
+        self._asked_back_until = self._cut_until = self._now() + T_WAIT_S
 
     def abstains(self, value: Value) -> bool:
         return self.standing.abstains(is_switch=self._is_switch(value), now=self._now())
@@ -194,16 +240,40 @@ class SceneModes(Owner):
 
     def decided(self, decided: Decide, after: Judge) -> None:
         assert isinstance(after, SceneJudge)
-        before, public, proof = self.public, after.public, decided.certificate
-        votes = self._story.true_votes(proof.votes, proof, decided.value, before)
-        scene, now = DecidedScene.of(public), self._now()
-        is_switch = self.standing.scene.is_switched_by(scene)
-        self.standing = self.standing.decided(scene, decided.value.digest, proof.ballot, votes, now)
-        self.public = public
-        if is_switch:
-            self._asked_back_until = -1.0
-            self._story.switched(before, decided)
+        self._follow(after.public, decided)
         self.news.tell()
+
+    def learnt(self, public: SceneLogPublic) -> None:
+        """A later header was decided, and is durable here; of those between, if there are any, nothing is known."""
+        before, decided = self.public, shown_by_header(public, self.public)
+        if public.position == before.position + 1 and decided is not None:
+            self._follow(public, decided)
+        else:
+            was_switched = public.mode is not before.mode or public.write_floor != before.write_floor
+            self.standing = self.standing.jumped(DecidedScene.of(public), self._now(), was_switched=was_switched)
+            self.public = public
+            if was_switched:
+                self._end_asking_back()
+                self._story.forget(public)
+                if decided is not None and self.standing.releases.own:
+                    self._story.released(decided)
+        self.news.tell()
+
+    def _follow(self, public: SceneLogPublic, decided: Decide) -> None:
+        """The next position is decided, durably."""
+        before, proof = self.public, decided.certificate
+        votes = self._story.true_votes(proof.votes, proof, decided.value, before)
+        scene = DecidedScene.of(public)
+        is_switch = self.standing.scene.is_switched_by(scene)
+        self.standing = self.standing.decided(scene, decided.value.digest, proof.ballot, votes, self._now())
+        self.public = public
+        self._end_asking_back(within_s=0.0 if is_switch else ASKED_BACK_S)
+        if is_switch:
+            self._story.switched(before, decided)
+
+    def _end_asking_back(self, within_s: float = 0.0) -> None:
+        self._cut_until = -1.0
+        self._asked_back_until = min(self._asked_back_until, self._now() + within_s)
 
     def _is_switch(self, value: Value) -> bool:
         try:

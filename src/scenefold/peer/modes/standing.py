@@ -108,10 +108,10 @@ class Standing:
         after = replace(self, has_accepted=has_accepted, is_switching=is_switch, speaker=speaker or self.speaker)
         return replace(after, holder=self.holder.dropped()) if is_switch else after
 
-    def shown_switch(self, position: int) -> Standing:
-        """A participant's vote for a SetMode at this position, above all that is known here: whoever only observes releases it.
+    def releasing(self, position: int) -> Standing:
+        """Whoever only observes uses no lease below this position any more, at which, or before which, there was a SetMode.
 
-        The release is to be durable before it is signed.
+        Before it is signed, the release is to be durable, or that position's decision.
         """
         if position <= self.releases.own:
             return self
@@ -134,6 +134,16 @@ class Standing:
             standing = replace(standing, holder=self.holder.dropped())
         return standing
 
+    def jumped(self, after: DecidedScene, now: float, *, was_switched: bool) -> Standing:
+        """Positions later, of which this node has learnt the newest alone, durably. `was_switched`: the mode may have changed among them.
+
+        Who may have been removed among them is not known either.
+        """
+        standing = self.releasing(after.position) if was_switched else self
+        known = Activation.started(now, was_switched=True) if was_switched else self.activation.removed(self.releases, now)
+        holder = standing.holder if self.me in after.everyone else standing.holder.dropped()
+        return replace(standing, scene=after, has_accepted=False, is_switching=False, holder=holder, activation=known)
+
     def voted(self, vote: Vote) -> Standing:
         """Somebody's true vote was seen."""
         return replace(self, activation=self.activation.voted(vote))
@@ -143,7 +153,10 @@ class Standing:
         return replace(self, releases=self.releases.hear(member, position))
 
     def release(self, now: float) -> int | None:
-        """The position of the newest switch, if this node has decided it, and nothing of before is held or lent here: then it may release it."""
+        """The position of the newest switch, if this node has decided it, and nothing of before is held or lent here: then it may release it. Or
+        that which an observer has released already, as far as nobody was told."""
+        if self.me in self.scene.observers and not self.releases.cover(self.me, self.releases.own):
+            return self.releases.own
         switch = self.activation.switch
         if switch is None or self.me not in switch.participants | switch.observers:
             return None

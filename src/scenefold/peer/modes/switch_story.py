@@ -77,6 +77,10 @@ class SwitchStory:
         for release in self._released.values():
             self._hear(release)
 
+    def released(self, decided: Decide) -> None:
+        """This node has released this position, or a later one: those who wait for that are to be told."""
+        self._switch, self._to_say = decided, SAID_TIMES
+
     def true_votes(self, votes: Iterable[Fact], proof: Certificate, value: Value, before: SceneLogPublic) -> list[Vote]:
         """Those of these that are votes for what was decided, and verify."""
         deciders: Participants = participants_after(before)

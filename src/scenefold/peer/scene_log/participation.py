@@ -17,16 +17,18 @@ from scenefold.consensus.packets import decided_page, decided_value, scene_of
 from scenefold.peer.handlers import node_of
 from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.modes.own_use import OwnUse
 from scenefold.peer.modes.scene_modes import SceneModes
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.changes import Changes
+from scenefold.peer.scene_log.observations import Observations
 from scenefold.peer.scene_log.scene_run import SceneRun
 from scenefold.peer.scene_log.telling import Telling
 from scenefold.scene.log import hash_of_log, without_log
 from scenefold.store import Store
 from scenefold.store.log_rows import Decided
-from scenefold.wire import DecidedLog, Member, Packet, RequestSceneLog, RespondSceneLog, SceneLogPublic
+from scenefold.wire import DecidedLog, Member, Packet, RequestSceneLog, RespondSceneLog, SceneLogPublic, Want
 from scenefold.world import World
 
 
@@ -35,6 +37,7 @@ class Keeps(Protocol):
 
     def everyone(self) -> Sequence[KnownScene]: ...
     def here(self, scene: SceneId) -> KnownScene | None: ...
+    async def known(self, scene: SceneId, *, position: int) -> KnownScene: ...
 
     def take(self, scene: KnownScene, /) -> None:
         """A header that is durable here."""
@@ -47,6 +50,9 @@ class Participation:
         self._world, self._store, self._peers, self._own, self._ports = world, store, peers, own, ports
         self.intake = ports.intake
         self.intake.watch = self._on_packet
+        self.observations = Observations(world, peers, own)
+        """Scenes in which this node decides nothing, and holds leases."""
+        self.intake.watches = self.observations.watches
         self.changes = Changes()
         """Of all scenes, by whomever they were decided."""
         self.on_end: Callable[[], object] = lambda: None
@@ -65,6 +71,7 @@ class Participation:
             self._telling = Telling(nursery, self._peers)
             for known in scenes.everyone():
                 self.meets(known)
+            nursery.start_soon(self.observations.run, scenes.known)
             async with trio.open_nursery() as opening:
                 for one in self._runs.values():
                     opening.start_soon(nursery.start, one.run)
@@ -79,15 +86,21 @@ class Participation:
             self.on_end()
         if public.scene in self._runs or self._scenes is None or self._store.has_let_go(public.scene):
             return
-        if any(entry.member == self._own.member for entry in public.participants) or (public.participants and public.genesis in self._kept):
+        is_mine = any(entry.member == self._own.member for entry in public.participants)
+        if is_mine or (public.participants and public.genesis in self._kept):
+            # Its log says from now on what it may do there.
+            self.observations.leave(public)
             is_new = public.genesis not in self._kept
             one = SceneRun(self._world, self._store, self._peers, self._own, self._ports, known, self._has_decided, is_new=is_new)
             self._runs[public.scene] = one
             if self._nursery is not None:
                 self._nursery.start_soon(one.run)
+        else:
+            self.observations.meets(public)
 
     async def end(self, scene: SceneId) -> None:
         """Nothing is decided of a scene any more, nor told; returns once nothing more of its log is written."""
+        self.observations.end(scene)
         one = self._runs.pop(scene, None)
         if one is not None:
             await one.stop()
@@ -100,6 +113,11 @@ class Participation:
         """Who may act in which mode, where this node decides the scene's next position."""
         one = self._runs.get(scene)
         return None if one is None or not one.takes_part else one.modes
+
+    def own_use(self, scene: SceneId) -> OwnUse | None:
+        """What this node does by its own lease of a scene, if it observes that."""
+        one = self._runs.get(scene) or self.observations.of(scene)
+        return one.modes.own_use if one is not None and one.modes.own_use.is_observer else None
 
     def everyone(self) -> Sequence[SceneRun]:
         return list(self._runs.values())
@@ -138,17 +156,27 @@ class Participation:
         return None
 
     async def on_lease(self, packet: RequestSceneLog, peer: str) -> Packet:
-        """5 (LEASE) of a node; Refused (12) where this one decides nothing of that scene."""
+        """5 (LEASE, CONSENT) of a node; Refused (12) where this one decides nothing of that scene, or observes nothing of it."""
+        if packet.want is Want.CONSENT:
+            return self._on_consent(packet, peer)
         one, asker = self._runs.get(packet.scene), node_of(peer)
         if one is None or asker is None or not one.takes_part or packet.genesis != one.public.genesis:
             raise Refused(RejectReason.NOT_AUTHORISED, "leases of a scene are granted to nodes, by its participants")
         return await one.modes.on_lease(packet, asker)
+
+    def _on_consent(self, packet: RequestSceneLog, peer: str) -> Packet:
+        use, asker = self.own_use(packet.scene), node_of(peer)
+        if use is None or asker is None:
+            raise Refused(RejectReason.NOT_AUTHORISED, "this node does not observe the scene")
+        return use.consents(packet, asker)
 
     def _on_packet(self, genesis: bytes, packet: Packet) -> None:
         """Of a node that takes part in a log, or may."""
         one = self._runs.get(scene_of(genesis))
         if one is not None and one.public.genesis == genesis:
             one.modes.shown(packet)
+        elif one is None:
+            self.observations.shown(packet, genesis)
 
     async def _decisions(self, packet: RequestSceneLog) -> DecidedLog | None:
         """For people: what is kept of what was decided above a position, who voted for it, and when this node learnt it."""

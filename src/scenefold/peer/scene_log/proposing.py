@@ -95,7 +95,11 @@ class Proposing:
         _check_next(public, before.public)
         self._changes.check(before, public, self._world.clock.now())
         await self._world.workers.run("crypto", _judged, one.log.judge, packet)
-        one.modes.check_proposal(public)
+        one.modes.check_proposal(public, forced=packet.forced)
+        is_switch = public.mode is not before.public.mode
+        is_forced, for_all = is_switch and packet.forced, is_switch and not packet.forced
+        if for_all and (lacking := await one.consent.lacking(one.public)) is not None:
+            return lacking
 
         def make(judge: Judge) -> Value:
             assert isinstance(judge, SceneJudge)
@@ -103,11 +107,15 @@ class Proposing:
             return value_of(public, packet.private, judge.public)
 
         try:
-            answer = await one.log.ask(make, ASK_S)
+            # Whoever seems alive is to agree with a change of the mode (specs/26-modes.md, The switch).
+            answer = await one.log.ask(make, ASK_S, is_for_all=for_all, is_forced=is_forced)
         except Refused:
             if self._is_decided(one, public):
                 return accepted(one.recent[public.position])
             raise
+        if is_forced and answer.reason is RejectReason.NO_MAJORITY and one.modes.is_live:
+            # What it lent itself is waited for, too.
+            return rejection(RejectReason.BUSY, self._me)
         return self._said(one, public, answer)
 
     def _said(self, one: SceneRun, public: SceneLogPublic, answer: Answer) -> Packet:
@@ -121,6 +129,8 @@ class Proposing:
             case Outcome.REJECTED, RejectReason.POSITION_TAKEN:
                 # A higher ballot holds the position, and no value does yet.
                 return rejection(RejectReason.BUSY, by)
+            case Outcome.REJECTED, RejectReason.PEER_MISSED:
+                return one.consent.missing(by)
             case Outcome.REJECTED, RejectReason() as reason:
                 return rejection(reason, by)
             case _:

@@ -37,6 +37,9 @@ class SceneOwner(Owner):
     def veto(self, value: Value | None) -> RejectReason | None:
         return self.modes.veto(value)
 
+    def insisted(self, value: Value) -> None:
+        self.modes.insisted(value)
+
     def abstains(self, value: Value) -> bool:
         return self.modes.abstains(value)
 

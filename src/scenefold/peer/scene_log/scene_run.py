@@ -19,6 +19,7 @@ from scenefold.consensus import Decide, Setting
 from scenefold.peer.logs import Log, open_log
 from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.status import OwnStatus
+from scenefold.peer.modes.consent import Consent
 from scenefold.peer.modes.scene_modes import SceneModes
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
@@ -72,6 +73,8 @@ class SceneRun:
         self.modes = SceneModes(world, peers, own, known.public, self._is_behind, is_new=is_new)
         """Who may act in which mode: leases, and when a mode is active."""
         self.owner = SceneOwner(known, self._on_decided, self.modes)
+        self.consent = Consent(world, peers, ports.around)
+        """Whom a change of the mode needs beside those who decide."""
         self.opened = trio.Event()
         self.seen: OrderedDict[int, int] = OrderedDict()
         """When this node learnt a position: milliseconds since the epoch."""

@@ -266,7 +266,7 @@ class Scenes:
         """5: the newest header, and the sealed log with it if that was asked for and is kept here. Refused (13) if others had to be asked for it, and were not."""
         if packet.want is Want.DECIDED:
             return None if self._participation is None else await self._participation.on_request(packet, peer)
-        if packet.want is Want.LEASE and self._participation is not None:
+        if packet.want in (Want.LEASE, Want.CONSENT) and self._participation is not None:
             return await self._participation.on_lease(packet, peer)
         try:
             # Nodes that ask each other must not set off a round of asking: only users' questions do.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from typing import Protocol, TypeVar
 
 from scenefold.base.ids import NodeId, SceneId
@@ -55,8 +56,11 @@ class Host(Protocol):
         """The scene's keys that came with a job. Refused (12) if they are sealed to others; DamagedData or PeerFault if they do not open."""
         ...
 
-    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> SceneReader:
-        """A reader of a scene's records with the keys that came with a job."""
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> AbstractAsyncContextManager[SceneReader]:
+        """A reader of a scene's records with the keys that came with a job, for as long as it is needed.
+
+        Refused (9) where the node would have to hold a lease of its own for that, and holds none.
+        """
         ...
 
     def record_count(self) -> int:

@@ -147,8 +147,8 @@ class Organiser:
 
     async def _plan(self, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
         host = self._host
-        reader = host.reader(request.scene, request.genesis, keys, request.head)
-        tables = await read_tables(reader, host.world.workers)
+        async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
+            tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, request, tables)
         return job, tables
 

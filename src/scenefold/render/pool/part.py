@@ -179,8 +179,8 @@ class Part:
                 remedy="install the same versions on all nodes",
             )
         self._check_memory()
-        reader = host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head)
-        loaded = await load_share(reader, host.world.workers, job, self.me)
+        async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
+            loaded = await load_share(reader, host.world.workers, job, self.me)
         scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me)
         self._loaded, self._scene = loaded, scene
         self._member = Member(

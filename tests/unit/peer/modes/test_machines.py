@@ -171,11 +171,29 @@ def test_what_is_lent_keeps_from_voting_for_a_switch_alone() -> None:
 
 
 def test_a_release_ends_the_lease_and_asking_below_it() -> None:
-    released = settled(O).asks(1, 0.0).granted(1, A.node).granted(1, B.node).shown_switch(5)
+    released = settled(O).asks(1, 0.0).granted(1, A.node).granted(1, B.node).releasing(5)
     assert released.acts_in(0.0) is None and not released.may_ask and released.releases.own == 5
     assert not Standing.started(O, SCENE, 0.0, released=5).may_ask, "also after a start"
     other = DecidedScene(5, SceneMode.EDIT, SCENE.participants, SCENE.observers)
     assert released.decided(other, DIGEST, BALLOT, (), 1.0).may_ask, "something else was decided there"
+
+
+def test_who_has_missed_positions_releases_the_newest_and_waits_if_the_mode_may_have_changed() -> None:
+    later = DecidedScene(9, SceneMode.EDIT, SCENE.participants, SCENE.observers)
+    standing = settled(O).asks(1, 0.0).granted(1, A.node).granted(1, B.node)
+    jumped = standing.jumped(later, 1.0, was_switched=True)
+    assert jumped.acts_in(1.0) is None and jumped.release(1.0) == 9 and jumped.may_ask
+    assert jumped.heard(O, 9).release(1.0) is None, "it has been said"
+    assert not jumped.heard(A, 9).is_active(1.0 + T_WAIT_S - 0.1) and jumped.is_active(1.0 + T_WAIT_S), "of whom, it does not know"
+    same = standing.jumped(later, 1.0, was_switched=False)
+    assert same.acts_in(1.0) is SceneMode.EDIT and same.release(1.0) is None
+    assert standing.jumped(replace(later, observers=frozenset()), 1.0, was_switched=False).holder.lease(1.0) is None
+
+
+def test_an_observer_that_starts_may_say_that_it_uses_nothing_of_before() -> None:
+    started = Standing.started(O, RENDERED, 0.0, released=5)
+    assert started.release(0.0) == 5 and started.heard(O, 5).release(0.0) is None and started.may_ask
+    assert Standing.started(STRANGER, RENDERED, 0.0, released=5).release(0.0) is None
 
 
 def test_other_entries_end_no_lease_but_the_own_removal_does() -> None:

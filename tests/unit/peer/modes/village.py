@@ -239,7 +239,7 @@ class Village:
             for vote in at.votes if all_of_them else self.random.sample(at.votes, self.random.randrange(len(at.votes) + 1)):
                 is_next = vote.position == standing.scene.position + 1
                 if member in standing.scene.observers and is_next and at.values[vote.ballot].switches:
-                    standing = standing.shown_switch(vote.position)
+                    standing = standing.releasing(vote.position)
                 standing = standing.voted(vote)
         if standing.releases.own > self.nodes[member].released:
             self.nodes[member].released = standing.releases.own
