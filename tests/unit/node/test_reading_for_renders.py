@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -15,10 +16,10 @@ from scenefold.base.ids import SceneId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.sealing import SceneIdentity
-from scenefold.node.rendering import NodeReader
+from scenefold.node.rendering import NodeReader, RenderHost
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.scene.payloads.splits import Cut, Part, SplitEntry, contents_of, encode_entry, encode_part
-from scenefold.wire import RecordBytes, RecordKey
+from scenefold.wire import RecordBytes, RecordKey, SceneMode
 from unit.client.fake_nodes import FakeNodes, make_world
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
 
@@ -127,3 +128,39 @@ async def test_in_render_mode_what_was_edited_since_ends_the_render(monkeypatch:
     with pytest.RaisesGroup(pytest.RaisesExc(Refused, match="switched back to edit mode")):
         await behind.get_many(FILES, PLACES)
     assert await reader.get_many(FILES, PLACES), "in edit mode the image shows what lies there"
+
+
+class Held:
+    """What an observer does by its own lease of a scene."""
+
+    def __init__(self, refusal: Refused | None = None) -> None:
+        self._refusal = refusal
+        self.modes: list[SceneMode] = []
+        self.is_held = False
+
+    @asynccontextmanager
+    async def hold(self, mode: SceneMode) -> AsyncIterator[None]:
+        if self._refusal is not None:
+            raise self._refusal
+        self.modes.append(mode)
+        self.is_held = True
+        yield
+        self.is_held = False
+
+
+@pytest.mark.parametrize(("floor", "observes", "held"), [(4, True, True), (0, True, False), (4, False, False)])
+async def test_who_observes_holds_a_lease_while_it_reads_in_render_mode(floor: int, observes: bool, held: bool) -> None:
+    use, scene = Held(), SceneId(7)
+    participation = SimpleNamespace(own_use=lambda of: use if observes and of == scene else None)
+    host = RenderHost(SimpleNamespace(participation=participation))  # type: ignore[arg-type]
+    async with host.reader(scene, bytes(32), None, SceneHead(5, bytes(32), floor)) as reader:  # type: ignore[arg-type]
+        assert isinstance(reader, NodeReader) and use.is_held is held
+    assert not use.is_held and use.modes == [SceneMode.RENDER] * held
+
+
+async def test_without_that_lease_nothing_is_read() -> None:
+    use = Held(Refused(RejectReason.MODE_FORBIDS, "no lease"))
+    host = RenderHost(SimpleNamespace(participation=SimpleNamespace(own_use=lambda _: use)))  # type: ignore[arg-type]
+    with pytest.raises(Refused, match="no lease"):
+        async with host.reader(SceneId(7), bytes(32), None, SceneHead(5, bytes(32), 4)):  # type: ignore[arg-type]
+            raise AssertionError("it reads")
