@@ -228,6 +228,8 @@ class Segment:
         """Without closed configurations but for the newest, and without who has nothing to do with it any more."""
         kept = tuple(found for found in self.configurations if found is self.newest or not self.is_closed(found, me))
         named = {member for found in kept for member in found.members}
+        # That one of these is gone is remembered as long as it is to become a holder: else it would be counted out again and again.
+        named |= set() if self.change is None else set(self.change.holders)
         after = replace(self, configurations=kept)
         done = {member for member in after._known(me) if member not in named and not after._concerns(member, me)}
         return replace(after, confirmed=frozenset((member, bound) for member, bound in after.confirmed if member not in done))

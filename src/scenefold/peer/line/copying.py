@@ -116,6 +116,7 @@ class Copier:
         request = CopyRecords(self._handover.id, items)
         check_reply(await self._parts.peers.ask(self._handover.peer.node, Priority.LOW, request, HandoverReply, COPY_S_MAX))
         self._parts.events["copied"] += len(items)
+        self._parts.events["handed bytes"] += size_bytes
         return size_bytes
 
     async def _spend(self, count: int, hurry: bool) -> None:

@@ -207,7 +207,9 @@ class Strays:
         whole = [(entry, record) for entry, record in whole if record.header.digest == entry.digest]
         if not whole:
             return []
-        await parts.budget.take(sum(entry.size for entry, _ in whole))
+        size = sum(entry.size for entry, _ in whole)
+        await parts.budget.take(size)
+        parts.events["brought home bytes"] += size
         request = HandRecords(tuple(hand_item(entry, record) for entry, record in whole))
         reply = await parts.peers.ask(owner, Priority.LOW, request, PutManyReply, ASK_S_MAX)
         for (entry, _), outcome in zip(whole, reply.outcomes, strict=False):

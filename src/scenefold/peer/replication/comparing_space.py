@@ -245,7 +245,9 @@ class SpaceComparison:
         answered = len(reply.items) + len(reply.missing)
         if not 1 <= answered <= len(wanted):
             raise PeerFault("records that nobody asked for", where=address_of(self._holder.node))
-        self._parts.budget.charge(sum(map(_size, reply.items)))
+        size = sum(map(_size, reply.items))
+        self._parts.budget.charge(size)
+        self._parts.events["fetched bytes"] += size
         asked = {known.spot for known in wanted}
         items = [item for item in reply.items if Spot(RecordPlace(item.scene, item.space, item.location), item.object) in asked]
         verdicts = await verified(self._parts, items, or_husks=True)

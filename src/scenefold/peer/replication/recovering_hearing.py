@@ -177,6 +177,7 @@ class Hearing:
         for _, husk in husks:
             self._roll.note_husk(husk)
         size_bytes = sum(len(item.header) + len(item.signature) + len(item.ciphertext) for item in items)
+        self._parts.events["recovered bytes"] += size_bytes
         if self._arc.first == self._arc.last:
             # Somebody waits for this place.
             self._parts.budget.charge(size_bytes)

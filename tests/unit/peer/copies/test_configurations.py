@@ -154,6 +154,15 @@ def test_a_removed_node_is_asked_for_nothing_and_read_by_nobody() -> None:
     assert only(found).newest.members == (P, B)  # type: ignore[union-attr]
 
 
+def test_who_is_removed_before_it_becomes_a_holder_is_counted_out_once() -> None:
+    found = Configurations(P).place(ONE, [(arc(0, 99), (A, B))], 2).remove(A)
+    assert found.remove(A) is found
+    assert {word.holder for word in found.untold()} == {B}
+    found = tell(found.place(ONE, [(arc(0, 99), (B,))], 2))
+    assert only(compare(found).activate(lambda _: [])).newest is not None
+    assert A not in {member for member, _ in only(found).confirmed}
+
+
 def test_a_number_that_somebody_has_met_is_passed() -> None:
     found = tell(Configurations(P).place(ONE, [(arc(0, 99), (A, B))], 2), B)
     (word,) = found.untold()
