@@ -159,6 +159,12 @@ inline close() {
         :: d_step { open_[me] && v <= VALUES(c[me]) && (v == 1 || VALUES(c[me]) > 2 || USED) && COUNT(NONE) >= MAJORITY(SET(me, c[me])) -> \
                 value[SLOT(open_[me])] = v; close() }
 
+/* The first ballot, that of the lowest number, goes without promises: its maker votes in it if it has promised and voted for nothing. */
+#define HURRY(b, v) \
+        :: d_step { LIVE(me) && me == MAKER(b) && promised[me] == 0 && v <= VALUES(c[me]) && (v == 1 || VALUES(c[me]) > 2 || USED) -> \
+                value[SLOT(b)] = v; promised[me] = b; accepted[me] = b; voters[SLOT(b)] = voters[SLOT(b)] | BIT(me); \
+                if :: DECIDED(SET(me, c[me]), c[me], b) -> decide(value[SLOT(b)]) :: else fi; look() }
+
 #define VOTE(b) \
         :: d_step { LIVE(me) && value[SLOT(b)] && b >= promised[me] && !HAS(voters[SLOT(b)], me) -> \
                 promised[me] = b; accepted[me] = b; voters[SLOT(b)] = voters[SLOT(b)] | BIT(me); \
@@ -174,7 +180,15 @@ inline close() {
 active [N] proctype Node() {
         byte me = _pid, k, l, n;
 end:    do
-        PROMISE(1) PROMISE(2)
+#ifdef HASTE
+        HURRY(1, 1) HURRY(1, 2)
+#else
+        PROMISE(1)
+#endif
+#ifdef MUT_FIRST                                                        /* a second one goes without promises, too */
+        HURRY(2, 1) HURRY(2, 2)
+#endif
+        PROMISE(2)
         VOTE(1) VOTE(2)
         LEARN(1) LEARN(2)
         CHOOSE(1)
@@ -187,6 +201,9 @@ end:    do
 #endif
 #ifdef MEMBERS
         BEGIN(3)
+#ifdef HASTE
+        HURRY(1, 3)
+#endif
 #endif
         :: d_step { open_[me] -> close() }                               /* a crash, and the start after it */
 #ifdef MUT_VOTE                                                         /* votes are not durable */

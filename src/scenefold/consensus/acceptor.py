@@ -7,6 +7,7 @@ from dataclasses import replace
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus.acceptor_table import ACCEPT, ACCEPTOR, PREPARE
+from scenefold.consensus.ballots import is_first
 from scenefold.consensus.case import Case
 from scenefold.consensus.certificates import certificate_of
 from scenefold.consensus.choosing import highest_of
@@ -79,6 +80,12 @@ def of_a_stranger(guest: Visit) -> bool:
     """no node of P(L) has the id in the ballot, or what it says of itself is said by another incarnation"""
     member = guest.case.participants.member_of(guest.origin)
     return member is None or any(fact.member.node == guest.origin and fact.member != member for fact in guest.message.facts)
+
+
+def not_first(guest: Visit) -> bool:
+    """it is a first ballot, and is not voted in, or its node is not the first of P(L)"""
+    is_voting = guest.message.proposal.phase is Phase.ACCEPT
+    return is_first(guest.ballot) and not (is_voting and guest.origin == guest.case.participants.first)
 
 
 def not_of_its_originator(guest: Visit) -> bool:
@@ -217,6 +224,7 @@ GUARDS = named(
         too_far_ahead,
         takes_no_part,
         of_a_stranger,
+        not_first,
         not_of_its_originator,
         route_incomplete,
         below_promised,

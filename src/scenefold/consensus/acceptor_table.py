@@ -21,6 +21,7 @@ ACCEPTOR = (
     Row(_BOTH, ("too_far_ahead",), ("ask_log", "hand_on")),
     Row(_BOTH, ("takes_no_part",), ("hand_on",)),
     Row(_BOTH, ("of_a_stranger",), ("refuse",), RejectReason.NOT_AUTHORISED),
+    Row(_BOTH, ("not_first",), ("refuse",), RejectReason.NOT_AUTHORISED),
     Row(_BOTH, ("not_of_its_originator",), ("refuse",), RejectReason.SIGNATURE_INVALID),
     Row(_BOTH, ("route_incomplete",), ("refuse",), RejectReason.PEER_MISSED),
     Row(_BOTH, ("below_promised",), ("refuse",), RejectReason.POSITION_TAKEN),

@@ -13,6 +13,16 @@ COUNTER_MAX = 2**32 - 1
 """A ballot's counter has 32 bits. Hints are signed, so nobody but a participant could drive it there."""
 
 
+def first_ballot(node: NodeId) -> Ballot:
+    """The first one of a position, of whoever may have that: below all others, and so without promises."""
+    return Ballot(0, node)
+
+
+def is_first(ballot: Ballot) -> bool:
+    """Whether it is a position's first ballot, if its node may have that."""
+    return ballot.counter == 0
+
+
 def next_ballot(node: NodeId, met: Iterable[Ballot]) -> Ballot | None:
     """A ballot of this node above all that were met; None if there is none left."""
     counter = max((ballot.counter for ballot in met), default=0) + 1

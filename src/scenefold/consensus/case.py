@@ -123,8 +123,11 @@ class Case:
         assert self.decided is not None
         done = self.decided
         everybody = self.before.judge.participants.nodes | self.participants.nodes
+        voted = {vote.member.node for vote in done.certificate.votes}
         for node in in_line(everybody - {self.me}, self.view.line):
-            self.send(node, Learn(self.setting.genesis, done.position, done.value, done.certificate))
+            # Whoever has voted for it has its bytes.
+            value = Value(done.value.data) if node in voted else done.value
+            self.send(node, Learn(self.setting.genesis, done.position, value, done.certificate))
 
     # --------------------------------------------------------------------------------------------------- effects
 

@@ -27,6 +27,8 @@ class Ask:
     """Whoever seems alive has to agree, as far as nothing has begun yet."""
     is_forced: bool = False
     """Nobody is asked whether it suits him."""
+    needs_consent: bool = True
+    """Others may have something against it (specs/26-modes.md), so they are heard before anybody votes. False: nobody can have."""
 
 
 @dataclass(frozen=True, slots=True)

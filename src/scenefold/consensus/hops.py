@@ -38,7 +38,7 @@ def hand_on_from(case: Case, sender: NodeId, message: Propose) -> None:
     hop = Hop(proposal, message.digest, sender, target, message.route, message.facts, value)
     others = [other for other in case.state.hops if other.proposal != proposal]
     case.state = replace(case.state, hops=(*others, hop)[-HOPS_MAX:])
-    wait = case.setting.timing.hops_s(len(further))
+    wait = case.setting.timing.hops_s(len(further), proposal.ballot.counter)
     case.set_timer(Timer(Waits.HOP, proposal), wait, wait)
 
 

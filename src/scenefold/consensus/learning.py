@@ -22,6 +22,19 @@ class Lesson:
         return self.message
 
     @property
+    def proves(self) -> bool:
+        """Whether the certificate shows that the value is decided at its position."""
+        case, message = self.case, self.learn
+        is_of_it = message.certificate.position == message.position
+        return is_of_it and message.certificate.proves(message.value, case.setting.genesis, case.participants)
+
+    @property
+    def is_taken(self) -> bool:
+        """Whether the judge does. What this node has voted for was judged then, and these bytes are kept."""
+        accepted, value = self.case.slot.accepted, self.learn.value
+        return (accepted is not None and accepted.value == value) or self.case.state.judge.refuses(value, is_decided=True) is None
+
+    @property
     def have(self) -> int:
         assert isinstance(self.message, AskLog)
         return self.message.have
@@ -54,12 +67,14 @@ def too_far_ahead(lesson: Lesson) -> bool:
     return lesson.learn.position > lesson.case.open_position
 
 
+def without_its_body(lesson: Lesson) -> bool:
+    """it is decided, and what is here of it is not enough: it was told to one who has voted for it, and this node has not"""
+    return not lesson.learn.value.body and lesson.proves and not lesson.is_taken
+
+
 def unproven(lesson: Lesson) -> bool:
     """its certificate is none for L and this value by P(L), or the judge refuses the value"""
-    case, message = lesson.case, lesson.learn
-    is_of_it = message.certificate.position == message.position
-    proves = is_of_it and message.certificate.proves(message.value, case.setting.genesis, case.participants)
-    return not proves or case.state.judge.refuses(message.value, is_decided=True) is not None
+    return not lesson.proves or not lesson.is_taken
 
 
 def cannot_write(lesson: Lesson) -> bool:
@@ -90,5 +105,5 @@ def tell_log(lesson: Lesson) -> None:
     lesson.case.do(Tell(lesson.sender, lesson.have))
 
 
-GUARDS = named((of_another_log, decided_already, too_far_ahead, unproven, cannot_write, knows_no_more))
+GUARDS = named((of_another_log, decided_already, too_far_ahead, without_its_body, unproven, cannot_write, knows_no_more))
 ACTIONS = acting((ask_log, decide, tell_log))

@@ -12,6 +12,7 @@ LEARNING = (
     Row((LEARN,), ("decided_already",)),
     Row((LEARN,), ("cannot_write",)),
     Row((LEARN,), ("too_far_ahead",), ("ask_log",)),
+    Row((LEARN,), ("without_its_body",), ("ask_log",)),
     Row((LEARN,), ("unproven",)),
     Row((LEARN,), (), ("decide",)),
     Row((LOG_ASKED,), ("knows_no_more",)),

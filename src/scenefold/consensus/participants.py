@@ -57,6 +57,11 @@ class Participants:
     def nodes(self) -> frozenset[NodeId]:
         return frozenset(participant.member.node for participant in self.everyone)
 
+    @property
+    def first(self) -> NodeId:
+        """Who may have the first ballot of the position: the one in the middle of their ids."""
+        return self.everyone[(len(self.everyone) - 1) // 2].member.node
+
     def member_of(self, node: NodeId) -> Member | None:
         """The incarnation of a node that takes part; None if none does."""
         return next((participant.member for participant in self.everyone if participant.member.node == node), None)

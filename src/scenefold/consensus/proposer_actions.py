@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
+from scenefold.consensus.ballots import first_ballot
 from scenefold.consensus.effects import Outcome, Reply
 from scenefold.consensus.effort import Effort
 from scenefold.consensus.hops import proof_in
@@ -24,7 +25,15 @@ def begin(effort: Effort) -> None:
     """remember who asked, for what and until when"""
     ask = effort.asked
     assert ask is not None
-    wanted = Proposal(wish=ask.value, is_asked=True, is_for_all=ask.is_for_all, is_forced=ask.is_forced, deadline=ask.deadline)
+    needs_consent = ask.needs_consent or ask.is_for_all or ask.value is None
+    wanted = Proposal(
+        wish=ask.value,
+        is_asked=True,
+        is_for_all=ask.is_for_all,
+        is_forced=ask.is_forced,
+        needs_consent=needs_consent,
+        deadline=ask.deadline,
+    )
     effort.case.change_proposal(wanted)
 
 
@@ -52,6 +61,21 @@ def open_ballot(effort: Effort) -> None:
     )
 
 
+def vote_first(effort: Effort) -> None:
+    """vote for what was asked for in the first ballot, durably; it is exposed with that; the facts are this vote"""
+    case, wish = effort.case, effort.proposal.wish
+    assert wish is not None
+    ballot = first_ballot(case.me)
+    fact = case.vote(ballot, wish)
+    case.change_slot(case.slot.expose(wish))
+    effort.change(
+        id=ProposalId(case.open_position, ballot, Phase.ACCEPT),
+        route=in_line(case.participants.nodes, case.view.line),
+        facts=(fact,),
+        chosen=wish,
+    )
+
+
 def vote(effort: Effort) -> None:
     """choose the value, and vote for it, durably; if it is the one that was asked for, it is exposed with that; the facts are this vote"""
     case, proposal, choice = effort.case, effort.proposal, effort.choice()
@@ -71,8 +95,13 @@ def hear(effort: Effort) -> None:
 
 
 def send_out(effort: Effort) -> None:
-    """send 7 out by both arms, and wait T_PASS"""
+    """send 7 out by both arms, or straight to all that can be reached if its values are small, and wait T_PASS"""
     case, route = effort.case, effort.proposal.route
+    others = [node for node in route if node != case.me]
+    if len(others) * _bytes(effort) <= case.setting.at_once_bytes:
+        reached = [node for node in others if node in case.view.reachable]
+        _send(effort, {node: straight_to(route, case.me, node) for node in reached}, 1)
+        return
     both = arms(route, case.me)
     firsts = [first for arm in both if (first := first_of(arm, case.view.reachable)) is not None]
     _send(effort, dict.fromkeys(firsts, route), max(len(arm) for arm in both))
@@ -85,18 +114,28 @@ def repeat(effort: Effort) -> None:
     _send(effort, {node: straight_to(effort.proposal.route, effort.case.me, node) for node in missing}, 1)
 
 
+def _brought(effort: Effort) -> tuple[Value | None, Value | None]:
+    """`highest` and `value` of the 7 that this phase sends."""
+    slot, proposal = effort.case.slot, effort.proposal
+    if proposal.id is not None and proposal.id.phase is Phase.ACCEPT:
+        return None, proposal.chosen
+    return None if slot.accepted is None else slot.accepted.value, proposal.wish
+
+
+def _bytes(effort: Effort) -> int:
+    return sum(len(value.data) + len(value.body) for value in _brought(effort) if value is not None)
+
+
 def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
     case, proposal = effort.case, effort.proposal
     assert proposal.id is not None
-    in_first = proposal.id.phase is Phase.PREPARE
-    highest = case.slot.accepted.value if in_first and case.slot.accepted is not None else None
-    value: Value | None = proposal.wish if in_first else proposal.chosen
+    highest, value = _brought(effort)
     is_takeover = proposal.is_forced or not proposal.is_asked or proposal.wish is None or proposal.digest in case.slot.exposed
     for node, route in ways.items():
         case.send(node, Propose(case.setting.genesis, proposal.id, route, proposal.facts, highest, value, is_takeover))
     effort.change(arms=frozenset(ways))
     if ways:
-        wait = case.setting.timing.pass_s(arm)
+        wait = case.setting.timing.pass_s(arm, proposal.id.ballot.counter)
         case.set_timer(Timer(Waits.ANSWERS, proposal.id), wait, wait)
 
 
@@ -212,6 +251,7 @@ ACTIONS = acting(
         begin,
         take_over,
         open_ballot,
+        vote_first,
         vote,
         hear,
         send_out,

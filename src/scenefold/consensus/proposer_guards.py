@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from scenefold.base.reasons import RejectReason
+from scenefold.consensus.ballots import NO_BALLOT
 from scenefold.consensus.choosing import named_highest
 from scenefold.consensus.effort import Effort
 from scenefold.consensus.hops import proof_in
@@ -54,6 +55,16 @@ def no_ballot_left(effort: Effort) -> bool:
     return effort.next_ballot() is None
 
 
+def has_the_first_ballot(effort: Effort) -> bool:
+    """there is a value, which needs nobody's consent; this node is the first of P(L), and has promised and voted for nothing at L; and a majority of P(L) can be reached"""
+    case, ask = effort.case, effort.asked
+    if ask is None or ask.value is None or ask.needs_consent or ask.is_for_all:
+        return False
+    if case.participants.first != case.me or case.slot.promised != NO_BALLOT or case.slot.accepted is not None:
+        return False
+    return len(case.participants.nodes & (case.view.reachable | {case.me})) >= case.participants.majority
+
+
 def nothing_accepted(effort: Effort) -> bool:
     """`accepted` is none"""
     return effort.case.slot.accepted is None
@@ -73,6 +84,11 @@ def nothing_begun(effort: Effort) -> bool:
 def arms_are_out(effort: Effort) -> bool:
     """an arm has not answered yet"""
     return bool(effort.proposal.arms)
+
+
+def needs_consent(effort: Effort) -> bool:
+    """somebody may have something against it (26-modes), or it is a barrier or a takeover"""
+    return effort.proposal.needs_consent
 
 
 def overtaken(effort: Effort) -> bool:
@@ -136,10 +152,12 @@ GUARDS = named(
         ill_formed,
         under_way,
         no_ballot_left,
+        has_the_first_ballot,
         nothing_accepted,
         for_good,
         nothing_begun,
         arms_are_out,
+        needs_consent,
         overtaken,
         too_few_promises,
         not_all_agree,

@@ -26,6 +26,8 @@ class Setting:
     me: Member
     key: Signs
     timing: Timing = field(default_factory=Timing)
+    at_once_bytes: int = 0
+    """So many bytes of values a pass may take away from this node to go straight to everybody; more of them go by the arms."""
 
 
 class Stage(Enum):
@@ -50,6 +52,8 @@ class Proposal:
     """Somebody waits for the outcome."""
     is_for_all: bool = False
     is_forced: bool = False
+    needs_consent: bool = True
+    """Others may have something against it: all that can answer are heard before anybody votes."""
     deadline: float = NEVER
     met: Ballot | None = None
     """The highest ballot that somebody has refused this one for."""

@@ -8,6 +8,12 @@ from enum import Enum
 from scenefold.wire import ProposalId
 
 _EXPONENT_MAX = 6
+_PATIENCE_MAX = 4.0
+
+
+def _patience(counter: int) -> float:
+    """A ballot that comes after others is waited for longer: what these waited for may only have been slow, and asking more often makes it slower."""
+    return min(_PATIENCE_MAX, 2.0 ** max(0, min(counter, _EXPONENT_MAX) - 1))
 
 
 class Waits(Enum):
@@ -37,13 +43,13 @@ class Timing:
     takeover_s: float = 30.0
     """After so long without success a takeover ends, and the wait for T_ORPHAN begins anew."""
 
-    def pass_s(self, arm: int) -> float:
-        """For a pass whose longer arm visits so many nodes."""
-        return max(self.pass_s_min, self.hop_s * (arm + 1))
+    def pass_s(self, arm: int, counter: int = 1) -> float:
+        """For a pass whose longer arm visits so many nodes, in a ballot with this counter."""
+        return max(self.pass_s_min, self.hop_s * (arm + 1)) * _patience(counter)
 
-    def hops_s(self, further: int) -> float:
+    def hops_s(self, further: int, counter: int = 1) -> float:
         """At a hop, behind which the arm visits so many nodes."""
-        return self.hop_s * (further + 1)
+        return self.hop_s * (further + 1) * _patience(counter)
 
     def rest_s(self, tries: int) -> tuple[float, float]:
         """Between which bounds the pause after so many tries is drawn."""

@@ -7,7 +7,22 @@ from dataclasses import replace
 
 import pytest
 
-from scenefold.consensus import Accepted, Fact, Message, Participants, Rejected, Slot, Value, Vote, certificates, effort, facts
+from scenefold.consensus import (
+    Accepted,
+    Fact,
+    Message,
+    Participants,
+    Rejected,
+    Slot,
+    Value,
+    Vote,
+    acceptor,
+    certificates,
+    effort,
+    facts,
+    proposer_guards,
+)
+from scenefold.consensus.ballots import NO_BALLOT
 from scenefold.consensus.choosing import Choice, choose
 from scenefold.consensus.facts import belongs as rightly_belongs
 from scenefold.wire import ProposalId
@@ -74,6 +89,46 @@ def the_wiped_vote(patch: pytest.MonkeyPatch, soup: Soup) -> None:
     soup.same_incarnation = True
 
 
+def anybody_is_first(patch: pytest.MonkeyPatch, soup: Soup) -> None:
+    """Two nodes have a first ballot each, the higher of which needs promises."""
+
+    def is_first(step: effort.Effort) -> bool:
+        ask, slot = step.asked, step.case.slot
+        return ask is not None and ask.value is not None and slot.promised == NO_BALLOT and slot.accepted is None
+
+    patch.setitem(proposer_guards.GUARDS, "has_the_first_ballot", is_first)
+    patch.setitem(acceptor.GUARDS, "not_first", lambda guest: False)
+
+
+def a_promise_does_not_end_the_first_ballot(patch: pytest.MonkeyPatch, soup: Soup) -> None:
+    """The first votes in it, though it has taken part in higher ones."""
+
+    def is_first(step: effort.Effort) -> bool:
+        ask = step.asked
+        return ask is not None and ask.value is not None and step.case.participants.first == step.case.me
+
+    patch.setitem(proposer_guards.GUARDS, "has_the_first_ballot", is_first)
+
+
+def the_first_ballot_is_used_twice(patch: pytest.MonkeyPatch, soup: Soup) -> None:
+    """Who has voted in it, and was told that nobody knows, votes in it for something else."""
+
+    def is_first(step: effort.Effort) -> bool:
+        ask, case = step.asked, step.case
+        is_new = ask is not None and ask.value is not None
+        return is_new and case.participants.first == case.me and case.slot.promised.counter == 0
+
+    patch.setitem(proposer_guards.GUARDS, "has_the_first_ballot", is_first)
+    soup.hasty = 1.0
+
+
+def the_first_forgets_its_vote(patch: pytest.MonkeyPatch, soup: Soup) -> None:
+    """After a start it votes in its first ballot again, for something else."""
+    soup.hasty = 1.0
+    soup.world.forgets = lambda slot: Slot() if slot.promised.counter == 0 else slot
+    soup.world.laws.watches_disks = False
+
+
 MUTANTS: dict[Mutant, int] = {
     half_is_a_majority: 20,
     promises_are_not_durable: 20,
@@ -84,5 +139,9 @@ MUTANTS: dict[Mutant, int] = {
     ballots_are_counted_together: 100,
     opened_before_it_is_decided: 300,
     the_wiped_vote: 60,
+    anybody_is_first: 60,
+    a_promise_does_not_end_the_first_ballot: 60,
+    the_first_ballot_is_used_twice: 60,
+    the_first_forgets_its_vote: 60,
 }
-"""Within how many seeds each must be found. It was after 1, 1, 9, 1, 3, 5, 17, 117 and 8 of them."""
+"""Within how many seeds each must be found. It was after 1, 1, 3, 1, 1, 3, 11, 21, 3, 6, 3 and 11 of them."""

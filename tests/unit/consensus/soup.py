@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from random import Random
 
 from scenefold.consensus import Outcome, Reply
 from scenefold.wire import Member
 from unit.consensus.logs_made import NOTHING, Change, member
-from unit.consensus.world import Weather, World
+from unit.consensus.world import DEADLINE_S, Weather, World
 
 OPERATIONS = 40
 QUIET_S = 120.0
@@ -29,6 +30,10 @@ class Soup:
         base = self.random.choice([0.0, 0.0, 0.05, 0.1])
         slow = self.random.choice([0.02, 0.05, 0.3, 1.0])
         self.world.weather = Weather(base, base, self.random.choice([0.0, 0.1]), (0.01, slow))
+        self.haste = Random(f"haste {seed}")
+        """Dice of their own: who may go without promises, and what goes straight to everybody."""
+        self.hasty = self.haste.choice([0.0, 0.5, 1.0])
+        self.world.at_once_bytes = self.haste.choice([0, 1_000_000])
         self.world.keep_in_step()
 
     def run(self) -> None:
@@ -67,8 +72,16 @@ class Soup:
         if not ups:
             return False
         self.asked += 1
-        self.world.ask(self.random.choice(ups), f"r{self.asked}", change, within=self.random.choice([2.0, 10.0, 30.0]))
+        self._ask_one(self.random.choice(ups), f"r{self.asked}", change, within=self.random.choice([2.0, 10.0, 30.0]))
         return True
+
+    def _ask_one(self, asker: int, request: str, change: Change, *, within: float) -> None:
+        """Who is the first there is asked as often as all others together, if it goes without promises."""
+        is_plain = self.haste.random() < self.hasty
+        first = self.world.nodes[asker].book.participants.first
+        if is_plain and self.world.up(first) and self.haste.random() < 0.5:
+            asker = first
+        self.world.ask(asker, request, change, within=within, needs_consent=not is_plain)
 
     def _change_members(self) -> bool:
         """One joins or leaves, so that of those who are left a majority still has its disk."""
@@ -86,7 +99,7 @@ class Soup:
         if not changes:
             return False
         self.asked += 1
-        self.world.ask(asker, f"m{self.asked}", self.random.choice(gone or changes))
+        self._ask_one(asker, f"m{self.asked}", self.random.choice(gone or changes), within=DEADLINE_S)
         return True
 
     def _lives(self, everyone: set[Member]) -> bool:
@@ -203,7 +216,8 @@ class Soup:
         log = world.agree()
         reply = self._last_request()
         assert reply.outcome is Outcome.COMMITTED, reply
-        world.run(30.0)
+        # Who takes no part any more hears of it only by asking, and asks anybody.
+        world.run(QUIET_S)
         assert world.agree() == [*log, "last"], world.agree()
 
     def _last_request(self) -> Reply:

@@ -99,6 +99,10 @@ FORGED: dict[str, tuple[Callable[[Propose], Propose], RejectReason | None]] = {
         lambda it: replace(it, facts=(signed(replace(vote(A), member=member(A, 7)), GENESIS, key(A)),)),
         RejectReason.NOT_AUTHORISED,
     ),
+    "a first ballot, by one who is not the first": (
+        lambda it: replace(it, proposal=replace(it.proposal, ballot=Ballot(0, A)), facts=(vote(A, ballot=Ballot(0, A)),)),
+        RejectReason.NOT_AUTHORISED,
+    ),
     "a stranger": (
         lambda it: replace(it, proposal=replace(it.proposal, ballot=Ballot(1, NodeId(9)))),
         RejectReason.NOT_AUTHORISED,

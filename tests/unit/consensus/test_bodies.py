@@ -5,7 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Accepted, Ask, Certificate, Decide, Learn, Propose, Received, Send, Setting, State, Step, Value, View, take
+from scenefold.consensus import (
+    Accepted,
+    Ask,
+    AskLog,
+    Certificate,
+    Decide,
+    Learn,
+    Propose,
+    Received,
+    Send,
+    Setting,
+    State,
+    Step,
+    Value,
+    View,
+    take,
+)
+from scenefold.consensus.ballots import NO_BALLOT
 from scenefold.consensus.facts import signed
 from scenefold.wire import Ballot, Phase, Promise, ProposalId, Vote
 from unit.consensus.logs_made import GENESIS, Book, key_of, member, participants
@@ -87,6 +104,43 @@ def test_who_has_voted_keeps_its_own_bytes_whatever_it_is_told() -> None:
     assert [value.body for value in decided(at(B, voted, Received(LINE[4], Learn(GENESIS, 1, lean, certificate))))] == [GOOD]
     unvoted = at(E, State(BOOK), Received(LINE[4], Learn(GENESIS, 1, lean, certificate)))
     assert [value.body for value in decided(unvoted)] == [b""]
+
+
+@dataclass(frozen=True)
+class Whole(Book):
+    """A judge that takes no value without its body, be it decided."""
+
+    def refuses(self, value: Value, *, is_decided: bool = False) -> RejectReason | None:
+        return super().refuses(value, is_decided=is_decided) if value.body == GOOD else RejectReason.ILL_FORMED
+
+
+def test_who_lacks_the_body_of_what_is_decided_asks_for_it() -> None:
+    """It was told what those are told who have voted, and has forgotten that it has."""
+    book = Whole(participants(A, B, C, D, E))
+    lean, certificate = replace(VALUE, body=b""), Certificate(1, BALLOT, (vote(A), vote(B), vote(C)))
+    step = at(B, State(book), Received(LINE[0], Learn(GENESIS, 1, lean, certificate)))
+    assert [(effect.target, effect.message) for effect in step.effects if isinstance(effect, Send)] == [(LINE[0], AskLog(GENESIS, 0))]
+    assert step.write is None
+    few = replace(certificate, votes=(vote(A), vote(B)))
+    assert at(B, State(book), Received(LINE[0], Learn(GENESIS, 1, lean, few))).effects == ()
+
+
+def test_who_decides_tells_those_who_have_voted_without_the_body() -> None:
+    """And all others whole."""
+    state = at(A, State(BOOK), Ask(VALUE, 30.0)).after
+    assert state.proposal.id is not None
+    ballot = state.proposal.id.ballot
+    facts = tuple(promise(number, ballot, NO_BALLOT) for number in (B, C))
+    for number in (B, D):
+        state = at(A, state, Received(LINE[number - 1], Accepted(GENESIS, state.proposal.id, bytes(32), facts))).after
+    assert state.proposal.id is not None and state.proposal.id.phase is Phase.ACCEPT
+    votes = tuple(signed(Vote(1, ballot, VALUE.digest, member(number)), GENESIS, key_of(member(number))) for number in (B, C))
+    step = at(A, state, Received(LINE[1], Accepted(GENESIS, state.proposal.id, VALUE.digest, votes)))
+    told = {
+        effect.target: effect.message.value for effect in step.effects if isinstance(effect, Send) and isinstance(effect.message, Learn)
+    }
+    assert {number: value.body for number, value in told.items()} == {LINE[1]: b"", LINE[2]: b"", LINE[3]: GOOD, LINE[4]: GOOD}
+    assert all(value == VALUE for value in told.values())
 
 
 def test_who_hands_votes_home_decides_by_its_own_bytes() -> None:

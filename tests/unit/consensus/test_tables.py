@@ -19,10 +19,13 @@ ELSEWHERE = {
     # What only forged packets lead to: test_bad_packets.py.
     "of_another_log",
     "without_a_value",
+    "not_first",
     "not_of_its_originator",
     "route_incomplete",
     "has_voted_otherwise_in_it",
     "unproven",
+    # What bodies bring: test_bodies.py.
+    "without_its_body",
     # What nobody does by himself: test_bad_packets.py.
     "my_own",
     "of_a_stranger",

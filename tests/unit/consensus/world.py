@@ -95,6 +95,7 @@ class World:
         self.now = 0.0
         self.blocked: set[tuple[int, int]] = set()
         self.timing = Timing()
+        self.at_once_bytes = 0
         self.packets: list[tuple[float, int, int, Message]] = []
         """All that were ever sent: when, by whom, to whom."""
         self.crash_in: dict[int, int] = {}
@@ -153,7 +154,7 @@ class World:
         self.steps += 1
         if self.opens_early:
             self._open_early(known, event)
-        setting = Setting(GENESIS, known.disk.member, self.key(known.disk.member), self.timing)
+        setting = Setting(GENESIS, known.disk.member, self.key(known.disk.member), self.timing, self.at_once_bytes)
         step = take(setting, known.state, event, self._view(node, can_write=not known.disk.is_full))
         before, known.state = known.state, step.after
         effects = (*step.effects[1:], *step.effects[:1]) if self.shows_late and step.write else step.effects
@@ -253,18 +254,27 @@ class World:
 
     # -------------------------------------------------------------------------------------------------------- asking
 
-    def ask(self, node: int, request: str, change: Change = NOTHING, *, within: float = DEADLINE_S, is_for_all: bool = False) -> Value:
+    def ask(
+        self,
+        node: int,
+        request: str,
+        change: Change = NOTHING,
+        *,
+        within: float = DEADLINE_S,
+        is_for_all: bool = False,
+        needs_consent: bool = True,
+    ) -> Value:
         """Somebody asks a node for something, as things stand there. If it is asked for again, what was said of it is no promise any more."""
         value = self.nodes[node].book.value(request, node, change)
         self.laws.rejected.discard(value.digest)
-        self.happen(node, Ask(value, self.now + within, is_for_all))
+        self.happen(node, Ask(value, self.now + within, is_for_all, needs_consent=needs_consent))
         return value
 
-    def ask_again(self, node: int, value: Value | None, *, within: float = DEADLINE_S) -> None:
+    def ask_again(self, node: int, value: Value | None, *, within: float = DEADLINE_S, needs_consent: bool = True) -> None:
         """The very same value once more."""
         if value is not None:
             self.laws.rejected.discard(value.digest)
-        self.happen(node, Ask(value, self.now + within))
+        self.happen(node, Ask(value, self.now + within, needs_consent=needs_consent))
 
     def sync(self, node: int, other: int) -> None:
         """T_sync: ask another node for what is lacking."""

@@ -8,8 +8,8 @@
 """
 
 from scenefold.peer.logs.asking import Answer
-from scenefold.peer.logs.log import Log, open_log
+from scenefold.peer.logs.log import AT_ONCE_BYTES, Log, open_log
 from scenefold.peer.logs.logs import Logs
 from scenefold.peer.logs.ports import Carrier, Owner, Surroundings
 
-__all__ = ["Answer", "Carrier", "Log", "Logs", "Owner", "Surroundings", "open_log"]
+__all__ = ["AT_ONCE_BYTES", "Answer", "Carrier", "Log", "Logs", "Owner", "Surroundings", "open_log"]

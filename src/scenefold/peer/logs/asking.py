@@ -38,6 +38,7 @@ class _Request:
     deadline: float
     is_for_all: bool
     is_forced: bool
+    needs_consent: bool
     digest: bytes | None = None
     done: trio.Event = field(default_factory=trio.Event)
     answer: Answer | Exception | None = None
@@ -57,13 +58,13 @@ class Asking:
         self._current: _Request | None = None
         self._is_over = False
 
-    async def ask(self, make: Make | None, deadline: float, *, is_for_all: bool, is_forced: bool) -> Answer:
+    async def ask(self, make: Make | None, deadline: float, *, is_for_all: bool, is_forced: bool, needs_consent: bool) -> Answer:
         """Wait for the answer; without `make` it is a barrier. Cancelled, it may be proposed all the same."""
         if self._is_over:
             raise _ended()
         if len(self._waiting) >= WAITING_MAX:
             raise Refused(RejectReason.BUSY, f"{WAITING_MAX} requests wait for this log already", remedy="try again in a while")
-        request = _Request(make, deadline, is_for_all, is_forced)
+        request = _Request(make, deadline, is_for_all, is_forced, needs_consent)
         self._waiting.append(request)
         self._wake()
         try:
@@ -92,7 +93,7 @@ class Asking:
                 continue
             self._current = request
             request.digest = None if value is None else value.digest
-            return Ask(value, request.deadline, request.is_for_all, request.is_forced)
+            return Ask(value, request.deadline, request.is_for_all, request.is_forced, request.needs_consent)
         return None
 
     @property

@@ -55,6 +55,8 @@ SHUN_S = 1.0
 """So long nobody is sent to a node that could not be reached."""
 ASK_AGAIN_S = 0.9
 """So long `catch_up` asks nobody again."""
+AT_ONCE_BYTES = 1024 * 1024
+"""Of values, for a pass that goes straight to all others: larger ones travel hop by hop, so that no node sends them to all."""
 TELL_MAX = 256
 TELL_BYTES_MAX = 4 * 1024 * 1024
 """What is told at once of a log that somebody lacks, beside the newest position: that one makes him ask again."""
@@ -129,13 +131,17 @@ class Log:
             self._to_ask = {*others} - {self._setting.me.node}
             self._inbox.wake()
 
-    async def ask(self, make: Make | None, within_s: float, *, is_for_all: bool = False, is_forced: bool = False) -> Answer:
+    async def ask(
+        self, make: Make | None, within_s: float, *, is_for_all: bool = False, is_forced: bool = False, needs_consent: bool = True
+    ) -> Answer:
         """Have something decided, at whatever position; without `make` look whether anything may have been begun (a barrier).
 
-        `is_for_all`: whoever seems alive is to have agreed; `is_forced`: nobody is asked whether it suits him. Refused if it makes no sense, or
+        `is_for_all`: whoever seems alive is to have agreed; `is_forced`: nobody is asked whether it suits him; `needs_consent` false: no
+        participant can have anything against it (specs/26-modes.md), and so it may be decided sooner. Refused if it makes no sense, or
         too many wait already. After UNKNOWN, or if this is cancelled, whoever has asked asks again.
         """
-        return await self._asking.ask(make, self._world.clock.now() + within_s, is_for_all=is_for_all, is_forced=is_forced)
+        deadline = self._world.clock.now() + within_s
+        return await self._asking.ask(make, deadline, is_for_all=is_for_all, is_forced=is_forced, needs_consent=needs_consent)
 
     # --------------------------------------------------------------------------------------------------- its task
 

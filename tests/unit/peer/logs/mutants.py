@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scenefold.consensus import Decide, Event, Participants, Persist, Send, State, Step, View
+from scenefold.consensus import Decide, Event, Participants, Persist, Send, Slot, State, Step, View
 from scenefold.consensus.case import Case
 from scenefold.consensus.effects import Write
 from scenefold.peer.logs.courier import Courier
@@ -35,6 +35,18 @@ def only_promises_are_not_durable(patch: pytest.MonkeyPatch) -> None:
     async def forgetful(self: Memory, what: Write, before: State, after: State) -> None:
         if isinstance(what, Persist):
             what = Persist(replace(what.slot, promised=what.slot.accepted_ballot))
+        await write(self, what, before, after)
+
+    patch.setattr(Memory, "write", forgetful)
+
+
+def the_first_ballot_is_not_durable(patch: pytest.MonkeyPatch) -> None:
+    """After a start its node goes without promises again, for something else."""
+    write = Memory.write
+
+    async def forgetful(self: Memory, what: Write, before: State, after: State) -> None:
+        if isinstance(what, Persist) and what.slot.promised.counter == 0:
+            what = Persist(Slot())
         await write(self, what, before, after)
 
     patch.setattr(Memory, "write", forgetful)
@@ -96,6 +108,7 @@ def the_roster_is_stale(patch: pytest.MonkeyPatch) -> None:
 MUTANTS: dict[Mutant, int] = {
     votes_are_not_durable: 40,
     only_promises_are_not_durable: 40,
+    the_first_ballot_is_not_durable: 40,
     shown_before_it_is_written: 40,
     half_is_a_majority: 40,
     who_seems_alive_decides: 40,

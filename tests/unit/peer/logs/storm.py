@@ -40,6 +40,10 @@ class Storm:
         delay = Delay(0.0005, self.dice.choice([0.0005, 0.005]), slow)
         self.weather = Weather(delay, loss=loss, duplication=loss, reordering=loss)
         self.count = SIZES[seed % len(SIZES)]
+        self.haste = dice(seed, "haste")
+        """Of their own: who may go without promises, and what goes straight to everybody."""
+        self.hasty = self.haste.choice([0.0, 0.5, 1.0])
+        self.at_once_bytes = self.haste.choice([0, 1_000_000])
 
     def run(self) -> None:
         """Broken, or an AssertionError, where something does not hold."""
@@ -51,6 +55,7 @@ class Storm:
     async def _run(self) -> None:
         self.town = Town(self.seed, self.weather, sees_cracks=self.dice.random() < 0.5)
         self.town.replayed = self.dice.choice([0.0, 0.02])
+        self.town.at_once_bytes = self.at_once_bytes
         async with trio.open_nursery() as nursery:
             await self.town.found(self.count, nursery)
             self.town.watch.minds_disks = self.minds_disks
@@ -99,12 +104,19 @@ class Storm:
 
     async def _ask(self, node: Node, request: str | None) -> Answer | None:
         """None if it is not known."""
+        is_plain = request is not None and self.haste.random() < self.hasty
+        first = self.town.by_id[self.town.first.participants.first]
+        if is_plain and first.log is not None and self.haste.random() < 0.5:
+            # Who goes without promises is asked as often as all others together.
+            node = first
+            self.counts["asked the first"] += 1
         log = node.log
         if log is None:
             return None
         make: Any = None if request is None else request_maker(request, node)
         try:
-            answer = await log.ask(make, self.dice.choice([2.0, 5.0, 15.0]), is_for_all=self.dice.random() < 0.1)
+            within_s, is_for_all = self.dice.choice([2.0, 5.0, 15.0]), self.dice.random() < 0.1
+            answer = await log.ask(make, within_s, is_for_all=is_for_all, needs_consent=not is_plain)
         except Refused as refused:
             self.counts[f"refused {refused.reason.name}"] += 1
             # Of a node that has ended nobody knows whether it had begun; it says so only of what it had not.

@@ -37,5 +37,5 @@ def test_nothing_that_can_happen_is_left_out() -> None:
         storm = Storm(seed)
         storm.run()
         counts += storm.counts
-    for what in ("crash", "crash_at", "restart", "part", "deafen", "heal", "fill", *Outcome.__members__):
+    for what in ("crash", "crash_at", "restart", "part", "deafen", "heal", "fill", "asked the first", *Outcome.__members__):
         assert counts[what] > 0, f"{what} never happened: {counts}"

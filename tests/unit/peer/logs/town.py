@@ -61,6 +61,7 @@ class Town:
         self.replaced: frozenset[NodeId] = frozenset()
         """Nodes that are up, as others that take no part in the log."""
         self.owner = Owner()
+        self.at_once_bytes = 0
         self.replayed = 0.0
         """Odds that, with a packet, an old one comes once more."""
         self._old: list[tuple[NodeId, str, bytes]] = []
@@ -139,7 +140,7 @@ class Town:
             await self._hear(log, socket)
 
     async def _open(self, node: Node, world: object, store: Store, wire: _Wire) -> Log:
-        setting = Setting(GENESIS, node.member, key_of(node.member))
+        setting = Setting(GENESIS, node.member, key_of(node.member), at_once_bytes=self.at_once_bytes)
         return await open_log(world, store, setting, self.first, wire, wire, self.owner)  # type: ignore[arg-type]
 
     async def _hear(self, log: Log, socket: Datagrams) -> None:
