@@ -88,12 +88,15 @@ class Ward:
     async def dies(self, victim: str, point: str, asked: str, one: Author, two: Author) -> tuple[float, float]:
         """The first author begins at a node, and one dies of it, which lacks nothing. Seconds until the second author's next change is
         acknowledged, and until the first one's is. Then the dead one runs again."""
-        own_done = trio.Event()
+        own_done, dead = trio.Event(), trio.Event()
         own_s = next_s = 0.0
 
         async def go_on() -> None:
             nonlocal own_s
             await one.move()
+            while point in PARTICIPANT and not dead.is_set():
+                # A majority needs not all of them: it may have heard of the decision before it was to vote.
+                await one.move()
             own_s = trio.current_time()
             own_done.set()
 
@@ -106,6 +109,7 @@ class Ward:
                 with trio.fail_after(PATIENCE_S):
                     await self.nodes.ended(victim)
                 died_at = trio.current_time()
+                dead.set()
                 await two.move()
                 next_s = trio.current_time()
                 await own_done.wait()
@@ -135,7 +139,8 @@ async def test_whoever_dies_in_a_proposal_the_others_go_on_with_one_history(tmp_
         async with open_links(world) as links:
             ward = Ward(nodes, links, first, dooms)
             for turn, point in enumerate(POINTS):
-                victim, neighbour = (nodes.addresses[(turn + more) % NODES] for more in (0, 1))
+                # The one in the middle asks for no promises: it is asked where its vote is the first that is durable, and where all are told.
+                victim, neighbour = (nodes.addresses[(turn + more) % NODES] for more in (-1, 0))
                 await ward.all_at(newest())
                 asked = neighbour if point in PARTICIPANT else victim
                 next_s, own_s = await ward.dies(victim, point, asked, one, two)
@@ -145,4 +150,4 @@ async def test_whoever_dies_in_a_proposal_the_others_go_on_with_one_history(tmp_
                 await nodes.stop(address)
         folders = [nodes.folder / "data" / address for address in nodes.addresses]
         check_one_history(folders, first.genesis, {**one.acknowledged, **two.acknowledged})
-        assert len(one.acknowledged) == len(two.acknowledged) == len(POINTS)
+        assert len(one.acknowledged) >= len(two.acknowledged) == len(POINTS)

@@ -55,7 +55,7 @@ def test_the_few_refuse_and_show_and_the_many_go_on(few: range) -> None:
         plain, mode = them.following(first, them.grant()), them.following(first, SetMode(SceneMode.RENDER))
         for refusable in (plain, mode):
             assert RejectReason.NO_MAJORITY in await offered_to(them, few, refusable)
-        words = str(refusal_of(RejectReason.NO_MAJORITY, "kitchen", them.node(few[0]).node_id, first.public))
+        words = str(refusal_of(RejectReason.NO_MAJORITY, them.node(few[0]).node_id, name="kitchen", before=first.public))
         assert "3 of 5 must agree" in words and "nothing was changed" in words
         for slot in few:
             assert (await them.read(slot)).public.proposed() == first.public.proposed(), "what was decided is shown"
@@ -105,7 +105,7 @@ def test_what_the_few_began_when_they_were_cut_off_is_in_the_log_once_at_most(co
             assert requests[ours.header.request] == 2, "it was decided"
         again = await them.offer(1, ours)
         if isinstance(again, AcceptSceneProposal):
-            assert requests[ours.header.request] == again.position == max(requests.values())
+            assert requests[ours.header.request] == again.position
         else:
             assert again.reason in (RejectReason.POSITION_TAKEN, RejectReason.POSITION_BEHIND)
         assert await them.commits(0) == max(requests.values()) + 1

@@ -7,6 +7,7 @@ bounded; then the last error is the caller's, in words.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Awaitable, Callable, Container, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
@@ -86,8 +87,8 @@ class Calls:
         self._links = links
         self.turn = Slots().turn
         """Around a request that moves records."""
-        self._silent: dict[str, None] = {}
-        """Addresses that did not answer the last time: of two that may own a place, they are asked last."""
+        self._silent: dict[str, float] = {}
+        """Addresses that did not answer the last time, and when: of two that may own a place, they are asked last."""
         self.tails = Tails(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
         """How long owners take to answer reads."""
         self.told_at: dict[NodeId, float] = {}
@@ -102,9 +103,10 @@ class Calls:
         owner = self.table.by_id(node_id)
         return address_of(node_id) if owner is None else owner.address
 
-    def is_silent(self, node_id: NodeId) -> bool:
-        """Whether a node did not answer the last time."""
-        return self.address_of(node_id) in self._silent
+    def is_silent(self, node_id: NodeId, *, within_s: float = math.inf) -> bool:
+        """Whether a node did not answer the last time, if that is no longer ago."""
+        silent_at = self._silent.get(self.address_of(node_id))
+        return silent_at is not None and self.world.clock.now() - silent_at <= within_s
 
     def to_ask(self, location: Location, passed_over: Container[NodeId] = ()) -> list[Owner]:
         """Whom to ask for a location, one after the other: who may own it, those that did not answer lately last.
@@ -129,7 +131,7 @@ class Calls:
         try:
             reply = await self._links.request(address, priority, packet, timeout_s)
         except Unreachable:
-            self._silent[address] = None
+            self._silent[address] = self.world.clock.now()
             raise
         except (Refused, PeerFault):
             self._silent.pop(address, None)

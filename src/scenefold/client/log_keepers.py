@@ -21,6 +21,7 @@ from scenefold.world import Priority
 
 Log = TypeVar("Log")
 
+SILENT_S = 10.0
 _OLD_LOGS_MAX = 3
 
 
@@ -56,13 +57,13 @@ class LogKeepers(Generic[Log]):
         return sorted(nodes, key=lambda node: (node != first, self._calls.is_silent(node), node))
 
     def to_propose(self, public: SceneLogPublic) -> list[NodeId]:
-        """The same, for whoever has something to be decided: from the middle outwards.
+        """The same, for whoever has something to be decided: from the middle outwards, since the one there needs no promises.
 
-        A proposal goes out along the line by both sides at once: from the middle it has half as far as from an end.
+        Who was silent is passed over for a while only: authors who begin with different ones hold each other up.
         """
         nodes = sorted(entry.member.node for entry in public.participants)
         far = {node: abs(2 * index - len(nodes) + 1) for index, node in enumerate(nodes)}
-        return sorted(nodes, key=lambda node: (self._calls.is_silent(node), far[node], node))
+        return sorted(nodes, key=lambda node: (self._calls.is_silent(node, within_s=SILENT_S), far[node], node))
 
     async def newest(self, known: SceneLogPublic, read: SceneLogPublic | None, first: NodeId | None = None) -> Log | None:
         """The newest log; None if that is still the one of the header `read`.
@@ -76,6 +77,13 @@ class LogKeepers(Generic[Log]):
         if read is not None and shown[0].public.proposed() == read.proposed():
             return None
         return await self._of_participants(shown)
+
+    async def of(self, node: NodeId, read: SceneLogPublic) -> Log | None:
+        """What one participant has; None if it is not newer than the header `read`. Unreachable, Refused, PeerFault or DamagedData if it shows none."""
+        answer = await self._answer(address_of(node), Want.LOG, CLIENT_STATUS_S)
+        if answer.private is None or answer.public.position <= read.position:
+            return None
+        return await self._opened(answer.public, answer.private)
 
     async def shown(self, known: SceneLogPublic, first: NodeId | None = None) -> list[Shown]:
         """How far some participants are, the furthest first."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
@@ -50,6 +50,8 @@ class LogReading:
         """The header that `keys` were taken from last."""
         self._read: ReadLog | None = None
         """The log as it was read last; it is asked for again only when the keeper's header is another."""
+        self._was_alone = False
+        """Our last change went in at once, behind what we had read."""
         self.keepers: LogKeepers[ReadLog] = LogKeepers(
             calls, self._name, partial(self.request, have=0), self._memory.forbids, self._verified, self._opened
         )
@@ -113,6 +115,19 @@ class LogReading:
         newest = self._newer_of(header)
         if newest.mode is SceneMode.ENDED:
             raise scene_ended(newest.position, self._name)
+
+    async def newer(self, told_by: NodeId | None) -> ReadLog:
+        """`newest`; of the node that says that there is a newer one, if it shows that. What it shows was decided, and it decides what comes next."""
+        read, found = self._read, None
+        if told_by is not None and read is not None and read.header.participants:
+            with suppress(Unreachable, Refused, PeerFault, DamagedData):
+                found = await self.keepers.of(told_by, read.header)
+        if found is None:
+            return await self.newest(first=told_by)
+        self._check_goes_on(found.header)
+        self._read = found
+        self.keys = keys_with_log(self.keys, found.state)
+        return found
 
     def _newer_of(self, header: SceneLogPublic) -> SceneLogPublic:
         """That header, or the one that was met last, which may name others who keep the log."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_AUTHOR_S, CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
@@ -22,6 +22,7 @@ from scenefold.client.doubt import Doubt
 from scenefold.client.log_reading import LogReading, ReadLog
 from scenefold.client.offering import Rejected, offered, offered_to
 from scenefold.client.offers import proposal_of, refusal_of
+from scenefold.client.pace import Pace
 from scenefold.client.patience import Patience, is_passing
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.scene.log import Draft, Followed, SceneLog, follow, keys_with_log
@@ -63,6 +64,7 @@ class LogAccess(LogReading):
         or we are no owner; Refused if it did not go in; Unreachable, with words, if nobody knows.
         """
         secrets = await self.owner()
+        may_go_on = request_id is None and self._was_alone
         request_id = request_id or self._calls.world.entropy.token(_REQUEST_ID_BYTES)
         doubt = self._doubt(
             "a change",
@@ -71,7 +73,7 @@ class LogAccess(LogReading):
             ),
         )
         with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, request_id, secrets.signing, doubt, forced=forced)
+            return await self._proposed(entry_of, request_id, secrets.signing, doubt, may_go_on=may_go_on, forced=forced)
 
     async def owner(self) -> MemberSecrets:
         """What we sign changes with; LocalFault if we are no owner of the scene."""
@@ -82,23 +84,34 @@ class LogAccess(LogReading):
         return self._secrets
 
     async def _proposed(
-        self, entry_of: Callable[[SceneLog], LogEntry], request_id: bytes, author: SigningKey, doubt: Doubt, *, forced: bool
+        self,
+        entry_of: Callable[[SceneLog], LogEntry],
+        request_id: bytes,
+        author: SigningKey,
+        doubt: Doubt,
+        *,
+        may_go_on: bool,
+        forced: bool,
     ) -> ReadLog:
-        patience, clock = Patience(), self._calls.world.clock
+        clock, pace = self._calls.world.clock, Pace(self._calls)
         until = clock.now() + CLIENT_AUTHOR_S
         draft: tuple[ReadLog, Followed] | None = None
         problem: Unreachable | PeerFault | Refused | None = None
         first: NodeId | None = None
+        before: ReadLog | None = None
+        if may_go_on:
+            draft = await self._gone_on(entry_of, request_id, author)
         for attempt in range(CLIENT_LOG_TRIES_MAX + 1):
-            if attempt:
-                patience.bears(None)
-                await self._calls.pause(patience)
-            before = await self.newest(first=first)
+            await pace.pause(is_late=first is not None and before is not None and bool(before.header.participants))
+            before = draft[0] if draft is not None and attempt == 0 else await self.newer(first)
             if request_id in before.state.requests:
                 return before
             if draft is not None and not before.state.tells_of(draft[1].header.position):
                 # So much was decided since that the log would not know the request any more.
                 break
+            if draft is not None and first is not None and before.header.position < draft[1].header.position:
+                # Nobody shows what it says that there is.
+                pace.failures += 1
             if draft is not None and before.header.position >= draft[1].header.position:
                 # Whatever was offered so far has its position taken by something else, and never goes in.
                 doubt.settle_all()
@@ -111,21 +124,39 @@ class LogAccess(LogReading):
                 draft = before, await self._calls.world.workers.run("crypto", made.sealed)
             after = draft[1]
             try:
-                outcome = await self._offer(proposal_of(after.header, after.private, forced=forced), before.header, doubt, attempt)
+                # Who says that others were faster is asked first again: there we stand in line.
+                packet = proposal_of(after.header, after.private, forced=forced)
+                outcome = await self._offer(packet, before.header, doubt, pace.failures)
                 if isinstance(outcome, SceneLogPublic):
                     self._take(outcome, keys_with_log(after.keys, after.log.state))
                     await self._memory.keep()
                     self._read = ReadLog(outcome, after.log)
+                    self._was_alone = attempt == 0
                     return self._read
+                self._was_alone = False
                 first = outcome.by if outcome.reason in _TOO_LATE else None
                 problem = None if outcome.reason in _TOO_LATE else refusal_of(*outcome, name=self._name, before=before.header)
             except (Unreachable, PeerFault, Refused) as error:
-                problem = error
+                problem, first = error, None
             # While there is doubt, what the log says next is better than what this answer says.
             if isinstance(problem, Refused) and not is_passing(problem.reason) and after.header.position not in doubt:
                 raise problem
         busy = Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
         raise problem or busy
+
+    async def _gone_on(
+        self, entry_of: Callable[[SceneLog], LogEntry], request_id: bytes, author: SigningKey
+    ) -> tuple[ReadLog, Followed] | None:
+        """The next position from the log as we left it, if that is what we met last and the entry fits there; who decides says if others went on."""
+        before = self._read
+        if before is None or not before.header.participants or before.header != self._followed:
+            return None
+        try:
+            made = self._following(before, entry_of(before.state), request_id, author)
+        except ScenefoldError:
+            # It may fit by now.
+            return None
+        return before, await self._calls.world.workers.run("crypto", made.sealed)
 
     async def standing(self, request_id: bytes, offered_at: int = 0) -> Standing:
         """What became of a request, in any process: those who decide bring to its end what was begun, and then the log is looked at.

@@ -7,7 +7,8 @@ the hops of a decision, not the work that it is.
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AsyncExitStack
 from typing import Any
 
 import trio
@@ -32,13 +33,15 @@ WALL_S_MAX = 3_600.0
 _SPACE = "bench"
 
 
-def measure(participants: int, commits: int, *, seed: int = 0, link_s: float = LINK_S) -> dict[str, Any]:
-    """One change after the other, asked for by one client."""
+def measure(participants: int, commits: int, *, clients: int = 1, seed: int = 0, link_s: float = LINK_S) -> dict[str, Any]:
+    """Changes of one scene, each client asking for one after the other."""
     with quiet_logs(), remembered_signatures(), quick_packets():
-        return run_simulated(seed, _measured, participants, commits, seed, link_s, virtual_s_max=VIRTUAL_S_MAX, wall_s_max=WALL_S_MAX)
+        return run_simulated(
+            seed, _measured, participants, commits, clients, seed, link_s, virtual_s_max=VIRTUAL_S_MAX, wall_s_max=WALL_S_MAX
+        )
 
 
-async def _measured(participants: int, commits: int, seed: int, link_s: float) -> dict[str, Any]:
+async def _measured(participants: int, commits: int, clients: int, seed: int, link_s: float) -> dict[str, Any]:
     weather = Weather(Delay(link_s, 0.0, link_s), splitting=0.0, bytes_per_s=1e15)
     net = SimNet(seed, weather=weather, trace=Trace(keep=0), costs={})
     async with trio.open_nursery() as nursery:
@@ -52,19 +55,32 @@ async def _measured(participants: int, commits: int, seed: int, link_s: float) -
         async with open_client("bench", world, cluster.facts, keyring, writer, cluster.watch.recorder) as client:
             scene = await client.scenes.create("bench", copies=1, participants=_entries(cluster))
             await scene.create_space(_SPACE, copies=1)
-            row = await _decided(cluster, scene, commits)
+            async with AsyncExitStack() as others:
+                scenes = [scene]
+                for number in range(1, clients):
+                    name = f"bench {number}"
+                    opening = open_client(name, net.world(f"user:{name}"), cluster.facts, keyring, writer, cluster.watch.recorder)
+                    scenes.append(await (await others.enter_async_context(opening)).scenes.open("bench"))
+                row = await _decided(cluster, scenes, commits)
         violations = [violation.what for violation in cluster.watch.violations]
         nursery.cancel_scope.cancel()
     return {"participants": participants, "link_ms": 1000 * link_s, "commits": commits, **row, "violations": violations}
 
 
-async def _decided(cluster: Cluster, scene: Scene, commits: int) -> dict[str, Any]:
-    waits_s, packets = [], _packets(cluster)
-    for _ in range(commits):
-        begun = cluster.net.now
-        await scene.access.change_log(lambda log: TranslateSpace(log.named(_SPACE).id, (0.5, 0.0, 0.0)))
-        waits_s.append(cluster.net.now - begun)
-        await trio.sleep(BETWEEN_S)
+async def _decided(cluster: Cluster, scenes: Sequence[Scene], commits: int) -> dict[str, Any]:
+    waits_s, left = list[float](), iter(range(commits))
+
+    async def ask(scene: Scene, left: Iterator[int]) -> None:
+        for _ in left:
+            begun = cluster.net.now
+            await scene.access.change_log(lambda log: TranslateSpace(log.named(_SPACE).id, (0.5, 0.0, 0.0)))
+            waits_s.append(cluster.net.now - begun)
+            await trio.sleep(BETWEEN_S)
+
+    packets = _packets(cluster)
+    async with trio.open_nursery() as nursery:
+        for scene in scenes:
+            nursery.start_soon(ask, scene, left)
     cuts = statistics.quantiles(waits_s, n=100, method="inclusive") if commits > 1 else waits_s * 99
     return {"p50_ms": 1000 * cuts[49], "p99_ms": 1000 * cuts[98], "packets_per_commit": (_packets(cluster) - packets) / commits}
 

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 
 import trio
 
-from scenefold.base.errors import NotReached, PeerFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, NotReached, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Judge, Outcome, Value
+from scenefold.crypto import HEADER_DOMAIN
 from scenefold.peer.handlers import node_of
 from scenefold.peer.logs import Answer
 from scenefold.peer.peers import Peers
@@ -32,6 +33,8 @@ ASK_S = 6.0
 """For the participants to decide: a person waits."""
 BEHIND_S = 2.0
 """For a participant to learn what the author knew already."""
+LATE_MAX = 16
+"""Whose change follows a header so old, or an older one, has not tried lately: it is told so at once."""
 LOOKS_BURST = 16
 LOOKS_PER_S = 1.0
 """Barriers of one peer: each makes all participants write."""
@@ -41,6 +44,8 @@ RELAY_EACH_S = 8.0
 
 _NOT_LOOKED_AT = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.BUSY, RejectReason.KEY_REVOKED})
 """Faults that say so."""
+
+_TOO_LATE = frozenset({RejectReason.POSITION_TAKEN, RejectReason.POSITION_BEHIND})
 
 _log = logging.getLogger("scenefold.peer.scene_log.scenes")
 
@@ -89,12 +94,43 @@ class Proposing:
                 raise Refused(RejectReason.NOT_READY, what, remedy="ask another participant")
         if not packet.private:
             return await self._looked(one, public, peer)
+        if not await self._has_place(one, public):
+            return await self._proposed(one, packet)
+        comes_back = False
+        try:
+            if not await one.turns.comes(public.request) and not self._is_decided(one, public):
+                # It may try all the same, if nobody has gone on.
+                _check_next(public, one.public)
+            reply = await self._proposed(one, packet)
+            comes_back = isinstance(reply, RejectSceneProposal) and reply.reason in _TOO_LATE
+        except Refused as refusal:
+            comes_back = refusal.reason in _TOO_LATE
+            raise
+        finally:
+            one.turns.leave(public.request, comes_back=comes_back)
+        return reply
+
+    async def _has_place(self, one: SceneRun, public: SceneLogPublic) -> bool:
+        """In the line of those who want the next position. Nobody else is to hold it up: as soon as there is one, it takes an owner's signature
+        under something new. Refused (13) if the line is long."""
+        known, judge = one.owner.known, one.log.judge
+        assert isinstance(judge, SceneJudge)
+        if public.position != known.public.position + 1 or len(one.turns):
+            is_new = known.public.position - public.position < LATE_MAX and public.request not in judge.requests
+            if not is_new or not await self._world.workers.run("crypto", _is_owners, known, public):
+                return False
+        return one.turns.enter(public.request)
+
+    async def _proposed(self, one: SceneRun, packet: ProposeSceneLog) -> Packet:
+        public = packet.public
         if public == one.public.proposed():
             return accepted(one.public)
+        if self._is_decided(one, public):
+            return accepted(one.recent[public.position])
         before = one.owner.known
         _check_next(public, before.public)
         self._changes.check(before, public, self._world.clock.now())
-        await self._world.workers.run("crypto", _judged, one.log.judge, packet)
+        value = await self._world.workers.run("crypto", _judged, one.log.judge, packet)
         one.modes.check_proposal(public, forced=packet.forced)
         is_switch = public.mode is not before.public.mode
         is_forced, for_all = is_switch and packet.forced, is_switch and not packet.forced
@@ -104,11 +140,11 @@ class Proposing:
         def make(judge: Judge) -> Value:
             assert isinstance(judge, SceneJudge)
             _check_next(public, judge.public)
-            return value_of(public, packet.private, judge.public)
+            return value_of(public, packet.private, judge.public) if value is None else value
 
         try:
-            # Whoever seems alive is to agree with a change of the mode (specs/26-modes.md, The switch).
-            answer = await one.log.ask(make, ASK_S, is_for_all=for_all, is_forced=is_forced)
+            # Whoever seems alive is to agree with a change of the mode, and nobody can have anything against others (specs/26-modes.md, The switch).
+            answer = await one.log.ask(make, ASK_S, is_for_all=for_all, is_forced=is_forced, needs_consent=is_switch)
         except Refused:
             if self._is_decided(one, public):
                 return accepted(one.recent[public.position])
@@ -193,11 +229,25 @@ def _check_next(public: SceneLogPublic, newest: SceneLogPublic) -> None:
         raise Refused(RejectReason.NOT_READY, f"position {public.position} does not extend the log, which ends at {newest.position}")
 
 
-def _judged(judge: Judge, packet: ProposeSceneLog) -> None:
-    """Refused unless it may stand at its position. Takes some milliseconds for a long log."""
+def _judged(judge: Judge, packet: ProposeSceneLog) -> Value | None:
+    """What is proposed, as a value; Refused unless it may stand at its position. None if another one is open by now. Takes some milliseconds for a long log."""
     assert isinstance(judge, SceneJudge)
-    if packet.public.position == judge.public.position + 1:
-        judge.check(value_of(packet.public, packet.private, judge.public))
+    if packet.public.position != judge.public.position + 1:
+        return None
+    value = value_of(packet.public, packet.private, judge.public)
+    judge.check(value)
+    return value
+
+
+def _is_owners(known: KnownScene, public: SceneLogPublic) -> bool:
+    """Whether an owner has signed this, with the key that signs the scene's headers now. Takes half a millisecond."""
+    key = known.keys.get(known.public.public_key)
+    try:
+        if key is not None:
+            key.verify(public.signature, HEADER_DOMAIN, public.signable())
+    except DamagedData:
+        return False
+    return key is not None
 
 
 def _never_came(problem: Exception) -> bool:

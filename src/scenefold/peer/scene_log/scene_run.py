@@ -16,7 +16,7 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Decide, Setting
-from scenefold.peer.logs import Log, open_log
+from scenefold.peer.logs import AT_ONCE_BYTES, Log, open_log
 from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.modes.consent import Consent
@@ -25,6 +25,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.scene_judge import SceneJudge
 from scenefold.peer.scene_log.scene_owner import SceneOwner
+from scenefold.peer.scene_log.turns import Turns
 from scenefold.peer.waiters import Waiters
 from scenefold.scene.log import check_log
 from scenefold.store import Store
@@ -80,6 +81,8 @@ class SceneRun:
         """When this node learnt a position: milliseconds since the epoch."""
         self.recent: OrderedDict[int, SceneLogPublic] = OrderedDict()
         """The newest decided headers, for who proposed one of them."""
+        self.turns = Turns(world.clock)
+        """Of those who want the next position."""
         self._news = Waiters()
         self._ahead: KnownScene | None = None
         self._scope = trio.CancelScope()
@@ -145,7 +148,7 @@ class SceneRun:
                 judge, decided = judge.after(row.value), Decide(*row)
                 self.owner.beside(decided, judge)
                 self.owner.decided(decided, judge)
-        setting = Setting(genesis, self._own.member, self._own.key)
+        setting = Setting(genesis, self._own.member, self._own.key, at_once_bytes=AT_ONCE_BYTES)
         position = judge.public.position
         ports = self._ports
         return await open_log(self._world, self._store, setting, judge, ports.carrier, ports.around, self.owner, position=position)
