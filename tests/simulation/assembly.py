@@ -36,7 +36,7 @@ from scenefold.world.sim import SimNet, run_simulated
 from unit.scene.log.members import MAKER, grant, secrets_of
 
 USER = "user:m200"
-START_S_MAX = 60.0
+START_S_MAX = READ_S_MAX = 60.0
 
 
 @dataclass
@@ -128,10 +128,16 @@ class Assembly:
         return await self.of(slot).handlers.handle(packet, peer)
 
     async def read(self, slot: int) -> Read:
-        """What an owner finds at this node."""
-        reply = await self.ask(slot, RequestSceneLog(self.scene, self.genesis, 0, 1, Want.LOG))
-        assert isinstance(reply, RespondSceneLog) and reply.answer is not None and reply.answer.private is not None, reply
-        public, private = reply.answer.public, reply.answer.private
+        """What an owner finds at this node. Who has just begun to take part knows the header before it has the log: that is waited for."""
+        private: bytes | None = None
+        with trio.fail_after(READ_S_MAX):
+            while True:
+                reply = await self.ask(slot, RequestSceneLog(self.scene, self.genesis, 0, 1, Want.LOG))
+                assert isinstance(reply, RespondSceneLog) and reply.answer is not None, reply
+                public, private = reply.answer.public, reply.answer.private
+                if private is not None:
+                    break
+                await trio.sleep(0.05)
         check_decided(public)
         log = open_private(
             private,
