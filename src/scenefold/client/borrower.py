@@ -237,8 +237,10 @@ def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError], use: Leas
         if problem.reason is RejectReason.BUSY:
             what = f"nothing is {done} just now: somebody changes its mode, or too many hold leases of it"
             return Refused(RejectReason.BUSY, what, where=where, remedy="try again in a while")
+    # Who began anew, and takes no part any more, says what all say of a key that may not write.
+    is_of_us = len(refused) == len(problems) and all(problem.reason is RejectReason.NOT_AUTHORISED for problem in refused)
     for problem in refused:
-        if problem.reason not in _HELD_UP:
+        if problem.reason not in _HELD_UP and (is_of_us or problem.reason is not RejectReason.NOT_AUTHORISED):
             return problem
     what = (
         f"nothing can be {done} now: none of the {len(deciders)} nodes that decide it lends a lease for {kind}; "
