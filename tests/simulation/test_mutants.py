@@ -18,7 +18,8 @@ from scenefold.simulation.run import run
 from simulation.runs import fail_with_stories
 
 SEEDS = range(18)
-"""One of them must find a mutant: any change of the product shuffles what happens in each, and the rarest is met in one of four."""
+"""One of them must find a mutant: any change of the product shuffles what happens in each, and the rarest is met in one of four. Once one
+has broken the law, it runs no further."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,8 @@ class Provocation:
     storm_s: float = 30.0
     copies: bool = False
     workload: Workload = "all"
+    first: int = 0
+    """The seed that is tried first, since it has found it."""
 
     def order(self, seed: int, mutant: str | None = None) -> Order:
         asked = Order(seed, kinds=self.kinds, storm_s=self.storm_s, mutant=mutant, copies=self.copies, workload=self.workload)
@@ -53,8 +56,11 @@ AWAY = (Kind.PAUSE, Kind.PARTITION, Kind.RESET)
 HEIRS = (Kind.PAUSE, Kind.PARTITION, Kind.LOST_NODES)
 """Arcs are adopted of which nobody alone knows what was acknowledged."""
 
+ABSENT_MINDED = (Kind.CUT_CLIENT, Kind.PAUSED_CLIENT, Kind.RESET)
+"""Clients are cut off, and wake up in another mode."""
 CRACKS = (Kind.PARTITION, Kind.CRASH, Kind.WIPED_DISK, Kind.RESET)
-"""Of those who decide a log some cannot be reached, and one is replaced."""
+"""Of those who decide a log some cannot be reached, and one is replaced. Who goes by an old roster then finds what others decide to be decided
+by no majority, and ends over that."""
 FEW = 3
 """Participants of a log that is provoked."""
 
@@ -63,14 +69,16 @@ ABSENCES = (Kind.PARTITION, Kind.CRASH, Kind.DRAIN, Kind.JOIN)
 
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
-    "chain from a stale roster": Provocation(laws.CERTIFIED, CRACKS, workload="logs"),
+    "chain from a stale roster": Provocation(laws.SOUND, CRACKS, workload="logs", first=2),
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
     "decided header": Provocation(laws.VERIFIED, LIES),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
     "durable before release": Provocation(laws.CARRIED, MOVES),
     "indirect probe": Provocation(laws.REMOVED_RIGHTLY, CUTS, 45.0),
+    "lent lease ignored at the vote": Provocation(laws.MODES_APART, ABSENT_MINDED, workload="logs", first=7),
     "last copy": Provocation(laws.CARRIED, MOVES, 45.0),
     "left fence": Provocation(laws.ONE_OWNER, BUSY),
+    "no fencing": Provocation(laws.FROZEN, ABSENT_MINDED, workload="logs", first=3),
     "no majority": Provocation(laws.CERTIFIED, CRACKS, workload="logs"),
     "others' claims": Provocation(laws.ONE_OWNER, LYING_MOVES, 45.0),
     "own status only": Provocation(laws.VERIFIED, LIES),
@@ -98,7 +106,9 @@ def test_every_mutant_is_provoked() -> None:
 @pytest.mark.parametrize("name", sorted(MUTANTS))
 def test_a_mutant_is_found(name: str) -> None:
     provoked = PROVOKED[name]
-    assert any(provoked.law in {found.law for found in run(provoked.order(seed, name)).violations} for seed in SEEDS)
+    seeds = (provoked.first, *(seed for seed in SEEDS if seed != provoked.first))
+    orders = (replace(provoked.order(seed, name), until=provoked.law) for seed in seeds)
+    assert any(provoked.law in {found.law for found in run(order).violations} for order in orders)
 
 
 Climate = tuple[tuple[Kind, ...], float, bool, Workload]

@@ -2,8 +2,8 @@
 
 Progress and stories go to stderr. On stdout comes a summary, or with --json one object with the keys `seeds` (how many were
 run), `violations` (a list), `faults` (how many took effect, by kind), `reported` (what lying nodes achieved that nobody could prevent, by manner), `operations` (acknowledged
-ones), the least of both that a seed had, `short` (seeds that tested too little), and, with the workload `logs`, `committed`, `refused`, `taken_over`
-and `committed_min`. It comes before any schedule is shortened, which takes minutes. The exit
+ones), the least of both that a seed had, `short` (seeds that tested too little), and, with the workload `logs`, `committed`, `refused`, `taken_over`,
+`committed_min`, `switches`, `edits`, `late` and `looks`. It comes before any schedule is shortened, which takes minutes. The exit
 code is 1 if anything was violated, 3 if nothing was but a seed fell short, 2 for wrong usage.
 """
 
@@ -97,6 +97,9 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
         lines.append(
             f"{told['committed']} proposals committed, {told['committed_min']} of a seed or more, {told['refused']} refused, {told['taken_over']} taken over"
         )
+        lines.append(
+            f"{told['switches']} changes of mode, {told['edits']} edits stored, {told['late']} too late, {told['looks']} records read for images"
+        )
     lines += [f"  {count:7d}  {kind}" for kind, count in sorted(faults.items())]
     lines += [f"  reported, no violation: {count} {manner}" for manner, count in sorted(reported.items())]
     lines += [f"seed {one['seed']}: {one['law']}: {_first_line(one['what'])}\n  {one['replay']}" for one in violations]
@@ -113,6 +116,10 @@ def _proposals(results: Sequence[Result]) -> dict[str, int]:
         "refused": sum(each.refused for each in found),
         "taken_over": sum(each.taken_over for each in found),
         "committed_min": min(each.committed for each in found),
+        "switches": sum(each.switches for each in found),
+        "edits": sum(each.edits for each in found),
+        "late": sum(each.late for each in found),
+        "looks": sum(each.looks for each in found),
     }
 
 
@@ -126,7 +133,8 @@ def _line_of(result: Result) -> str:
     counts = ", ".join(f"{count} {name}" for name, count in sorted(result.counts.items()))
     if result.proposals is not None:
         told = result.proposals
-        counts = f"{result.order.deciders} participants, {told.committed} committed, {told.refused} refused, {told.taken_over} taken over, {counts}"
+        modes = f"{told.switches} switches, {told.edits} edits, {told.late} late, {told.looks} looks"
+        counts = f"{result.order.deciders} participants, {told.committed} committed, {told.refused} refused, {told.taken_over} taken over, {modes}, {counts}"
     verdict = f" VIOLATED {result.violations[0].law}: {_first_line(result.violations[0].what)}" if result.violations else ""
     return f"{what}, {counts}, {result.virtual_s:.0f} s in {result.cpu_s:.2f} s{verdict}"
 

@@ -21,15 +21,13 @@ from scenefold.node.running import run_assembled
 from scenefold.peer import Extension, NodeContext, NodeSettings
 from scenefold.peer.enrolment.papers import Papers
 from scenefold.simulation import laws
-from scenefold.simulation.acknowledged import see_acknowledged
+from scenefold.simulation.acknowledged import Eyes, judge_acknowledged
 from scenefold.simulation.copying import Copying, rack_of
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.ends import judge_end, words_of
 from scenefold.simulation.judged import see_judged
 from scenefold.simulation.logs import hear_bugs
-from scenefold.simulation.recording import named
 from scenefold.simulation.watch import Watch
-from scenefold.wire import HandItem, PutItem
 from scenefold.world import leaves
 from scenefold.world.facts import ClusterFacts, Credential
 from scenefold.world.sim import Point, SimDisk, SimNet
@@ -123,6 +121,8 @@ class Cluster:
         self.nodes: dict[int, Node] = {}
         self.on_death: Callable[[Node], object] = lambda _: None
         """Called with each node that is killed, at that instant."""
+        self.eyes: Eyes | None = None
+        """Who looks on at what nodes answer, beside the watch."""
         self._running: dict[int, Node] = {}
         self._nursery = nursery
         for slot in range(founders + spares):
@@ -285,15 +285,13 @@ class Cluster:
         self._running[node.slot] = node
         self.watch.reach.comes_up(node.slot, self.net.now)
 
-        def acknowledged(item: PutItem | HandItem, location: Location) -> None:
-            if self._running.get(node.slot) is node and node.context is context:
-                place, version = named(item)
-                self.watch.acknowledges(node.slot, place, version, location)
-                if isinstance(item, HandItem):
-                    self.watch.homecoming.answered(node.slot, place, version)
+        def is_alive() -> bool:
+            return self._running.get(node.slot) is node and node.context is context
 
-        see_acknowledged(context, acknowledged)
+        judge_acknowledged(context, node.slot, is_alive, self.watch, lambda: self.eyes)
         see_judged(context, self.watch.judged)
+        if self.eyes is not None:
+            self.eyes.comes_up(node.slot, context)
 
 
 def _log_position(node: Node) -> int:

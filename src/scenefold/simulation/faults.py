@@ -46,8 +46,13 @@ class Kind(Enum):
     ROT_ON_SEVERAL = "rot on several nodes"
     CUT_IN_REPAIR = "partition in repair"
     LYING_HOLDER = "lying holder"
+    CUT_CLIENT = "cut-off client"
+    PAUSED_CLIENT = "paused client"
+    CLIENT_RATE = "client's clock rate"
 
 
+CLIENTS = 4
+"""At work in a run; their machines have numbers from 0."""
 VOTER = 0
 """Its slot."""
 HANDOVER_STEPS = 5
@@ -73,6 +78,8 @@ class Whom(Enum):
     """One slot or more, never the voter, and never as many as a space with copies has."""
     RACK = "rack"
     """All slots of a rack, which is not the voter's."""
+    CLIENT = "client"
+    """One client; `slots` is its number."""
     SPARE = "spare"
     """A spare of its own, that no other fault starts."""
 
@@ -92,6 +99,8 @@ class Shape:
     """Whether the fault is one of membership, and left out of the workload `data`."""
     of_copies: bool = False
     """Whether it is only for runs that keep copies."""
+    of_clients: bool = False
+    """Whether it hits a client, and is only for the workload `logs`."""
 
 
 KINDS: dict[Kind, Shape] = {
@@ -152,6 +161,9 @@ KINDS: dict[Kind, Shape] = {
     Kind.ROT_ON_SEVERAL: Shape(0.5, Whom.SEVERAL, (0, 0), (1, 4), "records on each", of_copies=True),
     Kind.CUT_IN_REPAIR: Shape(0.6, Whom.GROUP, (2, 30), of_copies=True),
     Kind.LYING_HOLDER: Shape(0.5, Whom.ONE, (10, 70), long_odds=0.3, of_copies=True),
+    Kind.CUT_CLIENT: Shape(1.3, Whom.CLIENT, (1, 40), (0, 1), "above 0.5 from all nodes, else from this share of them", of_clients=True),
+    Kind.PAUSED_CLIENT: Shape(1.3, Whom.CLIENT, (1, 40), of_clients=True),
+    Kind.CLIENT_RATE: Shape(0.66, Whom.CLIENT, (10, 60), (-0.009, 0.009), "rate error; leases assume at most 1 %", of_clients=True),
 }
 
 
@@ -169,7 +181,8 @@ class Fault:
         span = f"{self.begin_s:6.2f} s" + (f" to {self.end_s:6.2f} s" if self.end_s > self.begin_s else " " * 12)
         shape = KINDS[self.kind]
         who = {Whom.ALL: "", Whom.GROUP: "{} from all others"}.get(shape.whom, "{}")
-        names = (" and " if shape.whom is Whom.PAIR else ", ").join(f"n{slot}" for slot in self.slots)
+        kind = "c" if shape.whom is Whom.CLIENT else "n"
+        names = (" and " if shape.whom is Whom.PAIR else ", ").join(f"{kind}{slot}" for slot in self.slots)
         much = f"{self.amount:.4g} ({shape.meaning})" if shape.meaning else ""
         return f"{span}  {self.kind.value:<21} {who.format(names):<22} {much}".rstrip()
 

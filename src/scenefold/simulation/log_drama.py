@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import random
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from functools import partial
 
 import trio
@@ -10,12 +11,15 @@ import trio
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client, secrets_of
 from scenefold.simulation.cluster import Cluster, Node, key_of
-from scenefold.simulation.log_history import Told, wrong_answers
+from scenefold.simulation.log_editing import Author, Director, Viewer
+from scenefold.simulation.log_history import Told, Wrong, wrong_answers
 from scenefold.simulation.log_members import Steward
+from scenefold.simulation.log_modes import ModesWatch
 from scenefold.simulation.log_watch import LogWatch
 from scenefold.simulation.log_weather import first_deciders, may_decide
 from scenefold.simulation.log_work import LogClient, Work
-from scenefold.simulation.outcome import Order, Proposals
+from scenefold.simulation.outcome import COMMITTED_MIN, EDITS_MIN, LOOKS_MIN, Order, Proposals
+from scenefold.simulation.workload import draw_places
 from scenefold.store.layout import LOGS
 from scenefold.store.log_rows import unpack_votes, votes_key
 from scenefold.world.sim import Point
@@ -23,6 +27,10 @@ from scenefold.world.sim import Point
 CALM_S_MAX = 90.0
 """Takeovers, and asking others for what is lacking, take some ten seconds each."""
 LAST_TRIES = 3
+EDITED_PLACES = 6
+"""So few, that all of them are read for each image."""
+AUTHORS = 2
+"""Of the clients so many edit; the others render."""
 
 
 class LogDrama:
@@ -36,7 +44,8 @@ class LogDrama:
         self._wrong: list[str] = []
         self._work = Work(self.watch, lambda: cluster.net.now, self._wrong, secrets_of(key_of(order.seed, "the guest")))
         self._clients: list[LogClient] = []
-        self._steward: Steward | None = None
+        self._tasks: list[Callable[[trio.Event], Awaitable[None]]] = []
+        self._modes: ModesWatch | None = None
 
     @property
     def proposals(self) -> Proposals:
@@ -45,29 +54,56 @@ class LogDrama:
         at = self.watch.agreement.at
         refused = sum(outcome in (Told.REFUSED, Told.NEVER) for request, outcome in told.items() if request not in at)
         committed = sum(outcome is Told.COMMITTED or request in at for request, outcome in told.items())
-        return Proposals(committed, refused, self.watch.voting.taken_over)
+        counts = committed, refused, self.watch.voting.taken_over
+        if self._modes is None:
+            return Proposals(*counts)
+        frozen, recorder = self._modes.frozen, self._cluster.watch.recorder
+        return Proposals(*counts, len(frozen.switches), len(frozen.edits), recorder.late, frozen.looks)
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether there is something to judge."""
+        done = self.proposals
+        return done.committed >= COMMITTED_MIN and done.edits >= EDITS_MIN and done.looks >= LOOKS_MIN
 
     async def begin(self, clients: Sequence[Client], nursery: trio.Nursery, nonsense: Callable[[Client], Callable[[], int]]) -> None:
         """The scene is there: from now on its log is looked at, and it gets its participants."""
         scenes = [(client, client.scene) for client in clients if client.scene is not None]
         self._clients = [LogClient(client.name, scene, self._order.seed, self._work, nonsense(client)) for client, scene in scenes]
+        self._tasks += [client.run for client in self._clients]
         scene = scenes[0][1]
+        modes = self._modes = ModesWatch(self._cluster, scene.id, self._judge)
+        self.watch.on_decided = modes.decided
         for node in self._cluster.nodes.values():
             nursery.start_soon(self._observe, node)
         self.watch.follow((await scene.access.read_log()).header)
         schedule, nodes, count = self._order.schedule, self._order.nodes, self._order.deciders
         if count:
             steward = LogClient("steward", scene, self._order.seed, self._work, nonsense(clients[0]))
-            self._steward = Steward(self._cluster, steward, self._order.seed, may_decide(schedule, nodes), count)
-            if not await self._steward.found(first_deciders(self._order.seed, schedule, nodes, count)):
+            members = Steward(self._cluster, steward, self._order.seed, may_decide(schedule, nodes), count)
+            self._tasks.append(members.run)
+            if not await members.found(first_deciders(self._order.seed, schedule, nodes, count)):
                 self._violated(laws.CONVERGED, "in calm weather a scene gets no participants", ())
+        await self._edit(clients, modes, nonsense)
+
+    async def _edit(self, clients: Sequence[Client], modes: ModesWatch, nonsense: Callable[[Client], Callable[[], int]]) -> None:
+        """Some will edit, others render, and somebody switches between the two."""
+        seed = self._order.seed
+        places = random.Random(f"edited/{seed}").sample(draw_places(seed, self._order.nodes).hot, EDITED_PLACES)
+        for number, client in enumerate(clients):
+            assert client.scene is not None
+            # That others decide the scene by now everybody is to know: until it looks a client signs without a lease.
+            await client.scene.access.refresh()
+            modes.looks_at(client)
+            given = client, places, seed, nonsense(client), self._wrong
+            self._tasks.append(Author(*given).run if number < AUTHORS else Viewer(*given, modes).run)
+            if number == len(clients) - 1:
+                self._tasks.append(Director(LogClient("director", client.scene, seed, self._work, nonsense(client)), seed).run)
 
     def start(self, nursery: trio.Nursery, stop: trio.Event) -> None:
         """Everybody begins to work."""
-        for client in self._clients:
-            nursery.start_soon(client.run, stop)
-        if self._steward is not None:
-            nursery.start_soon(self._steward.run, stop)
+        for task in self._tasks:
+            nursery.start_soon(task, stop)
 
     async def settle(self) -> None:
         """All has healed: everybody comes to one log, and a fresh entry goes in. Then what clients were told is judged."""
@@ -114,7 +150,13 @@ class LogDrama:
 
     async def _observe(self, node: Node) -> None:
         await node.born.wait()
-        self._cluster.net.observe(node.address, Point.AFTER_COMMIT, partial(self.watch.committed, node.slot))
+        assert self._modes is not None
+        for see in (self.watch.committed, self._modes.committed):
+            self._cluster.net.observe(node.address, Point.AFTER_COMMIT, partial(see, node.slot))
+
+    def _judge(self, wrong: Iterable[Wrong], slot: int | None) -> None:
+        for law, what in wrong:
+            self._violated(law, what, () if slot is None else (slot,))
 
     def _violated(self, law: str, what: str, slots: tuple[int, ...]) -> None:
         self._cluster.watch.violated(law, what, slots=slots)

@@ -27,6 +27,16 @@ def half_of_participants(_original: Any) -> Any:
     return property(lambda participants: max(1, len(participants.everyone) // 2))
 
 
+def unfenced(_original: Any) -> Any:
+    """Nodes take edits in whatever mode the scene is, and of before any change of it."""
+    return lambda _self, _header: None
+
+
+def deaf_to_borrowers(_original: Any) -> Any:
+    """Nobody who is asked for consent minds what it has lent."""
+    return lambda _self, _value: None
+
+
 def stale_roster(original: Any) -> Any:
     """Who decides stays as it was when this node began with the log."""
 

@@ -39,6 +39,8 @@ class LogWatch:
         self.history = LogHistory()
         self.agreement = Agreement()
         self.voting = Voting()
+        self.on_decided: Callable[[SceneLogPublic], None] = lambda _: None
+        """Called with each header that is decided, when it is seen first."""
         self.first: SceneLogPublic | None = None
         """The header that the scene was found with, once it is there."""
         self._disks, self._nodes, self._put_back = disks, nodes, put_back
@@ -142,6 +144,7 @@ class LogWatch:
             deciders = frozenset(one.member for one in header.participants)
             self._say(self.voting.decides(header.position + 1, deciders), slot)
         if is_new:
+            self.on_decided(header)
             self._tell(slot, f"is the first to have {entry} decided, for request {entry.request.hex()[:8] or 'unknown'}")
 
     def _name(self, slot: int) -> str:

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from scenefold.simulation.log_mutants import forgetful_memory, half, half_of_participants, stale_roster
+from scenefold.simulation.log_mutants import deaf_to_borrowers, forgetful_memory, half, half_of_participants, stale_roster, unfenced
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +237,12 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
         Patch("scenefold.scene.log.certified", "_majority", half),
     ),
     "chain from a stale roster": (Patch("scenefold.peer.scene_log.scene_judge", "SceneJudge.after", stale_roster),),
+    "no fencing": (Patch("scenefold.peer.records.verification", "KnownScene.check_mode", unfenced),),
+    "lent lease ignored at the vote": (
+        Patch("scenefold.peer.modes.standing", "Standing.abstains", _always(False)),
+        # Consent is a courtesy, which a switch may be forced to leave out: what is right must be so without.
+        Patch("scenefold.peer.modes.scene_modes", "SceneModes.veto", deaf_to_borrowers),
+    ),
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
 }
 

@@ -18,15 +18,25 @@ OPERATIONS_MIN = 300
 FAULTS_MIN = 5
 """A run with fewer acknowledged operations of clients, or fewer faults that took effect, has tested too little."""
 COMMITTED_MIN = 50
-"""Likewise of entries in the workload `logs`, in which clients do nothing else."""
+"""Likewise of entries in the workload `logs`."""
+EDITS_MIN, LOOKS_MIN = 10, 12
+"""Likewise there of records that were stored, and of those that were read in render mode."""
 
 
 class Proposals(NamedTuple):
-    """What became of the entries that clients asked for in the workload `logs`; `taken_over`: decided in a ballot of another one than who began."""
+    """What became of the entries that clients asked for in the workload `logs`; `taken_over`: decided in a ballot of another one than who began.
+
+    `switches`: changes of mode among the committed ones. `edits`: records that somebody was told are stored; `late`: that were offered
+    under a mode that was over, and refused. `looks`: records that were read for an image, in render mode.
+    """
 
     committed: int
     refused: int
     taken_over: int
+    switches: int = 0
+    edits: int = 0
+    late: int = 0
+    looks: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +59,8 @@ class Order:
     """How many decide the scene's log, in the workload `logs`; 0: its origin alone; None: as the seed says."""
     voters: int = 1
     """How many decide the cluster's log; 1: the first one alone, by the log's key."""
+    until: str = ""
+    """A law: once it is violated the run ends, for whoever wants to know no more; "": it goes on."""
 
     @property
     def deciders(self) -> int:
@@ -81,6 +93,7 @@ class Order:
             storm_s=self.storm_s,
             kinds=self.kinds,
             copying=self.copying,
+            of_clients=self.workload == "logs",
         )
 
     @property
@@ -136,4 +149,6 @@ class Result:
         if self.proposals is not None:
             worked = (self.proposals.committed, COMMITTED_MIN, "committed proposals")
         found = [worked, (faults, FAULTS_MIN, "faults")]
+        if self.proposals is not None:
+            found += [(self.proposals.edits, EDITS_MIN, "edits"), (self.proposals.looks, LOOKS_MIN, "records read for images")]
         return ", ".join(f"{count} {what} of {wanted} at least" for count, wanted, what in found if count < wanted)

@@ -60,6 +60,8 @@ class Recorder:
         self.histories = Histories()
         self.lies = Lies(self.histories.moment, tell)
         self.listings = 0
+        self.late = 0
+        """Records that were refused because the scene's mode, or its log, had gone on."""
         self.strange: list[tuple[Place, str]] = []
         """Answers that no history can have: a record that nobody wrote, read without a lease."""
         self.damaged: set[Place] = set()
@@ -72,6 +74,8 @@ class Recorder:
         self.places: dict[tuple[int, int], set[bytes]] = {}
         self.told: Callable[[str, Place, Version], None] = lambda _who, _place, _version: None
         """Called with what a client has read, and who it is."""
+        self.shown: Callable[[str, Place, Version | None, int], None] = lambda _who, _place, _version, _floor: None
+        """Called with what an owner has answered a client (None: nothing is there) that is no lie, and the write floor that it went by."""
         self.purging: Callable[[Place, Version], None] = lambda _place, _version: None
         """Called with each deletion that a client is about to have purged."""
         self.copies: HeardCopies | None = None
@@ -109,6 +113,7 @@ class Recorder:
             place, version = self.offered(item)
             reason = None if outcomes is None else outcomes[index]
             outcome = {0: Outcome.DONE, RejectReason.STALE_VERSION: Outcome.REFUSED}.get(reason, Outcome.MAYBE)  # type: ignore[arg-type]
+            self.late += reason == RejectReason.MODE_FORBIDS
             name = version.digest.hex()[:6]
             expect = expected_by(item)
             lie = self.lies.of_write(place, version.digest, way, begin)
@@ -135,7 +140,7 @@ class Recorder:
             self.histories.add(place, Purge(begin, end if is_done else NEVER_ENDED, version, is_done, who, self._now()))
             self._tell(who, place, f"purge {version.digest.hex()[:6]}: {'no answer' if reason is None else reason}")
 
-    def read(self, way: Way, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool) -> None:
+    def read(self, way: Way, begin: int, packet: GetMany, records: Sequence[RecordBytes | None], stale: bool, write_floor: int = 0) -> None:
         """What was answered for the first keys."""
         who = name_of(way.to)
         end = self.histories.moment()
@@ -162,6 +167,7 @@ class Recorder:
                 self.told(who, place, version)
             if not stale:
                 self.histories.add(place, Read(begin, end, digest, who, self._now()))
+                self.shown(who, place, version, write_floor)
             self._tell(who, place, f"get: {'nothing' if digest is None else digest.hex()[:6]}{' (stale)' if stale else ''}")
 
     def read_of_copies(self, way: Way, begin: int, packet: GetCopies, answer: CopiesFound) -> None:

@@ -26,13 +26,13 @@ from scenefold.simulation.asking import Asker
 from scenefold.simulation.calm import Unrest, unrest
 from scenefold.simulation.clients import Client, MemoryKeyring, keep_copies, open_client, secrets_of
 from scenefold.simulation.cluster import HABITS, Cluster, Habits, key_of
-from scenefold.simulation.faults import Schedule
+from scenefold.simulation.faults import CLIENTS, Schedule
 from scenefold.simulation.final import judge_histories, read_everything
 from scenefold.simulation.leaving import drain
 from scenefold.simulation.log_drama import LogDrama
 from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.mutants import mutated
-from scenefold.simulation.outcome import COMMITTED_MIN, OPERATIONS_MIN, Order, Result
+from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.purging import Purges
 from scenefold.simulation.removals import watch_removals
@@ -44,7 +44,7 @@ from scenefold.simulation.story import Violation, told
 from scenefold.simulation.turning import CopiesChanges
 from scenefold.simulation.weather import spares_of
 from scenefold.simulation.whole import judge_store, judge_stores
-from scenefold.simulation.workload import CLIENTS, SINGLE, WITH_COPIES, Tally, Worker, client_name, draw_places
+from scenefold.simulation.workload import SINGLE, WITH_COPIES, Tally, Worker, client_name, draw_places
 from scenefold.world import open_links
 from scenefold.world.sim import SimNet, Trace, run_simulated
 
@@ -59,6 +59,8 @@ QUIET_CHECKS = 3
 """Quiet is what lasts for so many seconds."""
 LINGER_S_MAX = 30.0
 """Acts that have begun end within this time."""
+EARLY_S = 0.5
+"""Between two looks of whoever waits for a violation."""
 DEPTH_TOLD = 6
 """Frames of a failure that a story shows."""
 VIRTUAL_S_MAX = 2_000.0
@@ -114,6 +116,8 @@ class _Drama:
             for slot in range(self._order.nodes):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)
+            if self._order.until:
+                nursery.start_soon(self._end_early, cluster, nursery.cancel_scope)
             if await self._until(lambda: not unrest(cluster), START_S_MAX):
                 async with AsyncExitStack() as stack:
                     clients = await self._open_clients(stack, cluster)
@@ -125,6 +129,11 @@ class _Drama:
             else:
                 self._complain(cluster, unrest(cluster))
             nursery.cancel_scope.cancel()
+
+    async def _end_early(self, cluster: Cluster, scope: trio.CancelScope) -> None:
+        while all(found.law != self._order.until for found in cluster.watch.violations):  # noqa: ASYNC110 - whoever finds one tells nobody
+            await trio.sleep(EARLY_S)
+        scope.cancel()
 
     def _habits(self) -> Habits:
         if self._order.workload == "logs":
@@ -187,7 +196,7 @@ class _Drama:
     def _is_enough(self, cluster: Cluster) -> bool:
         """Whether there is something to judge."""
         if self._logs is not None:
-            return self._logs.proposals.committed >= COMMITTED_MIN
+            return self._logs.is_enough
         return cluster.watch.recorder.acknowledged >= OPERATIONS_MIN
 
     async def _ask(self, cluster: Cluster, scene: Scene) -> None:

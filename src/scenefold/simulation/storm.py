@@ -14,16 +14,17 @@ from typing import ClassVar
 import trio
 
 from scenefold.peer.line.holding import Handover, Step
+from scenefold.simulation.client_faults import ClientFaults
 from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.copies_faults import CopiesFaults
 from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.disks import handovers_of
-from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, Fault, Kind
+from scenefold.simulation.faults import CLIENTS, HANDOVER_STEPS, KINDS, Fault, Kind
 from scenefold.simulation.hostile import HostileFaults
 from scenefold.simulation.link_faults import LinkFaults
 from scenefold.simulation.overlaps import Overlaps
-from scenefold.simulation.workload import CLIENTS, client_name
+from scenefold.simulation.workload import client_name
 from scenefold.world.sim import CALM, Point, Weather
 
 _POINTS = {
@@ -51,6 +52,7 @@ class Storm:
         self._disks = DiskFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._links = LinkFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over, clients)
+        self._of_clients = ClientFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._copies = CopiesFaults(cluster, self._begins, lambda: self._is_over, self._links, nursery)
         self._weather: dict[Fault, Weather] = {}
         self._burdens: Overlaps[tuple[int, Kind]] = Overlaps()
@@ -76,6 +78,7 @@ class Storm:
         for node in self._cluster.nodes.values():
             if node.born.is_set():
                 self._net.machine(node.address).clock.set_rate(1.0)
+        self._of_clients.end()
 
     # ------------------------------------------------------------------------------------------------------ kinds
 
@@ -87,6 +90,8 @@ class Storm:
                 self._wait_for_handover.append(fault)
             case Kind.REPLAY | Kind.LIAR | Kind.LYING_HOLDER:
                 await self._hostile.befall(fault)
+            case kind if KINDS[kind].of_clients:
+                await self._of_clients.befall(fault)
             case kind if KINDS[kind].of_copies:
                 await self._copies.befall(fault)
             case kind if kind in _POINTS:

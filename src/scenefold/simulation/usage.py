@@ -49,6 +49,8 @@ def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Na
         parser.error(f"--voters {options.voters} are more than the {options.nodes or NODES} --nodes")
     if options.participants is not None and options.workload != "logs":
         parser.error("--participants is for --workload logs")
+    if options.workload != "logs" and (others := [kind.value for kind in options.faults if KINDS[kind].of_clients]):
+        parser.error(f"--faults: {', '.join(others)}: only with --workload logs")
     if not options.copies and (lonely := [kind.value for kind in options.faults if KINDS[kind].of_copies]):
         parser.error(f"--faults: {', '.join(lonely)}: only with --copies")
     orders = [_order(parser, options, seed) for seed in seeds]
@@ -98,7 +100,7 @@ def _parser() -> Parser:
         "--workload",
         choices=WORKLOADS,
         default="all",
-        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too; purges: deletions are purged; logs: clients change the scene's log, which participants decide",
+        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too; purges: deletions are purged; logs: clients change the scene's log, which participants decide, edit and render",
     )
     parser.add_argument(
         "--participants",

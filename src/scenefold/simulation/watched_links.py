@@ -73,7 +73,7 @@ class WatchedLinks:
         elif isinstance(packet, PurgeRecords):
             recorder.purged(self._who, begin, packet.order, answer.reasons if isinstance(answer, RecordsPurged) else None)
         elif isinstance(packet, GetMany) and isinstance(answer, GetManyReply):
-            recorder.read(way, begin, packet, answer.records, answer.stale)
+            recorder.read(way, begin, packet, answer.records, answer.stale, answer.write_floor)
         elif isinstance(packet, GetCopies) and isinstance(answer, CopiesFound):
             recorder.read_of_copies(way, begin, packet, answer)
         elif isinstance(packet, QueryRange) and isinstance(answer, ReturnRange):

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from scenefold.simulation.copying import Copying, rack
-from scenefold.simulation.faults import HANDOVER_STEPS, KINDS, TAKEN, VOTER, Fault, Kind, Schedule, Shape, Whom
+from scenefold.simulation.faults import CLIENTS, HANDOVER_STEPS, KINDS, TAKEN, VOTER, Fault, Kind, Schedule, Shape, Whom
 
 STORM_S = 42.0
 """Seconds in which faults begin: long enough for a node to be suspected, removed, adopted from, and to come back."""
@@ -52,12 +52,15 @@ class Climate:
     storm_s: float = STORM_S
     kinds: tuple[Kind, ...] = ()
     copying: Copying | None = None
+    of_clients: bool = False
+    """Whether clients are cut off, too, stand still, and have wrong clocks."""
 
 
 def draw(seed: int, climate: Climate) -> Schedule:
     """The schedule of a seed."""
     dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}{'/mostly' if climate.mostly_members else ''}")
-    allowed = [kind for kind, shape in KINDS.items() if not shape.of_copies and (kind in climate.kinds or not climate.kinds)]
+    allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
+    allowed = [kind for kind in allowed if not KINDS[kind].of_copies and not KINDS[kind].of_clients]
     allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
     kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(_odds(kind, climate), dice))]
     if climate.mostly_members and not climate.kinds:
@@ -72,12 +75,14 @@ def draw(seed: int, climate: Climate) -> Schedule:
     faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
     if climate.copying is not None:
         faults += _of_copies(seed, climate, spares)
+    if climate.of_clients:
+        faults += _of_clients(seed, climate, spares)
     return tuple(sorted(faults, key=lambda fault: (fault.begin_s, fault.kind.value, fault.slots)))
 
 
 def spares_of(schedule: Schedule, nodes: int) -> list[int]:
     """The slots that a schedule starts beside the founders."""
-    return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes})
+    return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes and not KINDS[fault.kind].of_clients})
 
 
 def _of_copies(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:
@@ -91,6 +96,14 @@ def _of_copies(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault
     if Kind.LYING_HOLDER in allowed and (climate.kinds or _times(liar.odds, dice)):
         faults.append(_fault(Kind.LYING_HOLDER, liar, climate, dice, spares))
     return [fault for fault in faults if fault.slots]
+
+
+def _of_clients(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:
+    """What befalls clients, likewise with dice of its own."""
+    dice = random.Random(f"weather of clients/{seed}/{climate.nodes}")
+    kinds = [kind for kind, shape in KINDS.items() if shape.of_clients and (kind in climate.kinds or not climate.kinds)]
+    kinds = [kind for kind in kinds for _ in range(CLIENTS if climate.kinds else _times(KINDS[kind].odds, dice))]
+    return [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
 
 
 def _odds(kind: Kind, climate: Climate) -> float:
@@ -154,6 +167,8 @@ def _slots(whom: Whom, climate: Climate, dice: random.Random, spares: Iterator[i
         return ()
     if whom is Whom.SPARE:
         return (next(spares),)
+    if whom is Whom.CLIENT:
+        return (dice.randrange(CLIENTS),)
     if whom is Whom.GROUP:
         size = dice.randint(1, max(1, (nodes - 1) // 2))
         return tuple(sorted(dice.sample(range(nodes), size)))

@@ -27,7 +27,6 @@ from scenefold.simulation.copying import KEPT, KEPT_OBJECTS
 from scenefold.simulation.outcome import Workload
 
 Key = tuple[SpaceId, Location]
-CLIENTS = 4
 ACT_S_MAX = 8.0
 """A user gives up; what was sent may still happen."""
 WIDE_PLACES = 200

@@ -7,15 +7,15 @@ from collections import Counter
 import pytest
 
 from scenefold.simulation.copying import Copying, rack
-from scenefold.simulation.faults import KINDS, VOTER, Fault, Kind, Whom
+from scenefold.simulation.faults import CLIENTS, KINDS, VOTER, Fault, Kind, Whom
 from scenefold.simulation.outcome import WORKLOADS, Order
 from scenefold.simulation.weather import FAULTS_MIN, LONG_S, MEMBERSHIP, Climate, draw, spares_of
 from scenefold.simulation.workload import PAUSE_S
 
 FIVE = Climate(5)
 KEEPING = Climate(5, copying=Copying(3, 2, 3))
-ALONE = [kind for kind in Kind if not KINDS[kind].of_copies]
-"""Kinds of storms in which every record lies on one disk."""
+ALONE = [kind for kind in Kind if not KINDS[kind].of_copies and not KINDS[kind].of_clients]
+"""Kinds of storms in which every record lies on one disk, and nothing befalls clients."""
 
 
 def test_a_thousand_seeds_have_five_hundred_of_each_kind_with_room_to_spare() -> None:
@@ -114,6 +114,19 @@ def test_with_copies_a_seed_has_all_that_it_has_without_and_often_more() -> None
         counts.update({fault.kind for fault in more})
     assert set(counts) == {kind for kind in Kind if KINDS[kind].of_copies}
     assert min(counts.values()) > 100 and max(counts.values()) < 225
+
+
+def test_what_befalls_clients_comes_on_top_and_starts_no_spare() -> None:
+    counts, asked = Counter[Kind](), Climate(3, of_clients=True)
+    for seed in range(300):
+        more = set(draw(seed, asked)) - set(draw(seed, Climate(3)))
+        assert len(draw(seed, asked)) == len(draw(seed, Climate(3))) + len(more)
+        assert all(KINDS[fault.kind].whom is Whom.CLIENT and 0 <= fault.slots[0] < CLIENTS for fault in more)
+        assert spares_of(draw(seed, asked), 3) == spares_of(draw(seed, Climate(3)), 3)
+        counts.update({fault.kind for fault in more})
+        assert all(f"c{fault.slots[0]}" in str(fault) for fault in more)
+    assert set(counts) == {kind for kind in Kind if KINDS[kind].of_clients}
+    assert min(counts.values()) > 150 and max(counts.values()) < 225
 
 
 def test_fewer_nodes_are_lost_at_once_than_there_are_copies_or_a_rack_and_never_the_voter() -> None:
