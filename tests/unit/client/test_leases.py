@@ -130,6 +130,15 @@ async def test_another_reason_is_told_as_it_is(autojump_clock: MockClock, tmp_pa
     assert told.value.reason is reason and not writes(council)
 
 
+async def test_a_participant_that_takes_no_part_any_more_says_nothing_of_the_writer(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    _, space = await hall_of(council, tmp_path)
+    council.unlending = dict.fromkeys(FIVE, RejectReason.NOT_READY) | {FIVE[0]: RejectReason.NOT_AUTHORISED}
+    with pytest.raises(Refused, match="lends a lease") as told:
+        await space.put_at(PLACES[0], b"a chair")
+    assert told.value.reason is RejectReason.MODE_FORBIDS and not writes(council)
+
+
 async def test_in_render_mode_it_is_the_mode_that_is_told(autojump_clock: MockClock, tmp_path: Path) -> None:
     council = FakeCouncil()
     _, space = await hall_of(council, tmp_path)
