@@ -87,7 +87,7 @@ PROVOKED = {
     "reader's memory": Provocation(laws.SOUND, LIES),
     "reader's signature check": Provocation(laws.SOUND, LIES),
     "record of this place": Provocation(laws.SOUND, LIES),
-    "recovery hears one node": Provocation(laws.LINEARIZABLE, HEIRS, 45.0, copies=True),
+    "recovery hears one node": Provocation(laws.READABLE, HEIRS, 45.0, copies=True, first=2),
     "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
