@@ -76,8 +76,9 @@ async def test_a_network_cut_in_two_has_one_history(tmp_path: Path, monkeypatch:
                 nursery.start_soon(tries, beside.scenectl("scene", "mode", "stage", "render"))
             print(f"both refused after {trio.current_time() - begin:.1f} s: {said[0].error}, {said[1].error}", flush=True)
             for refused in said:
-                assert refused.code in (3, 4)
-                assert "no majority of the nodes that decide the scene's log could be reached: 3 of 5 must agree" in refused.error
+                # Who was asked just after the cut may have exposed the change to those on his side: then it is in doubt, until both are one.
+                said_so = "no majority of the nodes that decide the scene's log could be reached: 3 of 5 must agree" in refused.error
+                assert (refused.code == 4 and said_so) or (refused.code == 3 and "it may have happened" in refused.error), refused.error
             before = await here.spaces()
             assert "refused" not in before
             assert (await here.json("scene", "log", "stage"))["position"] == 1

@@ -74,6 +74,6 @@ def test_three_participants_are_measured_and_go_on_without_who_proposed() -> Non
     assert all(turn["commits"] + turn["refused"] + turn["unknown"] == 4 for turn in turns)
     assert all(0 < turn["p50_ms"] <= turn["p99_ms"] and turn["cpu_ms_per_commit"] > 0 for turn in turns)
     assert row["one_client"]["commits"] == 4 and simulated["packets_per_commit"] == 6
-    assert row["one_client"]["packets_per_commit"] > 9, "the news of the last may be on its way yet"
+    assert row["one_client"]["packets_per_commit"] > 5, "the news of the last may be on its way yet"
     assert row["killed"]["kills"] == len(row["killed"]["next_commit_s"]) == 1
     assert 0 < row["killed"]["next_commit_s"][0] < 60
