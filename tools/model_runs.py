@@ -75,8 +75,8 @@ CHAIN = (
 
 LEASES = (
     Run("leases", "", "a switch: one ballot"),
-    Run("leases", "-DB=2", "a switch: two ballots"),
-    Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1", "three ballots, the lease at 0, who acts at 1"),
+    Run("leases", "-DB=2", "a switch: two ballots", quick=False),
+    Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1", "three ballots, the lease at 0, who acts at 1", quick=False),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0", "an entry or a removal before; the lease at who may be removed"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=3 -DACTOR=0", "the same, the lease at the observer"),
     Run("leases", "-DLATE -DPOSITIONS=2 -DHOLDER=3 -DACTOR=0", "the same, released behind the decision, and forgotten"),
