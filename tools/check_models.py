@@ -74,7 +74,17 @@ def explore(run: Run, seconds_max: float) -> Found:
     with tempfile.TemporaryDirectory() as folder:
         made = [
             ["spin", "-a", *run.flags.split(), str(MODELS / f"{run.model}.pml")],
-            ["gcc", "-O1" if run.quick else "-O2", "-w", "-DSAFETY", "-DCOLLAPSE", f"-DMEMLIM={MEMORY_MIB_MAX}", "-o", "pan", "pan.c"],
+            [
+                "gcc",
+                "-O2" if not run.quick else "-O0" if run.is_mutant else "-O1",
+                "-w",
+                "-DSAFETY",
+                "-DCOLLAPSE",
+                f"-DMEMLIM={MEMORY_MIB_MAX}",
+                "-o",
+                "pan",
+                "pan.c",
+            ],
         ]
         for command in made:
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

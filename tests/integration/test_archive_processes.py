@@ -91,7 +91,7 @@ def test_an_import_that_was_killed_goes_on(profile: str, tmp_path: Path) -> None
     file = tmp_path / "kitchen.tar"
     told = exported(profile, "kitchen", file)
     arguments = ("scene", "import-archive", file, "--scene", "larder")
-    slow = command(*arguments, "--rate", "0.001")
+    slow = command(*arguments, "--rate", "0.02")
     with subprocess.Popen(slow, stderr=subprocess.PIPE, env=environment(profile)) as process:
         assert process.stderr is not None
         said = next((line for line in process.stderr if line.startswith(b"restore: ")), b"")
