@@ -63,8 +63,7 @@ def participants(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE
         async with connected(output.profile) as cluster:
             return await (await cluster.scenes.open(scene)).deciders()
 
-    found = run(ask)
-    emit(output, {"scene": scene, **found.document()}, deciders_text(found))
+    emit_deciders(output, scene, run(ask))
 
 
 def add_participant(scene: SceneName, /, *address: AddressOption, output: ProfileOutput = DEFAULT_PROFILE) -> None:
@@ -179,7 +178,12 @@ def even_warning(count: int) -> str:
     return f"{count} nodes decide: {both} must agree, so {lost}. An odd number is better."
 
 
+def emit_deciders(output: ProfileOutput, scene: str, found: Deciders) -> None:
+    """Who decides and observes now."""
+    emit(output, {"scene": scene, **found.document()}, deciders_text(found))
+
+
 def _emit_changed(output: ProfileOutput, scene: str, found: Deciders) -> None:
     if warning := even_warning(len(found.participants)):
         note(f"warning: {warning}")
-    emit(output, {"scene": scene, **found.document()}, deciders_text(found))
+    emit_deciders(output, scene, found)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from scenectl.deciding import deciders_text
+from scenectl.deciding import emit_deciders
 from scenectl.names import SceneName
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput
 from scenectl.values import AddressOption
 from scenefold.base.ids import node_id_of
 
@@ -35,8 +35,7 @@ def add_observer(scene: SceneName, address: AddressOption, /, *, output: Profile
             (entry,) = await cluster.membership.participants([node_id_of(address.text)])
             return await (await cluster.scenes.open(scene)).add_observer(entry)
 
-    found = run(do)
-    emit(output, {"scene": scene, **found.document()}, deciders_text(found))
+    emit_deciders(output, scene, run(do))
 
 
 def remove_observer(scene: SceneName, address: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
@@ -57,5 +56,4 @@ def remove_observer(scene: SceneName, address: AddressOption, /, *, output: Prof
         async with connected(output.profile) as cluster:
             return await (await cluster.scenes.open(scene)).remove_observer(node_id_of(address.text))
 
-    found = run(do)
-    emit(output, {"scene": scene, **found.document()}, deciders_text(found))
+    emit_deciders(output, scene, run(do))

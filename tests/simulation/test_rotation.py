@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Iterator
-from contextlib import AsyncExitStack, ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
@@ -15,27 +14,14 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.progress import ProgressState
 from scenefold.client.scene import Scene
-from scenefold.crypto import Card, RecordHeader, SigningKey
+from scenefold.crypto import RecordHeader
 from scenefold.scene.layout import META, RENDERS
-from scenefold.simulation.clients import MemoryKeyring, open_client, secrets_of
-from scenefold.simulation.cluster import Cluster, key_of
-from scenefold.simulation.final import judge_histories
-from scenefold.simulation.removals import watch_removals
-from scenefold.simulation.speed import remembered_signatures
-from scenefold.wire import Role
-from scenefold.world.sim import Point, SimNet, run_simulated
-from simulation.steps import SETTLES_S, Stage
+from simulation.kitchens import RESTART_S, KitchenPlay, places_evenly
+from simulation.steps import SETTLES_S
 
 RECORDS = 40
-RESTART_S = 3.0
 SLOWLY = 100.0
 """Bytes a second: a walk takes some eight seconds."""
-
-
-def card_of(name: str, key: SigningKey) -> Card:
-    """A card as a verified certificate gives it."""
-    day = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
-    return Card(name, (), secrets_of(key).public(), 1, day, day, b"")
 
 
 @dataclass
@@ -88,59 +74,25 @@ class Work:
         self.reads += 1
 
 
-class Play:
-    def __init__(self, seed: int, slot: int, count: int = 0) -> None:
-        self.seed, self.slot, self.count = seed, slot, count
-        self.net = SimNet(seed)
-
-    def run(self) -> None:
-        with ExitStack() as stack:
-            stack.enter_context(remembered_signatures())
-            run_simulated(self.seed, self._play, virtual_s_max=2_000.0, steps_max=4_000_000)
-
-    async def _play(self) -> None:
-        async with trio.open_nursery() as nursery, AsyncExitStack() as stack:
-            self.cluster = cluster = Cluster(self.net, 3, 1, nursery)
-            for slot in range(3):
-                cluster.start(slot)
-            nursery.start_soon(watch_removals, cluster)
-            clients = {}
-            for name in ("owner", "ada", "ben"):
-                key = key_of(self.seed, name)
-                opening = open_client(
-                    name, self.net.world(f"user:{name}"), cluster.facts, MemoryKeyring(), key, cluster.watch.recorder, f"user:{name}"
-                )
-                clients[name] = await stack.enter_async_context(opening)
-            self.stage = Stage(cluster, clients["owner"], nursery, None)
-            await self.stage.until(self.stage.is_quiet, 30.0)
-            scene = await clients["owner"].scenes.create("kitchen", copies=1)
-            for name, role in (("ada", Role.WRITER), ("ben", Role.READER)):
-                await scene.grant(card_of(f"user:{name}", key_of(self.seed, name)), role)
-            places = [Location.from_number((1 << 160) * (2 * index + 1) // (2 * RECORDS)) for index in range(RECORDS)]
-            await scene.space(META).put_many((place, b"0") for place in places)
-            objects = [await scene.space(RENDERS).put_managed(b"thing %d" % index) for index in range(6)]
-            await trio.sleep(SETTLES_S)
-            work = Work(places, *[await clients[name].scenes.open("kitchen") for name in ("ada", "ben")])
-            work.may_fail = self.count > 0
-            async with trio.open_nursery() as people:
-                people.start_soon(work.write)
-                people.start_soon(work.read)
-                await trio.sleep(1.0)
-                await self._rotate(scene, nursery)
-                work.done = True
-            assert work.reads > 3
-            await self._check(clients["owner"].scenes.open("kitchen"), work, objects)  # type: ignore[arg-type]
-            nursery.cancel_scope.cancel()
+class Play(KitchenPlay):
+    async def play(self, scene: Scene, ada: Scene, ben: Scene, nursery: trio.Nursery) -> None:
+        places = places_evenly(RECORDS)
+        await scene.space(META).put_many((place, b"0") for place in places)
+        objects = [await scene.space(RENDERS).put_managed(b"thing %d" % index) for index in range(6)]
+        await trio.sleep(SETTLES_S)
+        work = Work(places, ada, ben, may_fail=self.count > 0)
+        async with trio.open_nursery() as people:
+            people.start_soon(work.write)
+            people.start_soon(work.read)
+            await trio.sleep(1.0)
+            await self._rotate(scene, nursery)
+            work.done = True
+        assert work.reads > 3
+        await self._check(await self.stage.client.scenes.open("kitchen"), work, objects)
 
     async def _rotate(self, scene: Scene, nursery: trio.Nursery) -> None:
         """A new key, two walks that are ended in their midst, and one that is not; a node dies at its n-th commit."""
-
-        def die() -> None:
-            if self.cluster.crash(self.slot):
-                nursery.start_soon(self.cluster.restart, self.slot, RESTART_S)
-
-        if self.count:
-            self.net.trap(self.cluster.nodes[self.slot].address, Point.AFTER_COMMIT, self.count, die)
+        self.trap(nursery)
         for end in ("rotate", "walk", "walk", "finish"):
             with trio.CancelScope() as scope:
 
@@ -160,22 +112,20 @@ class Play:
                     if end == "finish":
                         await scene.reencrypt()
 
-    async def _check(self, opening: object, work: Work, objects: list[object]) -> None:
-        scene: Scene = await opening  # type: ignore[misc]
+    async def _check(self, scene: Scene, work: Work, objects: list[Location]) -> None:
         await self.stage.until(self.stage.is_quiet)
         found = await scene.space(META).get_many(work.places)
         for place, payload in zip(work.places, found, strict=True):
             assert payload is not None
             assert work.newest.get(place, 0) <= int(payload) <= work.tried.get(place, 0)
-        assert await scene.space(RENDERS).managed.get(objects) == [b"thing %d" % index for index in range(6)]  # type: ignore[arg-type]
+        assert await scene.space(RENDERS).managed.get(objects) == [b"thing %d" % index for index in range(6)]
         epoch = (await scene.members()).key_epoch
         assert epoch == 1
         records = await scene.access.fetch([(META, place) for place in work.places])
         assert {RecordHeader.decode(record.header).key_epoch for record in records if record is not None} == {epoch}
         report = await scene.reencrypt()
         assert (report.renewed, report.unreadable, report.walks) == (0, 0, 1)
-        judge_histories(self.cluster.watch)
-        assert not self.cluster.watch.violations, self.stage.told(str(self.cluster.watch.violations[0]))
+        self.judge()
 
 
 def test_a_rotation_alone_is_met_by_nobody() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AsyncExitStack, ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
@@ -15,18 +15,10 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
 from scenefold.client.space import Space
 from scenefold.scene.layout import FILES
-from scenefold.simulation.clients import MemoryKeyring, open_client
-from scenefold.simulation.cluster import Cluster, key_of
-from scenefold.simulation.final import judge_histories
-from scenefold.simulation.removals import watch_removals
-from scenefold.simulation.speed import remembered_signatures
-from scenefold.wire import Role
-from scenefold.world.sim import Point, SimNet, run_simulated
-from simulation.steps import SETTLES_S, Stage
-from simulation.test_rotation import card_of
+from simulation.kitchens import KitchenPlay, places_evenly
+from simulation.steps import SETTLES_S
 
 RECORDS = 6
-RESTART_S = 3.0
 ROUNDS = 3
 PATIENCES = (0.004, 0.012, 0.03, 0.1, 60.0)
 """Seconds after which somebody is ended who splits or merges; the last time he is not."""
@@ -90,59 +82,23 @@ class Work:
             assert least.get(place, 0) <= number <= self.tried.get(place, 0)
 
 
-class Play:
-    def __init__(self, seed: int, slot: int, count: int = 0) -> None:
-        self.seed, self.slot, self.count = seed, slot, count
-        self.net = SimNet(seed)
-        self.died = False
-
-    def run(self) -> None:
-        with ExitStack() as stack:
-            stack.enter_context(remembered_signatures())
-            run_simulated(self.seed, self._play, virtual_s_max=2_000.0, steps_max=4_000_000)
-
-    async def _play(self) -> None:
-        async with trio.open_nursery() as nursery, AsyncExitStack() as stack:
-            self.cluster = cluster = Cluster(self.net, 3, 1, nursery)
-            for slot in range(3):
-                cluster.start(slot)
-            nursery.start_soon(watch_removals, cluster)
-            clients = {}
-            for name in ("owner", "ada", "ben"):
-                key = key_of(self.seed, name)
-                opening = open_client(
-                    name, self.net.world(f"user:{name}"), cluster.facts, MemoryKeyring(), key, cluster.watch.recorder, f"user:{name}"
-                )
-                clients[name] = await stack.enter_async_context(opening)
-            self.stage = Stage(cluster, clients["owner"], nursery, None)
-            await self.stage.until(self.stage.is_quiet, 30.0)
-            scene = await clients["owner"].scenes.create("kitchen", copies=1)
-            for name, role in (("ada", Role.WRITER), ("ben", Role.READER)):
-                await scene.grant(card_of(f"user:{name}", key_of(self.seed, name)), role)
-            places = [Location.from_number((1 << 160) * (2 * index + 1) // (2 * RECORDS)) for index in range(RECORDS)]
-            await scene.space(FILES).put_many((place, text(index, 0)) for index, place in enumerate(places))
-            await trio.sleep(SETTLES_S)
-            work = Work(places, *[await clients[name].scenes.open("kitchen") for name in ("ada", "ben")])
-            work.may_fail = self.count > 0
-            async with trio.open_nursery() as people:
-                people.start_soon(work.write)
-                people.start_soon(work.read)
-                await self._split_and_merge(scene.space(FILES), work, nursery)
-                work.done = True
-            assert work.reads > 3
-            await self._check(scene.space(FILES), work)
-            nursery.cancel_scope.cancel()
+class Play(KitchenPlay):
+    async def play(self, scene: Scene, ada: Scene, ben: Scene, nursery: trio.Nursery) -> None:
+        files, places = scene.space(FILES), places_evenly(RECORDS)
+        await files.put_many((place, text(index, 0)) for index, place in enumerate(places))
+        await trio.sleep(SETTLES_S)
+        work = Work(places, ada, ben, may_fail=self.count > 0)
+        async with trio.open_nursery() as people:
+            people.start_soon(work.write)
+            people.start_soon(work.read)
+            await self._split_and_merge(files, work, nursery)
+            work.done = True
+        assert work.reads > 3
+        await self._check(files, work)
 
     async def _split_and_merge(self, files: Space, work: Work, nursery: trio.Nursery) -> None:
         """Each record, again and again, by two at once; each is ended in the midst of it most of the time. A node dies at its n-th commit."""
-
-        def die() -> None:
-            if self.cluster.crash(self.slot):
-                self.died = True
-                nursery.start_soon(self.cluster.restart, self.slot, RESTART_S)
-
-        if self.count:
-            self.net.trap(self.cluster.nodes[self.slot].address, Point.AFTER_COMMIT, self.count, die)
+        self.trap(nursery)
 
         async def one(verb: str, space: Space, place: Location, patience_s: float) -> None:
             with trio.move_on_after(patience_s), work.hardship():
@@ -172,8 +128,7 @@ class Play:
         last = await files.tidy()
         assert (last.in_use, last.removed) == (0, 0)
         assert [place async for place in files.query()] == work.places
-        judge_histories(self.cluster.watch)
-        assert not self.cluster.watch.violations, self.stage.told(str(self.cluster.watch.violations[0]))
+        self.judge()
 
 
 def test_splitting_alone_is_met_by_nobody() -> None:
