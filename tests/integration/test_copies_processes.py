@@ -42,7 +42,7 @@ class Size:
 
 
 SMALL = Size((1, 2, 2), 300, (300, 4_000, 60_000), 120.0, ("--remove-after", "13"))
-FULL = Size((2, 2, 3), 40_000, (1_000, 61_000, 60_000, 61_000, 90), 1_800.0)
+FULL = Size((2, 2, 3), 40_000, (1_000, 61_440, 60_000, 61_440, 61_440, 61_440, 61_440, 61_440), 1_800.0)
 """With two minutes until the dead are removed, as people have it: who is back before that gets its own copies, and none are made elsewhere."""
 
 pytestmark = pytest.mark.slow

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.ids import node_id_of
 from scenefold.crypto import MemberSecrets, SigningKey
-from scenefold.peer.balance import Balancer, Draining, Joining, OwnLoad, Sharing
+from scenefold.peer.balance import Balancer, Draining, Joining, OwnLoad, Recovering, Sharing
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.lease import OwnerLease
 from scenefold.peer.cluster_log.registry import Registry
@@ -29,7 +29,7 @@ from scenefold.peer.enrolment.enrolment import Enrolment
 from scenefold.peer.enrolment.papers import NO_PAPERS, Papers
 from scenefold.peer.enrolment.renewal import Renewal
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.line import Claims, Line
+from scenefold.peer.line import Claims, Gaps, Line
 from scenefold.peer.line.parting import lies_with_all_others
 from scenefold.peer.logs.links import NodePorts
 from scenefold.peer.membership.blacklist import OwnBlacklist
@@ -110,8 +110,9 @@ class PeerServices:
         scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts), check_new, participation)
         lending = Lending(world, peers, me, participation.modes_of, scenes.here)
         claims = Claims(world.clock, cluster_log, roster, me)
+        gaps = Gaps(world.clock, roster)
         line = Line(
-            world, store, peers, cluster_log, own, lease, scenes, routing, claims, transfer_bytes_per_s=settings.transfer_bytes_per_s
+            world, store, peers, cluster_log, own, lease, scenes, routing, claims, gaps, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
         self._replication = Replication(line.parts, roster, routing)
         purging = Purging(line.parts, self._replication.spreading)
@@ -122,12 +123,19 @@ class PeerServices:
         self._arriving = Arriving(line.parts, scenes, lease.held)
         data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
-        balancer = Balancer(world, store, line, roster, cluster_log, own, line.parts.resting, is_off=not settings.balance)
+        balancer = Balancer(world, store, line, roster, cluster_log, own, line.parts.resting, gaps, is_off=not settings.balance)
         keeper = line.parts.keeper
+        self._recovers = Recovering(world.clock, lambda: bool(keeper.copies.unrecovered))
         self._load = OwnLoad(
-            world.clock, store, lambda: line.arc, lambda: keeper.copies.custody, settings.capacity_bytes, lambda: bool(line.refuses)
+            world.clock,
+            store,
+            lambda: line.arc,
+            lambda: keeper.copies.custody,
+            settings.capacity_bytes,
+            lambda: bool(line.refuses),
+            self._recovers,
         )
-        sharing = Sharing(store, line, cluster_log, own, roster)
+        sharing = Sharing(store, line, cluster_log, own, roster, gaps)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
         draining = Draining(
             world,
@@ -287,6 +295,8 @@ class PeerServices:
     async def _watch_load(self) -> None:
         context = self.context
         while True:
+            recovers = self._recovers()
             used, total = await self._load.look()
             context.own.update(disk_used_bytes=used, disk_total_bytes=total)
+            context.own.recovers = recovers or self._recovers()
             await context.world.clock.sleep(LOAD_S)

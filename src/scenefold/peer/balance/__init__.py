@@ -3,7 +3,7 @@
 from scenefold.peer.balance.balancer import Balancer
 from scenefold.peer.balance.draining import Draining, NodeDrained
 from scenefold.peer.balance.joining import Joining
-from scenefold.peer.balance.load import OwnLoad
+from scenefold.peer.balance.load import OwnLoad, Recovering
 from scenefold.peer.balance.sharing import Sharing
 
-__all__ = ["Balancer", "Draining", "Joining", "NodeDrained", "OwnLoad", "Sharing"]
+__all__ = ["Balancer", "Draining", "Joining", "NodeDrained", "OwnLoad", "Recovering", "Sharing"]

@@ -21,6 +21,7 @@ from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
+from scenefold.peer.line.gaps import Gaps, beside
 from scenefold.peer.line.resting import Resting
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import TELL_S, OwnStatus
@@ -72,10 +73,11 @@ class Balancer:
         log: HasRegistry,
         own: OwnStatus,
         resting: Resting,
+        gaps: Gaps,
         *,
         is_off: bool = False,
     ) -> None:
-        """`resting`: whether it is paused. `is_off`: it gives nothing as long as this process runs, whatever `resting` says."""
+        """`resting`: whether it is paused. `gaps`: what of the line has no owner. `is_off`: it gives nothing as long as this process runs, whatever `resting` says."""
         self._world = world
         self._store = store
         self._line = line
@@ -83,6 +85,7 @@ class Balancer:
         self._log = log
         self._own = own
         self._resting = resting
+        self._gaps = gaps
         self._is_off = is_off
         self.given = Given()
         self._news = News(own.me, RELAY_S)
@@ -123,10 +126,19 @@ class Balancer:
         for side, state in self._sides.items():
             if state.peer != neighbours[side]:
                 self._sides[side] = _SideState(state.under_way, peer=neighbours[side])
-        self._wanted = gives([self._fill(node, now) for node in nodes], me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
+        waiting = self._beside_gaps(nodes)
+        if self._own.me in waiting:
+            return []
+        fills = [self._fill(node, now, may_take=node not in waiting) for node in nodes]
+        self._wanted = gives(fills, me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
         if self._is_paused() or self._line.refuses:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]
+
+    def _beside_gaps(self, nodes: tuple[NodeId, ...]) -> frozenset[NodeId]:
+        """Who stands where nobody owns the line any more: one of them is about to adopt that, and has more than it seems."""
+        gaps = self._gaps.unowned(self._line.arc)
+        return beside(gaps, nodes, {**self._roster.arcs(), self._own.me: self._line.arc}) if gaps else frozenset()
 
     def _is_paused(self) -> bool:
         return self._is_off or self._resting.balance
@@ -143,16 +155,15 @@ class Balancer:
             status = self._roster.status(node)
             if status is not None:
                 self._news.hear(node, status.lamport, *fill_of(status), now, incarnation=status.incarnation)
-        load = self._own.load
-        self._news.measure(load.disk_used_bytes, load.disk_total_bytes, now)
+        self._news.measure(*self._own.fill, now)
         return nodes
 
-    def _fill(self, node: NodeId, now: float) -> NodeFill:
+    def _fill(self, node: NodeId, now: float, *, may_take: bool) -> NodeFill:
         if node == self._own.me:
             return self._news.fill(node, takes=True)
         shy = any(state.refused and now < state.again_at and state.peer == node for state in self._sides.values())
         is_there = self._log.registry.current(node) is not None and self._roster.is_believed_alive(node)
-        return self._news.fill(node, takes=is_there and not shy)
+        return self._news.fill(node, takes=is_there and may_take and not shy)
 
     async def _book_received(self) -> None:
         """An arc that has grown since the last look brought something from the neighbour on that side."""

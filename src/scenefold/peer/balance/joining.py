@@ -72,6 +72,8 @@ class Joining:
         self._is_random = place == "random"
         self._request: bytes | None = None
         self._said: NodeId | None = None
+        self._behind_predecessor: tuple[NodeId, ...] = ()
+        """Who stood right of the incarnation before this one when that was a member, the nearest first."""
         self._quiet = QuietLog(_log, logging.INFO)
 
     # ------------------------------------------------------------------------------------------------ registering
@@ -89,7 +91,10 @@ class Joining:
         await self._log.propose(registration(self._own, left_of), self._request)
 
     def choose(self) -> NodeId:
-        """The member to stand left of, as things are known now."""
+        """The member to stand left of, as things are known now: where the incarnation before this one stood, if no place was asked for."""
+        behind = None if self._place is not None or self._is_random else self._right_of_predecessor()
+        if behind is not None:
+            return behind
         if self._is_random and self._place is None:
             self._place = Location(self._world.entropy.token(LOCATION_BYTES))
         hosts = [self._host(node) for node in self._log.registry.order if node != self._own.me]
@@ -98,6 +103,12 @@ class Joining:
         if found is None:
             raise Refused(RejectReason.NOT_READY, "no member of this cluster is known yet")
         return found
+
+    def _right_of_predecessor(self) -> NodeId | None:
+        registry, me = self._log.registry, self._own.me
+        if registry.current(me) is not None and not registry.is_current(self._own.member):
+            self._behind_predecessor = registry.order[registry.rank(me) + 1 :]
+        return next(filter(registry.stands, self._behind_predecessor), None)
 
     def _host(self, node: NodeId) -> Host:
         status = self._roster.status(node)

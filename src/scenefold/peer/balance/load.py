@@ -27,6 +27,8 @@ COUNT_AGAIN_S = 5.0
 WALKED_RECORDS_MAX = 1 << 15
 """In a store with more the tree of digests says how many records are owned, and of each space an average one is taken: a walk would take
 too long. In a smaller one a few large records could make that wrong."""
+RECOVERS_S_MAX = 600.0
+"""So long what is being recovered keeps balance away. Who has to say what lies there may be unable to until balance has made room."""
 
 
 class Counted(Protocol):
@@ -51,6 +53,24 @@ def owned_share(spaces: Mapping[SpaceAddress, Counts], owned: Mapping[SpaceAddre
     return found / total if total else 1.0
 
 
+class Recovering:
+    """Whether a part of the arc has yet to be fetched from others, and has had the time for that. Used from the Trio thread only."""
+
+    def __init__(self, clock: Clock, is_unrecovered: Callable[[], bool]) -> None:
+        self._clock = clock
+        self._is_unrecovered = is_unrecovered
+        self._since: float | None = None
+
+    def __call__(self) -> bool:
+        if not self._is_unrecovered():
+            self._since = None
+            return False
+        now = self._clock.now()
+        if self._since is None:
+            self._since = now
+        return now - self._since < RECOVERS_S_MAX
+
+
 class OwnLoad:
     """This node's fill, looked at once in a while. Used from the Trio thread only."""
 
@@ -62,16 +82,23 @@ class OwnLoad:
         custody: Callable[[], Custody],
         capacity_bytes: int,
         leaves: Callable[[], bool] = lambda: False,
+        recovers: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`capacity_bytes`: what the node may use of the disk; 0: all of it. `leaves`: whether it takes nothing, since it is leaving."""
+        """`capacity_bytes`: what the node may use of the disk; 0: all of it. `leaves`: whether it takes nothing, since it is leaving.
+
+        `recovers`: whether a part of the arc has yet to be fetched from others.
+        """
         self._clock = clock
         self._store = store
         self._arc = arc
         self._custody = custody
         self._capacity_bytes = capacity_bytes
         self._leaves = leaves
+        self._recovers = recovers
         self._share = 1.0
-        self._counted_in: Arc | None = None
+        self._share_of = 0
+        """The bytes used when that was counted. What has come since may be held for others: it counts from the next time on."""
+        self._counted_in: tuple[Arc, bool] | None = None
         self._counted_at = float("-inf")
         self._counted: Mapping[SpaceAddress, Counts] = {}
         """What there was of each space when the share was counted."""
@@ -92,7 +119,8 @@ class OwnLoad:
         arc, now = self._arc(), self._clock.now()
         if arc is None:
             return 0.0
-        has_moved = arc != self._counted_in
+        about = arc, self._recovers()
+        has_moved = about != self._counted_in
         # A piece that has passed must show at once: balance has counted it at both ends already.
         if has_moved or (statistics.spaces != self._counted and now >= self._counted_at + COUNT_AGAIN_S):
             try:
@@ -100,8 +128,9 @@ class OwnLoad:
             except Refused:
                 # A tree is damaged, and the full disk has no room to make it anew: there all that is used counts anyway.
                 return self._share
-            self._counted_in, self._counted_at, self._counted = arc, now, statistics.spaces
-        return self._share
+            self._counted_in, self._counted_at, self._counted = about, now, statistics.spaces
+            self._share_of = statistics.disk_used_bytes
+        return self._share * min(1.0, self._share_of / max(1, statistics.disk_used_bytes))
 
     async def _counted_share(self, statistics: StoreStatistics, arc: Arc, *, has_moved: bool) -> float:
         if statistics.records <= WALKED_RECORDS_MAX:

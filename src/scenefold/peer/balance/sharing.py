@@ -14,7 +14,8 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance.pieces import Scales, half_of, up_to
 from scenefold.peer.balance.seams import HasRegistry, KnowsArcs, MovesBounds
 from scenefold.peer.handlers import Handlers, Senders, node_of
-from scenefold.peer.line.ends import Side
+from scenefold.peer.line.ends import Side, touches
+from scenefold.peer.line.gaps import Gaps
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import AskRange, HandoverReply
 
@@ -33,12 +34,13 @@ class _Promise:
 class Sharing:
     """Answers AskRange, and gives what it promised, one piece at a time."""
 
-    def __init__(self, store: Scales, line: MovesBounds, log: HasRegistry, own: OwnStatus, news: KnowsArcs) -> None:
+    def __init__(self, store: Scales, line: MovesBounds, log: HasRegistry, own: OwnStatus, news: KnowsArcs, gaps: Gaps) -> None:
         self._store = store
         self._line = line
         self._log = log
         self._own = own
         self._news = news
+        self._gaps = gaps
         self._promised, self._promises = trio.open_memory_channel[_Promise](1)
         self._giving_to: NodeId | None = None
 
@@ -81,7 +83,10 @@ class Sharing:
             raise _busy(self._line.refuses)
         if self._line.busy(side) or self._giving_to is not None:
             raise _busy("another piece is on its way")
-        piece = await self._piece(side, packet.place)
+        is_beside_gap = any(touches(gap, arc, side) for gap in self._gaps.unowned(arc)) if (arc := self._line.arc) is not None else False
+        if is_beside_gap and side is Side.RIGHT:
+            raise _busy("what lies between has no owner, and is adopted from its right")
+        piece = await self._piece(side, packet.place, is_beside_gap=is_beside_gap)
         if piece is None:
             raise Refused(RejectReason.OUTSIDE_BOUNDS, f"{address_of(self._own.me)} owns nothing that it could part with")
         if not self._line.settled(piece):
@@ -103,10 +108,13 @@ class Sharing:
             RejectReason.NOT_READY, f"{address_of(receiver)} is no neighbour of {address_of(self._own.me)} in the log as known here"
         )
 
-    async def _piece(self, side: Side, place: Location | None) -> Arc | None:
+    async def _piece(self, side: Side, place: Location | None, *, is_beside_gap: bool) -> Arc | None:
         arc = self._line.arc
-        if arc is None:
+        if arc is None or (is_beside_gap and arc.length == 1):
             return None
+        if is_beside_gap and place is None:
+            # By that it stands right of what nobody owns, and adopts it.
+            return Arc(arc.first, arc.first)
         wanted = None if place is None else up_to(arc, side, place)
         return wanted if wanted is not None else await half_of(self._store, arc, side)
 

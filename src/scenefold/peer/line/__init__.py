@@ -2,7 +2,8 @@
 
 from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.ends import Side
+from scenefold.peer.line.gaps import Gaps
 from scenefold.peer.line.holding import Handover, Step
 from scenefold.peer.line.line import Line, Remaining
 
-__all__ = ["Claims", "Handover", "Line", "Remaining", "Side", "Step"]
+__all__ = ["Claims", "Gaps", "Handover", "Line", "Remaining", "Side", "Step"]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Awaitable, Callable
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
-from scenefold.base.location import FIRST, Arc
+from scenefold.base.location import FIRST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.line.ends import Side, touches
+from scenefold.peer.line.gaps import Gaps, share_of
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
@@ -17,10 +20,16 @@ from scenefold.peer.line.rules import Bound, bound_for
 from scenefold.peer.line.sightings import Sightings
 from scenefold.peer.line.survey import Survey, Unsettled, surveys
 from scenefold.peer.timing import T_WAIT_S
-from scenefold.wire import BoundConfirmed, ConfirmBound, Packet
+from scenefold.wire import BoundConfirmed, ConfirmBound, Member, Packet
 from scenefold.world import Priority
 
 ASK_S_MAX = 5.0
+PASS_S_MAX = 15.0
+"""For a neighbour without an arc to get the place by which it adopts its share of a gap; then this node adopts all of it."""
+PASS_AGAIN_S = 0.25
+
+Give = Callable[..., Awaitable[None]]
+"""Line.give."""
 
 _log = logging.getLogger("scenefold.peer.line")
 
@@ -28,8 +37,15 @@ _log = logging.getLogger("scenefold.peer.line")
 class Adoption:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: Parts, gaps: Gaps | None, give: Give) -> None:
+        """`gaps`: who owned what before it had no owner; None: nobody knows. `give`: how a place is handed to a neighbour."""
         self._parts = parts
+        self._gaps = gaps
+        self._give = give
+        self._edge: Arc | None = None
+        """The place by which the neighbour on the left is to adopt the rest of a gap."""
+        self._in_vain: Member | None = None
+        """Who did not get it."""
         self._surveyed: tuple[int, Arc | None] | None = None
         self._sightings = Sightings()
         self.gap: Arc | None = None
@@ -57,6 +73,8 @@ class Adoption:
                 await self._look()
                 self._surveyed = about
                 pauses.reset()
+                if self._edge is not None:
+                    await self._pass_on(self._edge)
             except (Unsettled, Refused, Unreachable, PeerFault) as problem:
                 _log.debug("a gap is looked for again: %s", problem)
                 await pauses.wait()
@@ -84,16 +102,54 @@ class Adoption:
             parts.require_lease()
             if parts.cluster_log.registry.position != registry.position:
                 raise Unsettled("the log has changed meanwhile")
-            revision = holding.revision
-
-            def adopt(now: Holding, gap: Arc = gap, revision: int = revision) -> Holding:
-                parts.claims.require_free(gap, now.arc)
-                return now.adopt(gap, revision=revision)
-
-            holding = await parts.keeper.change(adopt)
-            parts.events["adopted"] += 1
-            _log.warning("the arc %s..%s had no owner any more: it is this node's now", gap.first.hex()[:8], gap.last.hex()[:8])
+            share = self._share_of(gap, holding)
+            holding = await self._adopt(share, holding)
+            if share != gap:
+                # A change of its own, so that it is recovered apart, and soon.
+                before = Location.from_number(share.first.number - 1)
+                holding = await self._adopt(Arc(before, before), holding)
+                self._edge = Arc(before, before)
         self.gap = None
+
+    async def _adopt(self, gap: Arc, holding: Holding) -> Holding:
+        parts, revision = self._parts, holding.revision
+
+        def adopt(now: Holding) -> Holding:
+            parts.claims.require_free(gap, now.arc)
+            return now.adopt(gap, revision=revision)
+
+        after = await parts.keeper.change(adopt)
+        parts.events["adopted"] += 1
+        _log.warning("the arc %s..%s had no owner any more: it is this node's now", gap.first.hex()[:8], gap.last.hex()[:8])
+        return after
+
+    def _share_of(self, gap: Arc, holding: Holding) -> Arc:
+        """All of it, but for what neighbours without an arc are to adopt, who stand between it and this node."""
+        parts = self._parts
+        if holding.arc is None or not touches(gap, holding.arc, Side.LEFT):
+            return gap
+        waiting = parts.claims.waiting_left(parts.own.me)
+        known = None if not waiting else parts.cluster_log.registry.current(waiting[0])
+        if known is None or known.member == self._in_vain:
+            return gap
+        return share_of(gap, len(waiting), () if self._gaps is None else self._gaps.former())
+
+    async def _pass_on(self, edge: Arc) -> None:
+        """Give the neighbour the place right of what is left, once it is known what was acknowledged there. Then that node is responsible."""
+        parts, self._edge = self._parts, None
+        clock = parts.world.clock
+        deadline = clock.now() + PASS_S_MAX
+        waiting = parts.claims.waiting_left(parts.own.me)
+        known = parts.cluster_log.registry.current(waiting[0]) if waiting else None
+        while known is not None and clock.now() < deadline:
+            try:
+                await self._give(Side.LEFT, edge, "what is left of a gap is its receiver's to adopt")
+            except (Refused, Unreachable, PeerFault) as problem:
+                _log.debug("no share of a gap is passed on yet: %s", problem)
+                await clock.sleep(PASS_AGAIN_S)
+            else:
+                return
+        self._in_vain = None if known is None else known.member
 
     def _without_leases(self, gap: Arc, holding: Holding, registry: Registry) -> Arc:
         """What of the gap nobody holds a lease for any more, whoever was removed meanwhile; Unsettled if that is nothing yet."""

@@ -8,11 +8,12 @@ word may be old: then it is asked for a new one, and nothing is taken before tha
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from itertools import takewhile
 from typing import Protocol
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, address_of
-from scenefold.base.location import Arc
+from scenefold.base.location import WHOLE_LINE, Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.line.rules import Standing
 from scenefold.peer.line.settling import settling_s
@@ -84,6 +85,12 @@ class Claims:
         if other is not None:
             await self.ask(other)
         self.require_free(piece, own, giver=giver)
+
+    def waiting_left(self, me: NodeId) -> Sequence[NodeId]:
+        """The registered nodes directly left of this one that say that they own nothing, the nearest first."""
+        standing, said = self._log.registry, self._news.arcs()
+        lefts = reversed(standing.order[: standing.rank(me)])
+        return tuple(takewhile(lambda node: standing.current(node) is not None and said.get(node, WHOLE_LINE) is None, lefts))
 
     def _other(self, piece: Arc, own: Arc | None, giver: NodeId | None) -> NodeId | None:
         nodes = [node for node in self._nodes(piece, own) if node != giver]

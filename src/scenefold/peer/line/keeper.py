@@ -132,6 +132,8 @@ class Keeper:
         self._take(holding, copies)
 
     def _take(self, holding: Holding, copies: Copies) -> None:
+        # Said at once, before the next look at the load: what was adopted would seem to be little.
+        self._own.recovers |= bool(copies.unrecovered) and not self.copies.unrecovered
         self.holding = holding
         self.copies = copies
         self._own.arc = holding.arc

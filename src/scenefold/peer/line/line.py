@@ -18,6 +18,7 @@ from scenefold.peer.line.adoption import Adoption
 from scenefold.peer.line.budget import Budget
 from scenefold.peer.line.claims import Claims
 from scenefold.peer.line.ends import Side
+from scenefold.peer.line.gaps import Gaps
 from scenefold.peer.line.gate import Gate
 from scenefold.peer.line.giving import Giving
 from scenefold.peer.line.holding import Handover
@@ -62,6 +63,7 @@ class Line:
         scenes: KnownScenes,
         routing: Owners,
         claims: Claims,
+        gaps: Gaps | None = None,
         *,
         transfer_bytes_per_s: float = TRANSFER_BYTES_PER_S,
     ) -> None:
@@ -83,7 +85,7 @@ class Line:
         )
         self._giving = Giving(self._parts)
         self._receiving = Receiving(self._parts)
-        self._adoption = Adoption(self._parts)
+        self._adoption = Adoption(self._parts, gaps, self._giving.give)
         self._strays = Strays(self._parts, lambda: bool(self._receiving.refuses))
 
     # ------------------------------------------------------------------------------------------------- questions

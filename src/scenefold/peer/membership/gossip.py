@@ -198,7 +198,7 @@ class Gossip:
 
     async def _speak(self) -> None:
         """Throw the dice, once a second; and say at once, within bounds, that the own arc, blacklist or fill has changed."""
-        said: tuple[Arc | None, int] = None, 0
+        said: tuple[Arc | None, int, bool] = None, 0, False
         said_used = 0
         tell_from: float | None = None
         while True:
@@ -213,17 +213,17 @@ class Gossip:
                 self._roster.count_broadcast(())
                 data = self._pages.page(0)
             elif now >= tell_from and (
-                (self._own.arc, self._own.blacklist.version) != said
+                (self._own.arc, self._own.blacklist.version, self._own.recovers) != said
                 or self._hearing.is_contested
-                or is_news(said_used, self._own.load.disk_used_bytes)
+                or is_news(said_used, self._own.fill[0])
             ):
                 # Under another request id than 0, since it is no throw of the dice.
                 data = encode_packet(PingBroadcast((self._own.signed(),), request_id=1))
                 tell_from = now + self._roster.count * TELL_S
             else:
                 continue
-            said = self._own.arc, self._own.blacklist.version
-            said_used, self._hearing.is_contested = self._own.load.disk_used_bytes, False
+            said = self._own.arc, self._own.blacklist.version, self._own.recovers
+            said_used, self._hearing.is_contested = self._own.fill[0], False
             members = list(self._roster.peers)
             await self._datagrams.prepare(members)
             for member in members:

@@ -53,6 +53,8 @@ class OwnStatus:
         self.load = Load()
         self.arc: Arc | None = None
         """What this node owns, as it is durable; None: nothing."""
+        self.recovers = False
+        """Whether a part of that is not recovered, or was not when `load` was measured: nobody knows yet how much lies there."""
         self.blacklist = Blacklist()
         """Which nodes must hold no copies of that, as it is durable."""
         self.log_position = 0
@@ -80,6 +82,11 @@ class OwnStatus:
         self.load = replace(self.load, **changes)
 
     @property
+    def fill(self) -> tuple[int, int]:
+        """Bytes used, and bytes there are, as others are told (specs/13-balance.md, Fill): 0 of 0 as long as not all is known that lies here."""
+        return (0, 0) if self.recovers else (self.load.disk_used_bytes, self.load.disk_total_bytes)
+
+    @property
     def key(self) -> SigningKey:
         return self.secrets.signing
 
@@ -96,8 +103,8 @@ class OwnStatus:
             blacklist_version=self.blacklist.version,
             render_pool=load.render_pool,
             scene_frame=load.scene_frame,
-            offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
-            offline_blocks=load.disk_total_bytes // _BLOCK_BYTES,
+            offline_fraction=_fraction(*self.fill),
+            offline_blocks=self.fill[1] // _BLOCK_BYTES,
             online_fraction=_fraction(load.memory_used_bytes, load.memory_total_bytes),
             online_blocks=min(load.memory_total_bytes // _BLOCK_BYTES, _U32_MAX),
             rays_per_second=min(load.rays_per_second, _U32_MAX),
@@ -113,7 +120,7 @@ class OwnStatus:
             node=self.me,
             right_bound=None if self.arc is None else self.arc.last,
             render_pool=load.render_pool,
-            offline_fraction=_fraction(load.disk_used_bytes, load.disk_total_bytes),
+            offline_fraction=_fraction(*self.fill),
             online_fraction=_fraction(load.memory_used_bytes, load.memory_total_bytes),
             rays_per_second=min(load.rays_per_second, _U32_MAX),
             ray_queue_length=min(load.ray_queue_length, _U32_MAX),

@@ -23,6 +23,7 @@ from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.ends import Side, touches, without
+from scenefold.peer.line.gaps import Gaps
 from scenefold.peer.line.resting import Resting
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.store.layout import Spot
@@ -82,8 +83,8 @@ class House:
         self.handlers = Handlers(lambda: street.registry, self.own.mini, lambda mini: None)
         store, line, roster, log = cast(Any, self), self, cast(Any, self), street
         self.resting = Resting()
-        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting)
-        self.sharing = Sharing(store, line, log, self.own, roster)
+        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting, Gaps(self.world.clock, roster))
+        self.sharing = Sharing(store, line, log, self.own, roster, Gaps(self.world.clock, roster))
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
         self.draining = Draining(
             self.world,
@@ -170,6 +171,9 @@ class House:
     def arcs(self) -> dict[NodeId, Arc | None]:
         return {house.me: house.arc for house in self.street.houses if house is not self}
 
+    def former_arcs(self, _now: float) -> list[Arc]:
+        return self.street.former
+
     def status(self, other: NodeId) -> Status | None:
         house = self.street.by_id(other)
         return None if house is self else house.own.signed()
@@ -209,6 +213,8 @@ class Street:
             House(self, number, capacity, self.registry.founding_arc(node(number))) for number, capacity in enumerate(capacities)
         ]
         self.handovers = 0
+        self.former: list[Arc] = []
+        """What removed members claimed last."""
         self.bytes_per_s = 1 << 40
         self.rejected: list[LogEntry] = []
         for house in self.houses:

@@ -14,10 +14,11 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.balance import NodeDrained
+from scenefold.peer.balance import Joining, NodeDrained
 from scenefold.peer.balance.draining import DRAINED, LISTED
 from scenefold.peer.line.ends import Side
-from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, unpack_value
+from scenefold.peer.membership.status import OwnStatus
+from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, RemoveNode, unpack_value
 from scenefold.wire.enrol_entries import Trust
 from unit.peer.balance.street import ADMINISTRATOR, KIB, SETTLING_S, House, Street
 from unit.peer.logs_made import member, node, record, secrets_of
@@ -128,6 +129,63 @@ async def test_where_it_wants_to_stand_is_said_when_that_changes(
         with pytest.raises(Refused):
             await newcomer.joining.join()
     assert caplog.messages == [f"joining left of {address_of(house.me)}" for house in (street.houses[1], street.houses[2])]
+
+
+async def test_who_comes_back_empty_stands_where_it_stood(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 4)
+    street.houses[3].fill_evenly(64, KIB)
+    street.houses[3].measure()
+    back = street.houses[1]
+    back.own = OwnStatus(back.me, address_of(back.me), member(1, life=1).incarnation, 1, secrets_of(1))
+    back.joining = Joining(back.world, back, back, street, street, back, back.own)  # type: ignore[arg-type]
+    assert back.joining.choose() == node(2)
+    street.registry = street.registry.apply(record(street.registry, RemoveNode(member(1), "it began anew")))
+    assert back.joining.choose() == node(2), "also once the one before is removed"
+    street.registry = street.registry.apply(record(street.registry, RemoveNode(member(2), "gone")))
+    assert back.joining.choose() == node(3)
+    stranger = street.add_newcomer(64 * MIB)
+    assert stranger.joining.choose() == node(3), "the fullest"
+
+
+async def test_who_joins_beside_a_gap_is_given_the_place_from_which_it_adopts(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 3)
+    left, empty, right = street.houses
+    assert empty.arc is not None
+    street.former, empty.arc = [empty.arc], None
+    right.fill_evenly(64, KIB)
+    left.fill_evenly(64, KIB)
+    answers = {}
+    for host in (left, right):
+        reply = await host.handlers.handle(AskRange(empty.own.member, None), f"node:{empty.me}")
+        assert isinstance(reply, HandoverReply)
+        answers[host.me] = reply.reason
+    assert answers == {left.me: RejectReason.BUSY, right.me: 0}
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(right.sharing.run)
+        with trio.fail_after(10):
+            while empty.arc is None:  # noqa: ASYNC110 - a house tells nobody that its arc has come
+                await trio.sleep(0.1)
+        nursery.cancel_scope.cancel()
+    assert empty.arc.length == 1
+    assert empty.arc.last.next() == right.arc.first
+
+
+async def test_nothing_is_given_beside_a_gap_and_nothing_over_it(autojump_clock: trio.testing.MockClock) -> None:
+    street = Street([64 * MIB] * 5)
+    far, left, empty, right, end = street.houses
+    assert empty.arc is not None
+    for house in (far, left, right, end):
+        house.fill_evenly(64, 8 * KIB)
+    far.fill_evenly(512, 8 * KIB)
+    gap, empty.arc = empty.arc, None
+    for house in street.houses:
+        house.measure()
+    assert [await house.balancer.look() for house in (left, right)] != [[], []], "as far as it seems, there is somebody with nothing"
+    street.former = [gap]
+    assert [await house.balancer.look() for house in (left, right)] == [[], []]
+    assert await far.balancer.look() == [], "who stands beside it takes nothing either"
+    empty.arc = gap
+    assert [give.side for give in await far.balancer.look()] == [Side.RIGHT]
 
 
 @pytest.mark.parametrize("place", ["random", Location.from_number(LAST.number // 3)])

@@ -12,16 +12,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import SceneId, SpaceId
+from scenefold.base.ids import SceneId, SpaceId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.balance.load import COUNT_AGAIN_S, HELD_COUNTS_FROM, HELD_COUNTS_WHOLE_FROM, OwnLoad, load_of, owned_share
+from scenefold.peer.balance.load import (
+    COUNT_AGAIN_S,
+    HELD_COUNTS_FROM,
+    HELD_COUNTS_WHOLE_FROM,
+    RECOVERS_S_MAX,
+    OwnLoad,
+    Recovering,
+    load_of,
+    owned_share,
+)
 from scenefold.peer.balance.policy import FILL_MAX
+from scenefold.peer.balance.seams import fill_of
 from scenefold.peer.copies.custody import Custody
 from scenefold.peer.copies.entries import Entry
+from scenefold.peer.membership.status import OwnStatus
 from scenefold.store.statistics import Counts, StoreStatistics
 from scenefold.store.versions import RangeSum
-from unit.peer.logs_made import member
+from unit.peer.logs_made import member, node, secrets_of
 
 MIB = 1 << 20
 MIDDLE = Location.from_number(LAST.number // 2)
@@ -79,7 +90,8 @@ class Disk:
         self.custody = Custody((Entry((Location(b"\x55" * 20),), Arc(MIDDLE, LAST), 1, (member(1),), 1, whole=True),))
         clock: Any = SimpleNamespace(now=lambda: self.now)
         self.is_leaving = False
-        self.load = OwnLoad(clock, self, lambda: self.arc, lambda: self.custody, 0, lambda: self.is_leaving)
+        self.recovers = False
+        self.load = OwnLoad(clock, self, lambda: self.arc, lambda: self.custody, 0, lambda: self.is_leaving, lambda: self.recovers)
 
     def write(self, space: Any, count: int, arc: Arc) -> None:
         self.places[space] += [Location.from_number(arc.first.number + arc.length * index // count) for index in range(count)]
@@ -134,6 +146,42 @@ def test_who_leaves_has_no_more_than_it_uses(disk: Disk) -> None:
     trio.run(main)
 
 
+def test_what_was_recovered_shows_at_once(disk: Disk) -> None:
+    async def main() -> None:
+        disk.recovers = True
+        assert await disk.used() == 20_000
+        disk.write(OTHER_SPACE, 40, LEFT_HALF)
+        assert await disk.used() == 20_000
+        disk.recovers = False
+        assert await disk.used() == 100_000
+
+    trio.run(main)
+
+
+def test_what_is_being_recovered_keeps_balance_away_for_a_while_and_again_the_next_time() -> None:
+    now, gaps = [0.0], [1]
+    clock: Any = SimpleNamespace(now=lambda: now[0])
+    recovers = Recovering(clock, lambda: bool(gaps))
+    assert recovers()
+    now[0] = RECOVERS_S_MAX - 1
+    assert recovers()
+    now[0] = RECOVERS_S_MAX
+    assert not recovers(), "who has to say what lies there may wait for balance"
+    gaps.clear()
+    assert not recovers()
+    gaps.append(1)
+    assert recovers()
+
+
+def test_who_recovers_something_tells_nobody_how_full_it_seems() -> None:
+    own = OwnStatus(node(1), address_of(node(1)), member(1).incarnation, 1, secrets_of(1))
+    own.update(disk_used_bytes=4096, disk_total_bytes=8192)
+    assert fill_of(own.signed()) == (4096, 8192)
+    own.recovers = True
+    assert own.fill == fill_of(own.signed()) == (0, 0)
+    assert own.mini().offline_fraction == 0
+
+
 def test_nothing_is_counted_where_nothing_is_held(disk: Disk) -> None:
     async def main() -> None:
         disk.custody = Custody()
@@ -149,7 +197,7 @@ def test_what_is_written_is_counted_after_a_while_and_nothing_twice(disk: Disk) 
         await disk.used()
         disk.write(OTHER_SPACE, 40, LEFT_HALF)
         counted = len(disk.walks), len(disk.asked)
-        assert await disk.used() == 40_000
+        assert await disk.used() == 20_000, "what has come since may be held for others"
         assert (len(disk.walks), len(disk.asked)) == counted
         disk.now += COUNT_AGAIN_S
         assert await disk.used() == 100_000

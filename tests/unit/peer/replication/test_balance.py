@@ -9,7 +9,7 @@ import trio
 
 from scenefold.peer.balance import Balancer, OwnLoad
 from scenefold.peer.balance.policy import BYTES_MIN
-from scenefold.peer.line import Line
+from scenefold.peer.line import Gaps, Line
 from scenefold.store import Put
 from scenefold.world import World
 from scenefold.world.sim import run_simulated
@@ -30,7 +30,8 @@ class Weigher(Home):
 
     def others(self, world: World, line: Line) -> list[Any]:
         parts = line.parts
-        self.balancer = Balancer(world, parts.store, line, self.roster, self.street.log, parts.own, parts.resting)
+        gaps = Gaps(world.clock, self.roster)
+        self.balancer = Balancer(world, parts.store, line, self.roster, self.street.log, parts.own, parts.resting, gaps)
         load = OwnLoad(world.clock, parts.store, lambda: line.arc, lambda: parts.keeper.copies.custody, 0)
 
         async def balance(*, task_status: trio.TaskStatus[None]) -> None:
