@@ -91,7 +91,7 @@ def store(
     seconds
         Most that each of the four measurements may take; what was done until then counts.
     weather
-        Measure also how long single reads take while a disk is slow, while a node is dead, and while its copies are made anew.
+        Measure also how long single reads take while a disk is slow, while a node is dead, and while its copies are made anew. Each node then moves 4 MiB a second at most by itself: at the default of 64 reads miss their goal while copies are made anew.
     ports
         Ports of the nodes, LOW,HIGH; by default 17349,17350.
     """

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 NODE = "scenectl.slow_node"
 """What the nodes run, so that the disk of one can be made slow."""
 TRANSFER = 4 * 1024 * 1024
-"""Bytes a second that each node may move: the default is made for nodes with a machine each, and here all of them share one."""
+"""Bytes a second that each node may move: the default, 64 MiB, is made for nodes with a machine each, and here all of them share one.
+
+At that default GOAL is missed while copies are made anew (docs/benchmarks.md, Store).
+"""
 OPTIONS = ("--remove-after", "20", "--transfer", str(TRANSFER))
 """Two minutes elsewhere: that would show the same reads six times as long."""
 FIRST = 1 << 34

@@ -100,7 +100,7 @@ def _parser() -> Parser:
         "--workload",
         choices=WORKLOADS,
         default="all",
-        help="data: no joins and drains; members: mostly those and crashes, and slow clients; keys: the scene's key changes, too; purges: deletions are purged; logs: clients change the scene's log, which participants decide, edit and render",
+        help="data: no joins and drains; members: mostly those and crashes, and slow clients; all: joins and drains as well (default); keys: like all, and the scene's key changes; purges: like all, and deletions are purged; turns: like all, and spaces come to have other numbers of copies, with --copies; logs: clients change the scene's log, which participants decide, edit and render",
     )
     parser.add_argument(
         "--participants",
