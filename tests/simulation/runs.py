@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 
 import pytest
 
@@ -12,7 +13,7 @@ from scenefold.simulation.crowd import run_all
 from scenefold.simulation.outcome import Order, Result
 
 
-def run_seeds(seeds: range, **options: object) -> list[Result]:
+def run_seeds(seeds: Iterable[int], **options: object) -> list[Result]:
     """Run seeds on two processes, in order."""
     orders = [Order(seed, **options) for seed in seeds]  # type: ignore[arg-type]
     return sorted(run_all(orders, 2), key=lambda result: result.order.seed)
