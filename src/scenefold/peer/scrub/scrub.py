@@ -1,7 +1,7 @@
 """Reads all records of this node again and again, at a pace that nobody notices (specs/21-verify.md, Scrub).
 
-It reads as any reader does, so what has rotted is counted and told where all damaged records are; and hands it on, so that it is
-fetched from others. How far it has come survives a restart.
+It reads as any reader does, so what has rotted is counted and told where all damaged records are, and whoever mends records hears of it
+from the store. How far it has come survives a restart.
 """
 
 from __future__ import annotations
@@ -31,9 +31,6 @@ LOOK_S = 60.0
 BATCH_RECORDS = 32
 """Read at a time: 2 MiB of the largest records."""
 
-OnRotten = Callable[[Sequence[Spot]], None]
-"""Hears of records that have rotted. It must return at once."""
-
 _log = logging.getLogger("scenefold.peer.scrub")
 
 
@@ -48,7 +45,7 @@ class Reads(Protocol):
 
 
 class Scrub:
-    """`run` it in one task. `on_rotten` is asked to repair; of itself this only counts."""
+    """`run` it in one task. It only reads: whoever reads a rotten record has the store tell of it."""
 
     def __init__(self, clock: Clock, store: Reads, pace: Pace) -> None:
         self._clock = clock
@@ -58,7 +55,6 @@ class Scrub:
         self._noted_at = 0.0
         self._may_go = trio.Event()
         self._may_go.set()
-        self.on_rotten: OnRotten = _nobody_repairs
         self.found = 0
         """Rotten records that were met since the start."""
 
@@ -135,11 +131,9 @@ class Scrub:
     async def _look_at(self, spots: Sequence[Spot]) -> int:
         """Read these; how many of them have rotted."""
         found = await self._store.read(spots)
-        rotten = [spot for spot, one in zip(spots, found, strict=True) if isinstance(one, DamagedData)]
-        if rotten:
-            self.found += len(rotten)
-            self.on_rotten(rotten)
-        return len(rotten)
+        rotten = sum(isinstance(one, DamagedData) for one in found)
+        self.found += rotten
+        return rotten
 
     async def _note(self) -> None:
         self._noted_at = self._clock.now()
@@ -148,7 +142,3 @@ class Scrub:
         except Refused as refusal:
             # Whoever restarts now reads some of it twice.
             _log.debug("how far the scrub has come is not noted: %s", refusal)
-
-
-def _nobody_repairs(_spots: Sequence[Spot]) -> None:
-    """They are counted, and told like any that a reader meets."""
