@@ -44,15 +44,15 @@ def test_a_scene_that_is_not_there() -> None:
 
 @pytest.mark.timeout(120)
 def test_what_a_cluster_stores_a_second_is_measured_and_its_copies_are_counted() -> None:
-    ports = ports_option("127.0.0.2", "127.0.0.3")
+    ports = ports_option("127.0.0.2", "127.0.0.3", "127.0.0.4")
     sizes = "--mib", "2", "--small-records", "130"
-    done = scenectl("bench", "store", "--nodes", "2", "--copies", "1", *sizes, "--ports", ports, "--json", limit_s=COLD_S)
+    done = scenectl("bench", "store", "--nodes", "3", "--copies", "3", *sizes, "--ports", ports, "--json", limit_s=COLD_S)
     assert done.code == 0, done.err
     report = done.json
     rates = ("write_mib_s", "read_mib_s", "small_writes_per_s", "small_reads_per_s", "cpu_s_per_mib", "read_cpu_s_per_mib", "copied_mib_s")
     assert all(report[key] > 0 for key in rates)
     assert 0 < report["p50_ms"] <= report["p99_ms"]
-    assert (report["nodes"], report["copies"], report["copies_min"], report["copies_found"]) == (2, 1, 1, 1.0)
+    assert (report["nodes"], report["copies"], report["copies_min"], report["copies_found"]) == (3, 3, 2, 3.0)
     assert 1.9 < report["mib"] <= 2 and report["small_records"] == 130
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import trio
@@ -14,6 +17,8 @@ from trio.testing import MockClock
 from scenectl import bench_weather, slow_node
 from scenectl.bench_weather import CALM, READ_S_MAX, READS_PER_S, Reader, weather_text
 from scenefold.base.errors import Unreachable
+from unit.client.test_cluster_health import LACKING, copies
+from unit.client.test_health import ADDRESSES, arc, report
 
 
 async def test_reads_begin_when_they_are_due_and_waiting_in_line_counts(autojump_clock: MockClock) -> None:
@@ -88,3 +93,136 @@ def test_the_disk_is_as_slow_as_the_file_beside_it_says(tmp_path: Path, monkeypa
     file.unlink()
     use()
     assert len(slept) == 2
+
+
+# ----------------------------------------------------------------------------------------------------------- all of it
+
+READ_S = {"": 0.001, "slow": 0.005, "dead": 0.003, "mending": 0.002, "coming": 0.004}
+"""What a read takes, by what is amiss."""
+REMOVED_S, MENDED_S, CAME_S = 20.0, 15.0, 10.0
+OWNED = 60
+"""Records, of two nodes or three."""
+
+
+class Village:
+    """Nodes as `weather` sees them, of which it has one suffer, records that are read from them, and what they report."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.profile, self.addresses = folder, folder / "profile", ADDRESSES
+        self.killed_at = self.started_at = math.inf
+        self.written: dict[int, int] = {}
+        for address in self.addresses:
+            (folder / "data" / address).mkdir(parents=True)
+
+    @property
+    def amiss(self) -> str:
+        now, victim = trio.current_time(), self.addresses[-1]
+        if now >= self.started_at:
+            return "coming" if now < self.started_at + CAME_S else ""
+        if now >= self.killed_at:
+            return "dead" if now < self.killed_at + REMOVED_S else "mending" if now < self.killed_at + REMOVED_S + MENDED_S else ""
+        return "slow" if slow_node.slow_file_of(self.folder / "data" / victim).exists() else ""
+
+    # As LocalCluster.
+
+    async def kill(self, address: str) -> None:
+        assert address == self.addresses[-1] and not self.amiss
+        self.killed_at = trio.current_time()
+
+    def start(self, address: str) -> None:
+        assert address == self.addresses[-1] and not self.amiss and not (self.folder / "data" / address).exists()
+        self.started_at = trio.current_time()
+
+    # As StoreWork.
+
+    async def write(self, records: int, _seconds: float) -> None:
+        self.written = {bench_weather.FIRST + number: 0 for number in range(records)}
+
+    async def check(self, numbers: Sequence[int]) -> None:
+        for number in numbers:
+            self.written[number] += 1
+        if self.amiss == "dead" and not numbers[0] % 4:
+            raise Unreachable("it is away")
+        await trio.sleep(READ_S[self.amiss])
+
+    # As Cluster.
+
+    async def nodes(self) -> list[Any]:
+        is_there = math.isinf(self.killed_at) or self.amiss == "dead" or not math.isinf(self.started_at)
+        there = self.addresses if is_there else self.addresses[:-1]
+        return [SimpleNamespace(address=address, right_bound=None if self.owns_nothing(address) else 1) for address in there]
+
+    async def reports(self) -> dict[str, Any]:
+        owners = [node.address for node in await self.nodes() if node.right_bound is not None]
+        each = {"records": OWNED // len(owners), "records_with_copies": OWNED // len(owners)}
+        amiss = LACKING if self.amiss in ("mending", "coming") else {}
+        return {address: report(address, arc(0, 1), copies=copies(owned=each, **amiss)) for address in owners}
+
+    async def health(self) -> Any:
+        return SimpleNamespace(records=OWNED)
+
+    def owns_nothing(self, address: str) -> bool:
+        return address == self.addresses[-1] and self.amiss == "coming"
+
+
+async def test_the_last_node_is_slow_then_dead_then_comes_back_empty_and_reads_of_each_time_are_told_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock
+) -> None:
+    village: Any = Village(tmp_path)
+
+    @asynccontextmanager
+    async def connect(profile: Path) -> AsyncIterator[Any]:
+        assert profile == village.profile
+        yield village
+
+    monkeypatch.setattr("scenefold.client.connect", connect)
+    found = await bench_weather.weather(village, village)
+    phases = {row["phase"]: row for row in found["phases"]}
+    assert list(phases) == [CALM, "slow disk", "dead node", "repair", "newcomer"]
+    medians = {name: row["p50_ms"] for name, row in phases.items()}
+    amiss = {CALM: "", "slow disk": "slow", "dead node": "dead", "repair": "mending", "newcomer": "coming"}
+    assert medians == pytest.approx({name: 1000 * READ_S[what] for name, what in amiss.items()})
+    assert phases["slow disk"]["of_calm"] == pytest.approx(5.0)
+    seconds = {
+        CALM: 2 * bench_weather.CALM_S,
+        "slow disk": bench_weather.SLOW_S,
+        "dead node": REMOVED_S,
+        "repair": MENDED_S,
+        "newcomer": CAME_S,
+    }
+    for name, row in phases.items():
+        assert row["reads"] + row["failed"] == pytest.approx(seconds[name] * READS_PER_S, rel=0.3), name
+        assert bool(row["failures"]) == (name == "dead node")
+    assert set(village.written) == set(range(bench_weather.FIRST, bench_weather.FIRST + bench_weather.RECORDS))
+    assert sum(village.written.values()) > bench_weather.RECORDS and not village.amiss
+
+
+@pytest.mark.parametrize(
+    "amiss",
+    [
+        LACKING,
+        {"mis_placed": {"segments": 1, "records": 0}},
+        {"forbidden": {"segments": 0, "records": 7, "nodes": []}},
+        {"comparing": {"segments": 1, "records": 7}},
+        {"owed": {"records": 7, "records_to_silent": 0, "nodes": []}},
+        {"unsettled": {"records": 7, "pieces": 0, "read": True}},
+        {"unrecovered": {"pieces": 1, "share": 0.1}},
+        {"owned": {"records": 19, "records_with_copies": 19}},
+    ],
+    ids=lambda amiss: next(iter(amiss)),
+)
+async def test_a_cluster_is_whole_once_nothing_is_amiss_and_all_is_owned(amiss: dict[str, Any]) -> None:
+    half = {"records": 20, "records_with_copies": 20}
+    said: dict[str, Any] = {address: report(address, arc(0, 1), copies=copies(owned=half)) for address in ADDRESSES[:2]}
+    watcher: Any = SimpleNamespace()
+
+    async def reports() -> dict[str, Any]:
+        return said
+
+    watcher.reports = reports
+    assert await bench_weather._is_whole(watcher, 40)
+    said[ADDRESSES[1]] = report(ADDRESSES[1], arc(0, 1), copies=copies(**{"owned": half, **amiss}))
+    assert not await bench_weather._is_whole(watcher, 40)
+    for nothing in (report(ADDRESSES[1], arc(0, 1)), Unreachable("it is away")):
+        said[ADDRESSES[1]] = nothing
+        assert not await bench_weather._is_whole(watcher, 20)
