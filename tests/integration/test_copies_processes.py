@@ -38,11 +38,13 @@ class Size:
     payloads: tuple[int, ...]
     """Bytes, in turns."""
     whole_s_max: float
+    still_s: float
+    """After everything is whole: for as long nothing may have been moved before it is counted. A placement that has lasted is followed after ten."""
     options: tuple[str, ...] = ()
 
 
-SMALL = Size((1, 2, 2), 300, (300, 4_000, 60_000), 120.0, ("--remove-after", "13"))
-FULL = Size((2, 2, 3), 40_000, (1_000, 61_440, 60_000, 61_440, 61_440, 61_440, 61_440, 61_440), 1_800.0)
+SMALL = Size((1, 2, 2), 300, (300, 4_000, 60_000), 120.0, 0.0, ("--remove-after", "13"))
+FULL = Size((2, 2, 3), 40_000, (1_000, 61_440, 60_000, 61_440, 61_440, 61_440, 61_440, 61_440), 1_800.0, 15.0)
 """With two minutes until the dead are removed, as people have it: who is back before that gets its own copies, and none are made elsewhere."""
 
 pytestmark = pytest.mark.slow
@@ -105,6 +107,19 @@ def is_at_rest(report: NodeReport) -> bool:
     return is_whole(report) and not (report.document["handovers"] or report.document["balance"]["to_give"])
 
 
+async def still(living: Living, nodes: int, size: Size, found: dict[str, NodeReport]) -> dict[str, NodeReport]:
+    """Reports once nothing has been moved for a while."""
+    with trio.fail_after(size.whole_s_max):
+        since = trio.current_time()
+        while trio.current_time() - since < size.still_s:
+            await trio.sleep(LOOK_S)
+            newer = await whole(living, nodes, size.whole_s_max)
+            if any(told(newer[address], name) != told(found[address], name) for address in found for name in MOVED):
+                since = trio.current_time()
+            found = newer
+    return found
+
+
 @pytest.mark.timeout(3_600)
 async def test_a_rack_is_killed_and_wiped_during_writes_and_all_is_there_and_whole_again(tmp_path: Path) -> None:
     size = FULL if os.environ.get("SCENEFOLD_FULL_SIZE") == "1" else SMALL
@@ -135,6 +150,7 @@ async def test_a_rack_is_killed_and_wiped_during_writes_and_all_is_there_and_who
             nursery.cancel_scope.cancel()
         after = await whole(living, count, size.whole_s_max)
         seconds = trio.current_time() - begun
+        after = await still(living, count, size, after)
         changed = [address for address in before if before[address].incarnation != after[address].incarnation]
         assert sorted(changed) == racks[1], "who comes back with an empty disk is somebody else"
         await kept.check()

@@ -114,7 +114,7 @@ class PeerServices:
         line = Line(
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, gaps, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
-        self._replication = Replication(line.parts, roster, routing)
+        self._replication = Replication(line.parts, roster, routing, gaps)
         purging = Purging(line.parts, self._replication.spreading)
         self._letting_go = LettingGo(line.parts, participation)
         suspects = Suspects(line.parts)

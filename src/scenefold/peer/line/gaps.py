@@ -1,7 +1,7 @@
 """Parts of the line that nobody owns since their owners were removed, as far as is known here (specs/13-balance.md, Gaps).
 
 What lies there is in nobody's fill, and nobody can be asked for it. So balance goes round such a part, and who joins beside it is
-given only as much as makes it the one to adopt it. Nothing here carries safety: a gap is adopted by what the nodes say themselves (survey.py).
+given only as much as makes it the one to adopt it; and copies that can wait are placed once it is somebody's. Nothing here carries safety: a gap is adopted by what the nodes say themselves (survey.py).
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ class Gaps:
         self._known = {arc: since for arc, since in self._known.items() if now - since < GAP_S_MAX}
         return tuple(self._known)
 
-    def unowned(self, own: Arc | None) -> Sequence[Arc]:
-        """What of that nobody claims now; `own`: this node's arc."""
-        former = self.former()
+    def unowned(self, own: Arc | None, within_s: float = GAP_S_MAX) -> Sequence[Arc]:
+        """What of that nobody claims now, if it is known for less than `within_s`; `own`: this node's arc."""
+        now = self._clock.now()
+        former = [arc for arc in self.former() if now - self._known[arc] < within_s]
         return unclaimed(former, [own, *self._news.arcs().values()]) if former else ()
 
 

@@ -21,6 +21,7 @@ from scenefold.base.prefixes import forbids
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.segment import Segment
+from scenefold.peer.line.gaps import Gaps
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
@@ -45,6 +46,8 @@ LOOK_S = 1.0
 """Between two looks at who claims what, while nobody waits."""
 GATHER_S = 60.0
 """Between two looks at whether neighbours have become alike."""
+GAP_REST_S = 30.0
+"""So long after a removal copies that can wait are placed nowhere while what the removed one owned has no owner: it would be done twice."""
 PLACE_S_MAX = 10.0
 """For a write that comes before the first placement."""
 
@@ -54,8 +57,10 @@ _log = logging.getLogger("scenefold.peer.replication")
 class Placing:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, roster: Roster) -> None:
+    def __init__(self, parts: Parts, roster: Roster, gaps: Gaps) -> None:
+        """`gaps`: what of the line has no owner, and changes placement when it has one."""
         self._parts = parts
+        self._gaps = gaps
         self._roster = roster
         self._wake = trio.Event()
         self._gathered_at = parts.world.clock.now()
@@ -149,7 +154,21 @@ class Placing:
         self._wishes = {
             layout: lasting(self._wishes.get(layout, ()), pieces, wanted[layout], now) for layout, pieces in self._given.items()
         }
-        ready = [(layout, ripe(configurations, layout, wishes, now, parts.keeper.is_removed)) for layout, wishes in self._wishes.items()]
+        urgent = self._most if self._gaps.unowned(arc, GAP_REST_S) else None
+        ready = [
+            (
+                layout,
+                ripe(
+                    configurations,
+                    layout,
+                    wishes,
+                    now,
+                    parts.keeper.is_removed,
+                    urgent_below=None if urgent is None else urgent.get(layout, 1),
+                ),
+            )
+            for layout, wishes in self._wishes.items()
+        ]
         due = [(layout, pieces, wanted[layout]) for layout, pieces in ready if pieces]
         if due:
             await parts.keeper.change_copies(partial(_placed, due))

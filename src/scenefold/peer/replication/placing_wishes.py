@@ -123,8 +123,19 @@ def lasting(before: Sequence[Wish], pieces: Iterable[Piece], needed: int, now: f
     return _joined(found)
 
 
-def ripe(found: Configurations, layout: Layout, wishes: Iterable[Wish], now: float, is_gone: Callable[[Member], bool]) -> list[Piece]:
-    """What is to be placed at this moment: what has lasted, is the first placement there, or is to do without somebody who was removed."""
+def ripe(
+    found: Configurations,
+    layout: Layout,
+    wishes: Iterable[Wish],
+    now: float,
+    is_gone: Callable[[Member], bool],
+    *,
+    urgent_below: int | None = None,
+) -> list[Piece]:
+    """What is to be placed at this moment: what has lasted, is the first placement there, or is to do without somebody who was removed.
+
+    `urgent_below`: only the first placement there, and where fewer nodes are left than this, the owner among them; there no more are placed.
+    """
     due: list[Piece] = []
     own = [segment for segment in found.segments if segment.layout == layout]
     for wish in wishes:
@@ -134,20 +145,32 @@ def ripe(found: Configurations, layout: Layout, wishes: Iterable[Wish], now: flo
             if common is None:
                 continue
             rest = [left for part in rest for left in without(part, common)]
-            if _is_due(segment, found.me, wish, now, is_gone):
-                due.append((common, wish.holders))
+            if _is_due(segment, found.me, wish, now, is_gone, urgent_below):
+                due.append((common, wish.holders if urgent_below is None else _fewest(segment, found.me, wish, urgent_below - 1)))
         due += [(left, wish.holders) for left in rest]
     return runs(sorted(due, key=lambda piece: piece[0].first))
 
 
-def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Callable[[Member], bool]) -> bool:
+def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Callable[[Member], bool], urgent_below: int | None) -> bool:
     target = target_of(segment, me)
     if target is None:
         return True
     holders, needed = target
     if set(holders) == set(wish.holders) and min(needed, 1 + len(holders)) == min(wish.needed, 1 + len(holders)):
         return False
-    return now - wish.since >= STEADY_S or any(map(is_gone, holders))
+    gone = sum(map(is_gone, holders))
+    if urgent_below is not None:
+        return gone > 0 and 1 + len(holders) - gone < urgent_below
+    return gone > 0 or now - wish.since >= STEADY_S
+
+
+def _fewest(segment: Segment, me: Member, wish: Wish, count: int) -> tuple[Member, ...]:
+    """Of those that placement gives so many (one at least), at first those that are holders; all where there is no other placement yet."""
+    target = target_of(segment, me)
+    if target is None:
+        return wish.holders
+    kept = sorted(wish.holders, key=lambda holder: holder not in target[0])[: max(1, count)]
+    return tuple(holder for holder in wish.holders if holder in kept)
 
 
 def target_of(segment: Segment, me: Member) -> tuple[tuple[Member, ...], int] | None:

@@ -7,6 +7,7 @@ from functools import partial
 import trio
 
 from scenefold.peer.handlers import Handlers
+from scenefold.peer.line.gaps import Gaps
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.replication.activating import Activating
@@ -29,13 +30,13 @@ from scenefold.peer.routing import Routing
 class Replication:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, roster: Roster, routing: Routing) -> None:
-        """`parts`: those of the line, whose keeper has what is known about copies."""
+    def __init__(self, parts: Parts, roster: Roster, routing: Routing, gaps: Gaps) -> None:
+        """`parts`: those of the line, whose keeper has what is known about copies. `gaps`: what of the line has no owner."""
         self._parts = parts
         self._roster = roster
         self._routing = routing
         self._teaching = Teaching(parts, roster)
-        self.placing = Placing(parts, roster)
+        self.placing = Placing(parts, roster, gaps)
         self.telling = Telling(parts)
         self.spreading = Spreading(parts, roster, self.placing)
         self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False), self.placing.full.note)

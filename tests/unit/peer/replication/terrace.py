@@ -25,7 +25,7 @@ from scenefold.crypto import PLACED_BY_NODE, Record, RecordPlace, object_of, sig
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.copies_note import decode_copies
 from scenefold.peer.handlers import Handlers
-from scenefold.peer.line import Line
+from scenefold.peer.line import Gaps, Line
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.peers import Peers
@@ -180,7 +180,7 @@ class Home(House):
 
     def others(self, world: World, line: Line) -> list[Any]:
         parts = line.parts
-        self.replication = Replication(parts, self.roster, self.routing)
+        self.replication = Replication(parts, self.roster, self.routing, Gaps(parts.world.clock, self.roster))
         copying = self.replication.spreading
         self.data = DataService(
             world,

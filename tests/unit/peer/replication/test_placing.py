@@ -15,6 +15,7 @@ from scenefold.peer.copies.numbers import first_number
 from scenefold.peer.copies.segment import GONE
 from scenefold.peer.handlers import Senders
 from scenefold.peer.line.ends import Side
+from scenefold.peer.replication.placing import GAP_REST_S
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import members_of, untold
 from scenefold.peer.timing import T_WAIT_S
@@ -92,7 +93,8 @@ def test_a_removed_holder_is_replaced_and_counted_out_once_its_leases_are_over()
 
             assert found
             assert not is_without()
-            await until(is_without, 3.0)
+            # Once what it owned has an owner, or nobody has taken it for long.
+            await until(is_without, GAP_REST_S + 3.0)
             await until(
                 lambda: (
                     not any(

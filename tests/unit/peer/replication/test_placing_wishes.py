@@ -80,6 +80,21 @@ def test_who_was_removed_is_left_at_once() -> None:
     assert ripe(found, LAYOUT, wishes, 5.0, lambda member: member == A) == [(arc(0, 49), (B, C))]
 
 
+def test_while_a_gap_is_open_only_what_is_urgent_is_placed() -> None:
+    wishes = lasting((), [(arc(0, 99), (B, C))], 2, 5.0)
+    assert ripe(Configurations(P), LAYOUT, wishes, 5.0, nobody, urgent_below=2) == [(arc(0, 99), (B, C))], "the first placement"
+    found = Configurations(P).place(LAYOUT, [(arc(0, 49), (A, B)), (arc(50, 99), (B, C))], 2)
+    late = 5.0 + STEADY_S
+    assert ripe(found, LAYOUT, wishes, late, nobody, urgent_below=2) == [], "it has lasted, and changes again with the gap's next owner"
+    assert ripe(found, LAYOUT, wishes, late, lambda member: member == A, urgent_below=2) == [], "two are left"
+    assert ripe(found, LAYOUT, wishes, late, lambda member: member == A, urgent_below=3) == [(arc(0, 49), (B, C))], "one space needs three"
+    found = Configurations(P).place(LAYOUT, [(arc(0, 49), (A,)), (arc(50, 99), (C, A))], 2)
+    assert ripe(found, LAYOUT, wishes, 5.0, lambda member: member == A, urgent_below=2) == [(arc(0, 49), (B,))], "as many as are needed"
+    found = Configurations(P).place(LAYOUT, [(arc(0, 99), (A, C))], 2)
+    wishes = lasting((), [(arc(0, 99), (B, C))], 2, 5.0)
+    assert ripe(found, LAYOUT, wishes, 5.0, lambda member: member == A, urgent_below=3) == [(arc(0, 99), (B, C))]
+
+
 def test_another_number_that_is_needed_is_another_wish() -> None:
     found = Configurations(P).place(LAYOUT, [(arc(0, 99), (A, B))], 1)
     wishes = lasting(lasting((), [(arc(0, 99), (A, B))], 1, 0.0), [(arc(0, 99), (A, B))], 2, 1.0)
