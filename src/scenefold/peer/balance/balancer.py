@@ -21,7 +21,7 @@ from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
-from scenefold.peer.line.gaps import Gaps, beside
+from scenefold.peer.line.gaps import GAP_REST_S, Gaps, beside
 from scenefold.peer.line.resting import Resting
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import TELL_S, OwnStatus
@@ -126,6 +126,9 @@ class Balancer:
         for side, state in self._sides.items():
             if state.peer != neighbours[side]:
                 self._sides[side] = _SideState(state.under_way, peer=neighbours[side])
+        if self._gaps.unowned(self._line.arc, GAP_REST_S):
+            # Soon somebody has it, and before that nobody's share is what it will be.
+            return []
         waiting = self._beside_gaps(nodes)
         if self._own.me in waiting:
             return []

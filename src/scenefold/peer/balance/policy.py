@@ -29,6 +29,8 @@ TOLERANCE = 0.05
 FLOW_TOLERANCE = TOLERANCE * 0.4
 """Of the smaller share at a bound: flows below it are left alone. A node has two bounds: both together, and the news
 that are a little old, stay below TOLERANCE."""
+IMBALANCE_MIN = 2 * FLOW_TOLERANCE
+"""Where nobody is farther from the mean, nobody gives anything: each byte of ownership that passes has its copies moved as well."""
 BYTES_MIN = 64 * 1024
 """Flows below it are left alone: it is one full record."""
 FILL_MAX = 0.9
@@ -69,6 +71,8 @@ def gives(line: Sequence[NodeFill], me: int, changes: Sequence[int] = ()) -> lis
     here = me - first
     changed = changes[first : last + 1] if changes else [0] * len(piece)
     spare = piece[here].used - BYTES_MIN
+    if imbalance(piece) <= IMBALANCE_MIN:
+        return []
     shares = fair_shares(piece)
     found: list[Give] = []
     leftwards = flow(piece, here - 1)

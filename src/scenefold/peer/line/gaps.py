@@ -14,6 +14,8 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.world import Clock
 
+GAP_REST_S = 30.0
+"""Within it a gap is adopted, usually: so long nothing is moved that its next owner would have moved again."""
 GAP_S_MAX = 120.0
 """So long a part is waited for that nobody takes: who should adopt it may be dead as well."""
 

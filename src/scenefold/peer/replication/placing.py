@@ -21,7 +21,7 @@ from scenefold.base.prefixes import forbids
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.segment import Segment
-from scenefold.peer.line.gaps import Gaps
+from scenefold.peer.line.gaps import GAP_REST_S, Gaps
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
@@ -46,8 +46,6 @@ LOOK_S = 1.0
 """Between two looks at who claims what, while nobody waits."""
 GATHER_S = 60.0
 """Between two looks at whether neighbours have become alike."""
-GAP_REST_S = 30.0
-"""So long after a removal copies that can wait are placed nowhere while what the removed one owned has no owner: it would be done twice."""
 PLACE_S_MAX = 10.0
 """For a write that comes before the first placement."""
 

@@ -17,6 +17,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance import Joining, NodeDrained
 from scenefold.peer.balance.draining import DRAINED, LISTED
 from scenefold.peer.line.ends import Side
+from scenefold.peer.line.gaps import GAP_REST_S
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import AskRange, DrainNode, HandoverReply, NodeReport, RemoveNode, unpack_value
 from scenefold.wire.enrol_entries import Trust
@@ -182,6 +183,10 @@ async def test_nothing_is_given_beside_a_gap_and_nothing_over_it(autojump_clock:
         house.measure()
     assert [await house.balancer.look() for house in (left, right)] != [[], []], "as far as it seems, there is somebody with nothing"
     street.former = [gap]
+    assert [await house.balancer.look() for house in street.houses] == [[]] * 5, "somebody will have it soon"
+    await trio.sleep(GAP_REST_S)
+    for house in street.houses:
+        house.measure()
     assert [await house.balancer.look() for house in (left, right)] == [[], []]
     assert await far.balancer.look() == [], "who stands beside it takes nothing either"
     empty.arc = gap

@@ -15,7 +15,7 @@ from scenefold.peer.copies.numbers import first_number
 from scenefold.peer.copies.segment import GONE
 from scenefold.peer.handlers import Senders
 from scenefold.peer.line.ends import Side
-from scenefold.peer.replication.placing import GAP_REST_S
+from scenefold.peer.line.gaps import GAP_REST_S
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import members_of, untold
 from scenefold.peer.timing import T_WAIT_S
