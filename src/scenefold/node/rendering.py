@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import trio
 
@@ -28,8 +28,26 @@ from scenefold.peer.peers import priority_of
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys
 from scenefold.scene.head import SceneHead, check_head, check_unedited
 from scenefold.scene.log import EpochKeys
-from scenefold.wire import Packet, RecordBytes, RecordKey, SceneMode
+from scenefold.wire import (
+    CancelJob,
+    CollectPass,
+    FetchImage,
+    FilmPart,
+    JobEvent,
+    JobState,
+    MergeFilm,
+    Packet,
+    PassCounts,
+    RecordBytes,
+    RecordKey,
+    SceneMode,
+    SendRays,
+    StartJob,
+)
 from scenefold.world import World
+
+if TYPE_CHECKING:
+    from scenefold.render.pool.service import RenderService
 
 P = TypeVar("P", bound=Packet)
 
@@ -40,13 +58,46 @@ READS_AT_A_TIME = 3
 """Batches under way: one is fetched while another is opened."""
 
 
+ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob)
+ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, PassCounts, CollectPass, MergeFilm, FilmPart)
+
+
 class RenderExtension:
-    """Starts the render service in a node."""
+    """Starts the render service in a node when it is asked for something: to import it takes as long as all else, and many nodes only store."""
 
     async def run(self, context: NodeContext, *, task_status: trio.TaskStatus[None]) -> None:
-        from scenefold.render.pool.service import RenderService
+        """Answer for it until cancelled."""
+        async with trio.open_nursery() as nursery:
+            late = _LateService(context, nursery)
+            for packets, senders in ((ASKED_BY_ANYBODY, Senders.ANY), (ASKED_BY_NODES, Senders.NODES)):
+                for packet in packets:
+                    context.handlers.add(packet, late.answer, senders=senders)
+            task_status.started()
+            await trio.sleep_forever()
 
-        await RenderService(RenderHost(context)).run(task_status=task_status)
+
+class _LateService:
+    """The service, once there is one."""
+
+    def __init__(self, context: NodeContext, nursery: trio.Nursery) -> None:
+        self._context, self._nursery = context, nursery
+        self._host = RenderHost(context)
+        self._beginning = trio.Lock()
+
+    async def answer(self, packet: Packet, peer: str) -> Packet | None:
+        async with self._beginning:
+            if not self._host.handlers:
+                service = await self._context.world.workers.run("render", _imported)
+                # Whoever asked may go away meanwhile: what has begun to answer goes on.
+                with trio.CancelScope(shield=True):
+                    await self._nursery.start(service(self._host).run)
+        return await self._host.handlers[type(packet)](packet, peer)
+
+
+def _imported() -> type[RenderService]:
+    from scenefold.render.pool.service import RenderService
+
+    return RenderService
 
 
 class RenderHost:
@@ -54,6 +105,8 @@ class RenderHost:
 
     def __init__(self, context: NodeContext) -> None:
         self._context = context
+        self.handlers: dict[type[Packet], Callable[[Any, str], Awaitable[Packet | None]]] = {}
+        """What the service answers, and with what."""
 
     @property
     def world(self) -> World:
@@ -75,7 +128,8 @@ class RenderHost:
         return list(self._context.cluster_log.registry.members)
 
     def handle(self, packet: type[P], handler: Callable[[P, str], Awaitable[Packet | None]], *, nodes_only: bool) -> None:
-        self._context.handlers.add(packet, handler, senders=Senders.NODES if nodes_only else Senders.ANY)
+        assert packet in (ASKED_BY_NODES if nodes_only else ASKED_BY_ANYBODY), f"{packet.__name__} is answered by nobody here"
+        self.handlers[packet] = handler
 
     async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
         return await self._context.peers.ask(node, priority_of(packet), packet, Packet, timeout_s)
