@@ -76,7 +76,7 @@ def explore(run: Run, seconds_max: float) -> Found:
             ["spin", "-a", *run.flags.split(), str(MODELS / f"{run.model}.pml")],
             [
                 "gcc",
-                "-O2" if not run.quick else "-O0" if run.is_mutant else "-O1",
+                "-O0" if run.quick else "-O2",
                 "-w",
                 "-DSAFETY",
                 "-DCOLLAPSE",

@@ -9,15 +9,16 @@ import pytest
 from scenefold.simulation import scale
 from scenefold.simulation.cluster import Cluster
 
+NODES = 20
 crash = Cluster.crash
 
 
 @pytest.mark.slow
-def test_thirty_nodes_in_virtual_minutes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert scale.main(["--nodes", "30", "--only", "traffic,join,removal", "--json"]) == 0
+def test_twenty_nodes_in_virtual_minutes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert scale.main(["--nodes", str(NODES), "--only", "traffic,join,removal", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["violations"] == [] and not found["prepared"]
-    assert found["start_s"] < 10 and found["start_datagrams_per_node"] < 4 * 30, (
+    assert found["start_s"] < 10 and found["start_datagrams_per_node"] < 4 * NODES, (
         "a start is not a flood, the challenges of first contacts included"
     )
     assert found["table_complete_s"] < 2

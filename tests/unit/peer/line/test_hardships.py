@@ -334,7 +334,7 @@ def shortest_stay(rates: tuple[float, float, float]) -> float:
 
         for house in street.houses:
             street.net.observe(house.address, Point.AFTER_COMMIT, see)
-        with trio.move_on_after(300.0):
+        with trio.move_on_after(150.0):
             async with trio.open_nursery() as eager:
                 eager.start_soon(pass_on, street.houses[0], Side.RIGHT)
                 eager.start_soon(pass_on, street.houses[1], Side.RIGHT)

@@ -13,7 +13,7 @@ from scenefold.consensus import Outcome
 from unit.consensus.laws import Broken
 from unit.peer.logs.storm import SIZES, Storm
 
-SEEDS = 36
+SEEDS = 24
 EACH = 6
 
 
