@@ -88,6 +88,7 @@ class _LateService:
         async with self._beginning:
             if not self._host.handlers:
                 service = await self._context.world.workers.run("render", _imported)
+                await trio.lowlevel.checkpoint_if_cancelled()
                 # Whoever asked may go away meanwhile: what has begun to answer goes on.
                 with trio.CancelScope(shield=True):
                     await self._nursery.start(service(self._host).run)

@@ -11,7 +11,7 @@ from scenefold.base.location import FIRST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.handlers import Handlers, Senders, node_of
-from scenefold.peer.line.ends import Side, touches
+from scenefold.peer.line.ends import Side, is_end_of, touches
 from scenefold.peer.line.gaps import Gaps, share_of
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
@@ -26,7 +26,6 @@ from scenefold.world import Priority
 ASK_S_MAX = 5.0
 PASS_S_MAX = 15.0
 """For a neighbour without an arc to get the place by which it adopts its share of a gap; then this node adopts all of it."""
-PASS_AGAIN_S = 0.25
 
 Give = Callable[..., Awaitable[None]]
 """Line.give."""
@@ -87,6 +86,7 @@ class Adoption:
 
     async def _look(self) -> None:
         parts = self._parts
+        self._edge = None
         parts.require_lease()
         # Drops, durably, what the log has ended.
         holding = await parts.keeper.change(lambda now: now)
@@ -109,6 +109,8 @@ class Adoption:
                 before = Location.from_number(share.first.number - 1)
                 holding = await self._adopt(Arc(before, before), holding)
                 self._edge = Arc(before, before)
+                # The other side is looked at once that has passed: what stops this there would have another share taken here.
+                break
         self.gap = None
 
     async def _adopt(self, gap: Arc, holding: Holding) -> Holding:
@@ -137,16 +139,20 @@ class Adoption:
     async def _pass_on(self, edge: Arc) -> None:
         """Give the neighbour the place right of what is left, once it is known what was acknowledged there. Then that node is responsible."""
         parts, self._edge = self._parts, None
-        clock = parts.world.clock
+        clock, pauses = parts.world.clock, Pauses(parts.world)
         deadline = clock.now() + PASS_S_MAX
         waiting = parts.claims.waiting_left(parts.own.me)
         known = parts.cluster_log.registry.current(waiting[0]) if waiting else None
         while known is not None and clock.now() < deadline:
+            arc = parts.keeper.holding.arc
+            if arc is None or not is_end_of(edge, arc, Side.LEFT):
+                # It has asked for it, and got it.
+                return
             try:
                 await self._give(Side.LEFT, edge, "what is left of a gap is its receiver's to adopt")
             except (Refused, Unreachable, PeerFault) as problem:
                 _log.debug("no share of a gap is passed on yet: %s", problem)
-                await clock.sleep(PASS_AGAIN_S)
+                await pauses.wait()
             else:
                 return
         self._in_vain = None if known is None else known.member

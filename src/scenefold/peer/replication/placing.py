@@ -6,7 +6,7 @@ A layout counts as soon as any scene that this node knows has it, whether there 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -30,6 +30,7 @@ from scenefold.peer.replication.full_holders import FullHolders, around_full
 from scenefold.peer.replication.placing_wishes import (
     Piece,
     Shortage,
+    Urgency,
     Wish,
     lasting,
     most_needed,
@@ -152,18 +153,11 @@ class Placing:
         self._wishes = {
             layout: lasting(self._wishes.get(layout, ()), pieces, wanted[layout], now) for layout, pieces in self._given.items()
         }
-        urgent = self._most if self._gaps.unowned(arc, GAP_REST_S) else None
+        has_gap, is_there = bool(self._gaps.unowned(arc, GAP_REST_S)), self._is_there()
         ready = [
             (
                 layout,
-                ripe(
-                    configurations,
-                    layout,
-                    wishes,
-                    now,
-                    parts.keeper.is_removed,
-                    urgent_below=None if urgent is None else urgent.get(layout, 1),
-                ),
+                ripe(configurations, layout, wishes, now, parts.keeper.is_removed, self._urgency(layout, is_there) if has_gap else None),
             )
             for layout, wishes in self._wishes.items()
         ]
@@ -207,6 +201,16 @@ class Placing:
     def _pieces(self, layout: Layout, most: int, place: Arc, allowed: Mapping[NodeId, Member]) -> list[Piece]:
         order = self._parts.cluster_log.registry.order
         return pieces_of(self._line, self._parts.own.me, layout, [place], allowed, order, most)
+
+    def _urgency(self, layout: Layout, is_there: Callable[[Member], bool]) -> Urgency:
+        """Two of each record are wanted at once, whatever writes ask for."""
+        return Urgency(max(2, self._most.get(layout, 1)), is_there)
+
+    def _is_there(self) -> Callable[[Member], bool]:
+        """Who can be given copies now, as far as is known."""
+        registry = self._parts.cluster_log.registry
+        full = self.full.among(known.member for node in registry.order if (known := registry.current(node)) is not None)
+        return lambda member: member not in full and self._roster.is_believed_alive(member.node)
 
     def _look_at_line(self) -> None:
         """Who claims what, as this node believes; made anew if that has changed."""

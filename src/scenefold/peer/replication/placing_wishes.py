@@ -52,6 +52,14 @@ class Shortage:
         return f"{self.possible} of the {1 + len(self.layout)} nodes that are to hold copies, and {self.needed} are needed: {why}"
 
 
+@dataclass(frozen=True, slots=True)
+class Urgency:
+    """What is not put off: that so many nodes (two at least), the owner among them, have each record. `is_there`: who counts for that."""
+
+    wanted: int
+    is_there: Callable[[Member], bool]
+
+
 def needed_of(scenes: Iterable[KnownScene], nodes: int) -> dict[Layout, int]:
     """All layouts there are, and what their configurations ask of every write. `nodes`: how many stand on the line.
 
@@ -129,12 +137,11 @@ def ripe(
     wishes: Iterable[Wish],
     now: float,
     is_gone: Callable[[Member], bool],
-    *,
-    urgent_below: int | None = None,
+    only: Urgency | None = None,
 ) -> list[Piece]:
     """What is to be placed at this moment: what has lasted, is the first placement there, or is to do without somebody who was removed.
 
-    `urgent_below`: only the first placement there, and where fewer nodes are left than this, the owner among them; there no more are placed.
+    `only`: the first placement there, and where somebody was removed and too few are left; there no more than are wanted at once.
     """
     due: list[Piece] = []
     own = [segment for segment in found.segments if segment.layout == layout]
@@ -145,31 +152,33 @@ def ripe(
             if common is None:
                 continue
             rest = [left for part in rest for left in without(part, common)]
-            if _is_due(segment, found.me, wish, now, is_gone, urgent_below):
-                due.append((common, wish.holders if urgent_below is None else _fewest(segment, found.me, wish, urgent_below - 1)))
+            if _is_due(segment, found.me, wish, now, is_gone, only):
+                due.append((common, wish.holders if only is None else _fewest(segment, found.me, wish, only)))
         due += [(left, wish.holders) for left in rest]
     return runs(sorted(due, key=lambda piece: piece[0].first))
 
 
-def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Callable[[Member], bool], urgent_below: int | None) -> bool:
+def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Callable[[Member], bool], only: Urgency | None) -> bool:
     target = target_of(segment, me)
     if target is None:
         return True
     holders, needed = target
     if set(holders) == set(wish.holders) and min(needed, 1 + len(holders)) == min(wish.needed, 1 + len(holders)):
         return False
-    gone = sum(map(is_gone, holders))
-    if urgent_below is not None:
-        return gone > 0 and 1 + len(holders) - gone < urgent_below
-    return gone > 0 or now - wish.since >= STEADY_S
+    is_short = any(map(is_gone, holders))
+    if only is not None:
+        left = 1 + sum(only.is_there(holder) and not is_gone(holder) for holder in holders)
+        return is_short and left < max(only.wanted, needed)
+    return is_short or now - wish.since >= STEADY_S
 
 
-def _fewest(segment: Segment, me: Member, wish: Wish, count: int) -> tuple[Member, ...]:
-    """Of those that placement gives so many (one at least), at first those that are holders; all where there is no other placement yet."""
+def _fewest(segment: Segment, me: Member, wish: Wish, only: Urgency) -> tuple[Member, ...]:
+    """Of those that placement gives as many as are wanted, at first those that are there, and of these the holders; all where nobody is placed."""
     target = target_of(segment, me)
     if target is None:
         return wish.holders
-    kept = sorted(wish.holders, key=lambda holder: holder not in target[0])[: max(1, count)]
+    count = max(only.wanted, target[1]) - 1
+    kept = sorted(wish.holders, key=lambda holder: (not only.is_there(holder), holder not in target[0]))[:count]
     return tuple(holder for holder in wish.holders if holder in kept)
 
 

@@ -13,7 +13,18 @@ from scenefold.base.ids import NodeId
 from scenefold.base.location import LINE_LENGTH, Arc, Location, arcs_between, even_right_bounds
 from scenefold.base.placement import Layout, Line
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.replication.placing_wishes import STEADY_S, Piece, Wish, lasting, most_needed, needed_of, pieces_of, ripe, shortage_of
+from scenefold.peer.replication.placing_wishes import (
+    STEADY_S,
+    Piece,
+    Urgency,
+    Wish,
+    lasting,
+    most_needed,
+    needed_of,
+    pieces_of,
+    ripe,
+    shortage_of,
+)
 from scenefold.wire import Member
 from unit.peer.replication.terrace import SCENE, THIRDS
 
@@ -81,18 +92,25 @@ def test_who_was_removed_is_left_at_once() -> None:
 
 
 def test_while_a_gap_is_open_only_what_is_urgent_is_placed() -> None:
+    def there(wanted: int, *absent: Member) -> Urgency:
+        return Urgency(wanted, lambda member: member not in absent)
+
+    def a_gone(member: Member) -> bool:
+        return member == A
+
     wishes = lasting((), [(arc(0, 99), (B, C))], 2, 5.0)
-    assert ripe(Configurations(P), LAYOUT, wishes, 5.0, nobody, urgent_below=2) == [(arc(0, 99), (B, C))], "the first placement"
+    assert ripe(Configurations(P), LAYOUT, wishes, 5.0, nobody, there(2)) == [(arc(0, 99), (B, C))], "the first placement"
     found = Configurations(P).place(LAYOUT, [(arc(0, 49), (A, B)), (arc(50, 99), (B, C))], 2)
     late = 5.0 + STEADY_S
-    assert ripe(found, LAYOUT, wishes, late, nobody, urgent_below=2) == [], "it has lasted, and changes again with the gap's next owner"
-    assert ripe(found, LAYOUT, wishes, late, lambda member: member == A, urgent_below=2) == [], "two are left"
-    assert ripe(found, LAYOUT, wishes, late, lambda member: member == A, urgent_below=3) == [(arc(0, 49), (B, C))], "one space needs three"
+    assert ripe(found, LAYOUT, wishes, late, nobody, there(2)) == [], "it has lasted, and changes again with the gap's next owner"
+    assert ripe(found, LAYOUT, wishes, late, a_gone, there(2)) == [], "two are left"
+    assert ripe(found, LAYOUT, wishes, late, a_gone, there(3)) == [(arc(0, 49), (B, C))], "one space needs three"
+    assert ripe(found, LAYOUT, wishes, late, a_gone, there(2, B)) == [(arc(0, 49), (C,))], "who is left is silent, or full"
     found = Configurations(P).place(LAYOUT, [(arc(0, 49), (A,)), (arc(50, 99), (C, A))], 2)
-    assert ripe(found, LAYOUT, wishes, 5.0, lambda member: member == A, urgent_below=2) == [(arc(0, 49), (B,))], "as many as are needed"
-    found = Configurations(P).place(LAYOUT, [(arc(0, 99), (A, C))], 2)
-    wishes = lasting((), [(arc(0, 99), (B, C))], 2, 5.0)
-    assert ripe(found, LAYOUT, wishes, 5.0, lambda member: member == A, urgent_below=3) == [(arc(0, 99), (B, C))]
+    assert ripe(found, LAYOUT, wishes, 5.0, a_gone, there(2)) == [(arc(0, 49), (B,))], "as many as are needed"
+    found = Configurations(P).place(LAYOUT, [(arc(0, 99), (A, C))], 3)
+    wishes = lasting((), [(arc(0, 99), (C,))], 2, 5.0)
+    assert ripe(found, LAYOUT, wishes, 5.0, a_gone, there(2)) == [(arc(0, 99), (C,))], "what there is counts only without the removed one"
 
 
 def test_another_number_that_is_needed_is_another_wish() -> None:
