@@ -71,9 +71,10 @@ class Takers:
         """Why the neighbour on that side can take nothing at this moment, whatever room it has; empty if it can."""
         if self._line.busy(side):
             return f"a handover with {address_of(node)} is under way"
-        if self._roster.status(node) is None or not self._roster.is_believed_alive(node) or self._log.registry.current(node) is None:
+        status = self._roster.status(node)
+        if status is None or not self._roster.is_believed_alive(node) or self._log.registry.current(node) is None:
             return f"{address_of(node)} does not answer"
-        if (status := self._roster.status(node)) is not None and fill_of(status)[1] == 0:
+        if fill_of(status)[1] == 0:
             return f"{address_of(node)} still finds out what lies in its part of the line"
         until, text = self._refused.get(side, (0.0, ""))
         return text if self._world.clock.now() < until else ""

@@ -6,7 +6,7 @@ A layout counts as soon as any scene that this node knows has it, whether there 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -153,12 +153,9 @@ class Placing:
         self._wishes = {
             layout: lasting(self._wishes.get(layout, ()), pieces, wanted[layout], now) for layout, pieces in self._given.items()
         }
-        has_gap, is_there = bool(self._gaps.unowned(arc, GAP_REST_S)), self._is_there()
+        urgent = self._urgent() if self._gaps.unowned(arc, GAP_REST_S) else {}
         ready = [
-            (
-                layout,
-                ripe(configurations, layout, wishes, now, parts.keeper.is_removed, self._urgency(layout, is_there) if has_gap else None),
-            )
+            (layout, ripe(configurations, layout, wishes, now, parts.keeper.is_removed, urgent.get(layout)))
             for layout, wishes in self._wishes.items()
         ]
         due = [(layout, pieces, wanted[layout]) for layout, pieces in ready if pieces]
@@ -176,7 +173,7 @@ class Placing:
         self._look_at_line()
         copies = self._parts.keeper.copies
         places = _recovered(copies, arc)
-        full = self.full.among(known.member for node in registry.order if (known := registry.current(node)) is not None)
+        full = self._full()
         about = self._line_of, own.blacklist, tuple(places), wanted, self._most, full, copies.configurations.segments if full else ()
         if about == self._given_of:
             return
@@ -202,15 +199,18 @@ class Placing:
         order = self._parts.cluster_log.registry.order
         return pieces_of(self._line, self._parts.own.me, layout, [place], allowed, order, most)
 
-    def _urgency(self, layout: Layout, is_there: Callable[[Member], bool]) -> Urgency:
-        """Two of each record are wanted at once, whatever writes ask for."""
-        return Urgency(max(2, self._most.get(layout, 1)), is_there)
+    def _urgent(self) -> dict[Layout, Urgency]:
+        """What is not put off. Two of each record are wanted at once, whatever writes ask for, of who can be given copies as far as is known."""
+        full = self._full()
 
-    def _is_there(self) -> Callable[[Member], bool]:
-        """Who can be given copies now, as far as is known."""
+        def is_there(member: Member) -> bool:
+            return member not in full and self._roster.is_believed_alive(member.node)
+
+        return {layout: Urgency(max(2, self._most.get(layout, 1)), is_there) for layout in self._wishes}
+
+    def _full(self) -> frozenset[Member]:
         registry = self._parts.cluster_log.registry
-        full = self.full.among(known.member for node in registry.order if (known := registry.current(node)) is not None)
-        return lambda member: member not in full and self._roster.is_believed_alive(member.node)
+        return self.full.among(known.member for node in registry.order if (known := registry.current(node)) is not None)
 
     def _look_at_line(self) -> None:
         """Who claims what, as this node believes; made anew if that has changed."""

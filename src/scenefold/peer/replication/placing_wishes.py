@@ -165,11 +165,11 @@ def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Calla
     holders, needed = target
     if set(holders) == set(wish.holders) and min(needed, 1 + len(holders)) == min(wish.needed, 1 + len(holders)):
         return False
-    is_short = any(map(is_gone, holders))
+    has_lost = any(map(is_gone, holders))
     if only is not None:
         left = 1 + sum(only.is_there(holder) and not is_gone(holder) for holder in holders)
-        return is_short and left < max(only.wanted, needed)
-    return is_short or now - wish.since >= STEADY_S
+        return has_lost and left < max(only.wanted, needed)
+    return has_lost or now - wish.since >= STEADY_S
 
 
 def _fewest(segment: Segment, me: Member, wish: Wish, only: Urgency) -> tuple[Member, ...]:
