@@ -14,6 +14,7 @@ from house.sources import imports_of, lies_in, module_of, python_files
 DOORS = {
     "msgpack": ("scenefold.wire",),
     "cryptography": ("scenefold.crypto",),
+    "nacl": ("scenefold.crypto",),
     "lmdb": ("scenefold.store",),
     "embreex": ("scenefold.render.renderers.embree",),
     "mitsuba": ("scenefold.render.renderers.mitsuba",),

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.crypto import HEADER_DOMAIN, RECORD_DOMAIN, InvalidSignature, PublicKey, SigningKey, key_id_of
+from scenefold.crypto.keys import signed_bytes
 
 KEY = SigningKey.from_seed(bytes(range(32)))
 DOMAINS = st.binary(min_size=1, max_size=40)
@@ -42,6 +44,21 @@ def test_no_signature_at_all(signature: bytes) -> None:
 def test_another_key() -> None:
     with pytest.raises(InvalidSignature, match="not that of key"):
         SigningKey.generate().public.verify(KEY.sign(HEADER_DOMAIN, b""), HEADER_DOMAIN, b"")
+
+
+@pytest.mark.parametrize("raw", [b"\x01" + bytes(31), bytes(32), b"\xec" + b"\xff" * 30 + b"\x7f"])
+def test_a_key_of_small_order_signs_nothing(raw: bytes) -> None:
+    """For the first of these the identity as R and a scalar of zero satisfy the equation, whatever the message is."""
+    with pytest.raises(InvalidSignature):
+        PublicKey(raw).verify(b"\x01" + bytes(63), RECORD_DOMAIN, b"message")
+
+
+@given(st.binary(max_size=200))
+def test_what_another_library_signs_verifies_and_the_other_way_round(message: bytes) -> None:
+    other = Ed25519PrivateKey.from_private_bytes(KEY.seed)
+    signed = signed_bytes(RECORD_DOMAIN, message)
+    KEY.public.verify(other.sign(signed), RECORD_DOMAIN, message)
+    other.public_key().verify(KEY.sign(RECORD_DOMAIN, message), signed)
 
 
 @given(st.binary(max_size=40))
