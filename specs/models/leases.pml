@@ -111,23 +111,34 @@ bit active_;
                 if :: me == actor && ENDED && c[me] > WHERE -> since = T :: else fi; \
                 if :: me == actor && (chosen[l] == LESS || chosen[l] == UNWATCHED) -> since_removal = T :: else fi }
 
+/* What is accepted ends no lease: it is no switch, and removes nobody. An owner's voters accept nothing. */
 #ifdef MUT_GRANT
 #define CLOSED true
 #else
+#ifdef OWNER
 #define CLOSED (accepted[me] == 0)
-#endif
-#ifdef OWNER                            /* a voter may be ahead, if the voters are the same, and the owner is still there */
-#define POSITION (c[me] >= have_ && c[me] <= LAST_POSITION && SET(c[me]) == SET(have_) && !(ENDED && c[me] > WHERE))
 #else
-#define POSITION (c[me] == have_ && have_ < POSITIONS)
+#ifdef MUT_LEAVING                      /* a removal that is accepted does not count */
+#define CLOSED (accepted[me] == 0 || !IS_SWITCH(c[me], accepted[me]))
+#else
+#define CLOSED (accepted[me] == 0 || value[AT(c[me], accepted[me])] == OTHER)
 #endif
+#endif
+#endif
+/* Who grants may be ahead of the asker, if those who decide are the same, and the mode (or the owner is still there). */
+#ifdef MUT_AHEAD
+#define STEADY true
+#else
+#define STEADY (SET(c[me]) == SET(have_) && !(ENDED && c[me] > WHERE))
+#endif
+#define POSITION (c[me] >= have_ && c[me] <= LAST_POSITION && STEADY)
 #define GRANT \
-        :: d_step { left_ && me < N && POSITION && CLOSED && HAS(SET(have_), me) && !HAS(granted, me) && ADMITTED -> \
+        :: d_step { left_ && me < N && POSITION && CLOSED && HAS(SET(c[me]), me) && !HAS(granted, me) && ADMITTED -> \
                 granted = granted | BIT(me); SAFE }
 #ifdef OWNER
 #define ADMITTED true                   /* who is asked at a position behind the removal refuses; so the owner is not let ask there */
 #else
-#define ADMITTED (holder == OBSERVER -> WATCHED(have_) : HAS(SET(have_), holder))
+#define ADMITTED (holder == OBSERVER -> WATCHED(c[me]) : HAS(SET(c[me]), holder))
 #endif
 
 /* Who holds a switch accepted, or has released the position, asks for none. */

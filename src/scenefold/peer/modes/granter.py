@@ -12,19 +12,22 @@ class Verdict(Enum):
     """What a question for a lease is answered."""
 
     GRANT = "a GRANT"
-    LACKS_LOG = "what was decided since"
+    LACKS_LOG = "what was decided since: a SetMode, or a change of those who decide"
     NOT_HERE_YET = "nothing: what the asker knows is not here yet"
-    OPEN = "nothing: something is accepted at the next position"
+    OPEN = "nothing: what is accepted at the next position would end leases"
     SILENT = "nothing: this node does not decide the next position"
     STRANGER = "12: the asker takes no part at the next position, or in another life"
 
 
-def verdict(scene: DecidedScene, me: Member, asker: Member, have: int, *, has_accepted: bool) -> Verdict:
-    """`me`: as whom this node decides; somebody else where it must not say anything. `has_accepted`: at the next position."""
-    if have != scene.position:
-        return Verdict.LACKS_LOG if have < scene.position else Verdict.NOT_HERE_YET
+def verdict(scene: DecidedScene, me: Member, asker: Member, have: int, *, steady_since: int, ends_leases: bool) -> Verdict:
+    """`me`: as whom this node decides; somebody else where it must not say anything. `steady_since`: the position behind which neither the mode
+    nor those who decide were changed. `ends_leases`: what is accepted at the next position may change one of these, or who observes."""
+    if have > scene.position:
+        return Verdict.NOT_HERE_YET
+    if have < steady_since:
+        return Verdict.LACKS_LOG
     if me not in scene.participants:
         return Verdict.SILENT
     if asker not in scene.everyone:
         return Verdict.STRANGER
-    return Verdict.OPEN if has_accepted else Verdict.GRANT
+    return Verdict.OPEN if ends_leases else Verdict.GRANT

@@ -33,13 +33,15 @@ class OwnUse:
     """Of one scene, at one node. Used from the Trio thread only."""
 
     def __init__(self, modes: SceneModes, world: World) -> None:
-        self._modes, self._world = modes, world
+        self.modes = modes
+        """By whose lease it acts."""
+        self._world = world
         self._uses = 0
 
     @property
     def is_observer(self) -> bool:
         """Whether this node is one, by what it knows."""
-        standing = self._modes.standing
+        standing = self.modes.standing
         return standing.me in standing.scene.observers
 
     @asynccontextmanager
@@ -48,7 +50,7 @@ class OwnUse:
 
         Refused (9) if this node has no lease, or another mode is active, or if either comes to be so; the body is cancelled then.
         """
-        if not await self._modes.may_act(mode, ACT_S_MAX):
+        if not await self.modes.may_act(mode, ACT_S_MAX):
             raise self._refused("holds no lease for it, as it hears too few of those who decide the scene, or the mode is about to change")
         self._uses += 1
         try:
@@ -68,7 +70,7 @@ class OwnUse:
 
     async def _lost(self, mode: SceneMode) -> None:
         """Return once this node may act in the mode no more."""
-        modes, clock = self._modes, self._world.clock
+        modes, clock = self.modes, self._world.clock
         while modes.acts_in is mode:
             lease = modes.standing.holder.lease(clock.now())
             left_s = WANT_S if lease is None else lease.until - clock.now()
@@ -79,7 +81,7 @@ class OwnUse:
     def consents(self, packet: RequestSceneLog, asker: NodeId) -> RespondSceneLog:
         """5 (CONSENT): nothing is begun for a while. Refused (12) if nobody who decides asks, or this node observes nothing; 13 while it acts by its
         lease."""
-        modes = self._modes
+        modes = self.modes
         if not self.is_observer or asker not in modes.standing.scene.deciders:
             raise Refused(RejectReason.NOT_AUTHORISED, "the participants of a scene ask its observers")
         modes.ask_back()
@@ -90,4 +92,4 @@ class OwnUse:
 
     def _refused(self, why: str) -> Refused:
         what = f"this node observes the scene, and reads it under a lease of its own; it {why}"
-        return Refused(RejectReason.MODE_FORBIDS, what, where=f"scene {self._modes.public.scene:08x}", remedy="render again")
+        return Refused(RejectReason.MODE_FORBIDS, what, where=f"scene {self.modes.public.scene:08x}", remedy="render again")

@@ -38,3 +38,7 @@ class DecidedScene:
     def is_switched_by(self, after: DecidedScene) -> bool:
         """Whether what leads from this one to the next is a SetMode."""
         return after.mode is not self.mode
+
+    def ends_leases_with(self, after: DecidedScene) -> bool:
+        """Whether what leads from this one to the next is a SetMode, or changes who takes part: then a lease of this one may be one too many."""
+        return self.is_switched_by(after) or (self.participants, self.observers) != (after.participants, after.observers)

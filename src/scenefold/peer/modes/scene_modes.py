@@ -232,10 +232,9 @@ class SceneModes(Owner):
         self.standing = self.standing.votes(is_switch=is_switch)
 
     def stands(self, slot: Slot, *, is_silent: bool) -> None:
-        accepted = slot.accepted
         speaker = Member(self._own.me, _NOBODY) if is_silent else self._own.member
-        is_switch = accepted is not None and self._is_switch(accepted.value)
-        self.standing = self.standing.stands(has_accepted=accepted is not None, is_switch=is_switch, speaker=speaker)
+        accepted = None if slot.accepted is None else self._after(slot.accepted.value)
+        self.standing = self.standing.stands(accepted, speaker)
         self.news.tell()
 
     def decided(self, decided: Decide, after: Judge) -> None:
@@ -274,6 +273,14 @@ class SceneModes(Owner):
     def _end_asking_back(self, within_s: float = 0.0) -> None:
         self._cut_until = -1.0
         self._asked_back_until = min(self._asked_back_until, self._now() + within_s)
+
+    def _after(self, value: Value) -> DecidedScene:
+        """What the scene would be with it."""
+        try:
+            return DecidedScene.of(opened_value(value).public)
+        except MalformedPacket:
+            # The judge has refused it; nobody takes part by it.
+            return DecidedScene(self.public.position + 1, self.public.mode, frozenset())
 
     def _is_switch(self, value: Value) -> bool:
         try:

@@ -22,8 +22,10 @@ class Standing:
     me: Member
     scene: DecidedScene
     speaker: Member
-    has_accepted: bool = False
-    """It has voted for something at the open position, durably."""
+    steady_since: int
+    """The position behind which neither the mode nor those who decide were changed, as far as this node knows."""
+    ends_leases: bool = False
+    """It has voted, durably, for something at the open position that changes the mode, or who takes part."""
     is_switching: bool = False
     """It has voted for a SetMode there, or is about to."""
     holder: Holder = field(default_factory=Holder)
@@ -42,7 +44,7 @@ class Standing:
         """
         begun = Activation.started(now, was_switched=was_switched)
         lender = Lender.started(now) if may_have_lent else Lender()
-        return cls(me, scene, me, lender=lender, releases=Releases(released), activation=begun)
+        return cls(me, scene, me, scene.position, lender=lender, releases=Releases(released), activation=begun)
 
     # -------------------------------------------------------------------------------------------------- own leases
 
@@ -74,7 +76,7 @@ class Standing:
 
     def judges(self, asker: Member, have: int) -> Verdict:
         """What to answer who asks for a lease."""
-        return verdict(self.scene, self.speaker, asker, have, has_accepted=self.has_accepted)
+        return verdict(self.scene, self.speaker, asker, have, steady_since=self.steady_since, ends_leases=self.ends_leases)
 
     def may_lend(self, borrower: Borrower, now: float) -> bool:
         """Participants lend while they may act by themselves."""
@@ -103,9 +105,11 @@ class Standing:
         """This node is about to vote: nobody sees the vote before this."""
         return replace(self, holder=self.holder.dropped(), is_switching=True) if is_switch else self
 
-    def stands(self, *, has_accepted: bool, is_switch: bool, speaker: Member | None = None) -> Standing:
-        """What this node has voted for at the open position by now, durably."""
-        after = replace(self, has_accepted=has_accepted, is_switching=is_switch, speaker=speaker or self.speaker)
+    def stands(self, accepted: DecidedScene | None, speaker: Member | None = None) -> Standing:
+        """What this node has voted for at the open position by now, durably: as what it leaves the scene."""
+        is_switch = accepted is not None and self.scene.is_switched_by(accepted)
+        ends = accepted is not None and self.scene.ends_leases_with(accepted)
+        after = replace(self, ends_leases=ends, is_switching=is_switch, speaker=speaker or self.speaker)
         return replace(after, holder=self.holder.dropped()) if is_switch else after
 
     def releasing(self, position: int) -> Standing:
@@ -121,7 +125,9 @@ class Standing:
         """The next position is decided here, durably. `votes`: of its certificate, true ones in this ballot."""
         before = self.scene
         assert after.position == before.position + 1
-        standing = replace(self, scene=after, has_accepted=False, is_switching=False)
+        is_steady = not before.is_switched_by(after) and before.participants == after.participants
+        steady_since = self.steady_since if is_steady else after.position
+        standing = replace(self, scene=after, steady_since=steady_since, ends_leases=False, is_switching=False)
         if before.everyone - after.everyone:
             standing = replace(standing, activation=self.activation.removed(self.releases, now))
         if before.is_switched_by(after):
@@ -142,7 +148,8 @@ class Standing:
         standing = self.releasing(after.position) if was_switched else self
         known = Activation.started(now, was_switched=True) if was_switched else self.activation.removed(self.releases, now)
         holder = standing.holder if self.me in after.everyone else standing.holder.dropped()
-        return replace(standing, scene=after, has_accepted=False, is_switching=False, holder=holder, activation=known)
+        since = after.position
+        return replace(standing, scene=after, steady_since=since, ends_leases=False, is_switching=False, holder=holder, activation=known)
 
     def voted(self, vote: Vote) -> Standing:
         """Somebody's true vote was seen."""

@@ -167,6 +167,33 @@ def who_was_removed() -> Village:
     return made
 
 
+def a_removal_that_not_all_have_learnt() -> Village:
+    """B has known for long that C is removed; A, who voted for that, has not learnt it when C asks. Then A and B vote for the switch."""
+    made, (a, b, c) = village(3)
+    vote(made, open_ballot(made, 1, [a, b], Value(1, leaves=c)), [a, b])
+    made.learn(b)
+    made.let_pass(13.0)
+    lease(made, c)
+    made.learn(a)
+    vote(made, open_ballot(made, 1, [a, b], SWITCH), [a, b])
+    settle(made, [b])
+    return made
+
+
+def more_who_decide() -> Village:
+    """Two come to decide, and with B they switch. C has learnt of them, and not of the switch; A has learnt nothing, and asks at last."""
+    made, (a, b, c, d, e) = village(3, observers=2)
+    for number, joining, voting in ((1, d, [b, c]), (2, e, [b, c, d])):
+        vote(made, open_ballot(made, 1, voting, Value(number, joins=joining)), voting)
+        for member in (b, c, d, e):
+            made.learn(member)
+    vote(made, open_ballot(made, 1, [b, d, e], SWITCH), [b, d, e])
+    settle(made, [b, d, e])
+    lease(made, a)
+    made.let_pass(0.1)
+    return made
+
+
 PLANS = (
     an_early_vote,
     clocks_of_a_client_and_its_lender,
@@ -177,4 +204,6 @@ PLANS = (
     a_lender_that_crashes,
     a_release_and_a_start,
     who_was_removed,
+    a_removal_that_not_all_have_learnt,
+    more_who_decide,
 )

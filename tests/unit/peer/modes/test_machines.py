@@ -15,6 +15,7 @@ from scenefold.wire import Ballot, Member, SceneMode, Vote
 A, B, C, O, STRANGER = (Member(NodeId(node), bytes(16)) for node in range(1, 6))
 REBORN = Member(A.node, b"1" * 16)
 SCENE = DecidedScene(4, SceneMode.EDIT, frozenset({A, B, C}), frozenset({O}))
+NEXT = replace(SCENE, position=5)
 RENDERED = DecidedScene(5, SceneMode.RENDER, SCENE.participants, SCENE.observers)
 DIGEST = bytes(range(32))
 BALLOT = Ballot(3, A.node)
@@ -38,12 +39,14 @@ def votes(*members: Member, ballot: Ballot = BALLOT) -> list[Vote]:
 
 
 @pytest.mark.parametrize(
-    "me, asker, have, has_accepted, answer",
+    "me, asker, have, ends_leases, answer",
     [
         (A, B, 4, False, Verdict.GRANT),
         (A, A, 4, False, Verdict.GRANT),
         (A, O, 4, False, Verdict.GRANT),
-        (A, B, 3, False, Verdict.LACKS_LOG),
+        (A, B, 3, False, Verdict.GRANT),
+        (A, B, 2, False, Verdict.LACKS_LOG),
+        (A, STRANGER, 3, False, Verdict.STRANGER),
         (A, B, 5, False, Verdict.NOT_HERE_YET),
         (A, B, 4, True, Verdict.OPEN),
         (A, STRANGER, 4, False, Verdict.STRANGER),
@@ -52,8 +55,8 @@ def votes(*members: Member, ballot: Ballot = BALLOT) -> list[Vote]:
         (O, B, 4, False, Verdict.SILENT),
     ],
 )
-def test_who_is_granted_a_lease(me: Member, asker: Member, have: int, has_accepted: bool, answer: Verdict) -> None:
-    assert verdict(SCENE, me, asker, have, has_accepted=has_accepted) is answer
+def test_who_is_granted_a_lease(me: Member, asker: Member, have: int, ends_leases: bool, answer: Verdict) -> None:
+    assert verdict(SCENE, me, asker, have, steady_since=3, ends_leases=ends_leases) is answer
 
 
 # ----------------------------------------------------------------------------------------------------------- holder
@@ -147,19 +150,39 @@ def test_without_a_lease_the_mode_is_unknown() -> None:
     assert settled().acts_in(0.0) is None and not settled().may_lend(CLIENT, 0.0)
 
 
-def test_an_open_vote_keeps_the_own_grant_back() -> None:
-    standing = settled().stands(has_accepted=True, is_switch=False).asks(1, 0.0)
+@pytest.mark.parametrize(
+    "accepted",
+    [
+        DecidedScene(5, SceneMode.EDIT, SCENE.participants - {C}, SCENE.observers),
+        DecidedScene(5, SceneMode.EDIT, SCENE.participants, frozenset()),
+        DecidedScene(5, SceneMode.EDIT, SCENE.participants | {STRANGER}, SCENE.observers),
+    ],
+)
+def test_an_open_vote_that_changes_who_takes_part_keeps_the_own_grant_back(accepted: DecidedScene) -> None:
+    standing = settled().stands(accepted).asks(1, 0.0)
     assert standing.granted(1, B.node).acts_in(0.0) is None
     assert standing.granted(1, B.node).granted(1, C.node).acts_in(0.0) is SceneMode.EDIT
+
+
+def test_who_is_behind_is_granted_a_lease_until_the_mode_or_those_who_decide_change() -> None:
+    def follows(known: Standing, after: DecidedScene) -> Standing:
+        return known.decided(after, DIGEST, BALLOT, [], 0.0)
+
+    unwatched = follows(settled(), replace(SCENE, position=5, observers=frozenset()))
+    assert unwatched.judges(B, 4) is Verdict.GRANT and unwatched.judges(O, 4) is Verdict.STRANGER
+    fewer = follows(unwatched, replace(SCENE, position=6, observers=frozenset(), participants=frozenset({A, B})))
+    assert fewer.judges(B, 5) is Verdict.LACKS_LOG and fewer.judges(B, 6) is Verdict.GRANT
+    assert follows(settled(), RENDERED).judges(B, 4) is Verdict.LACKS_LOG
+    assert settled().judges(B, 3) is Verdict.LACKS_LOG, "what was changed before its start it does not know"
 
 
 def test_a_vote_for_a_switch_ends_the_own_lease_and_asking() -> None:
     voting = leased().asks(2, 1.0).votes(is_switch=True)
     assert voting.acts_in(1.0) is None and not voting.may_ask
     assert voting.granted(2, B.node).granted(2, C.node).acts_in(1.0) is None
-    assert not voting.stands(has_accepted=True, is_switch=True).may_ask
-    assert voting.stands(has_accepted=False, is_switch=False).may_ask, "the disk refused the vote"
-    assert voting.stands(has_accepted=True, is_switch=False).may_ask, "it voted for something else in a later ballot"
+    assert not voting.stands(RENDERED).may_ask
+    assert voting.stands(None).may_ask, "the disk refused the vote"
+    assert voting.stands(NEXT).may_ask, "it voted for something else in a later ballot"
     assert leased().votes(is_switch=False).acts_in(1.0) is SceneMode.EDIT
 
 

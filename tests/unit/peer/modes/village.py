@@ -37,11 +37,12 @@ class Clock:
 
 @dataclass(frozen=True)
 class Value:
-    """A SetMode, the removal of somebody, or something else."""
+    """A SetMode, the removal of somebody, an observer that comes to decide, or something else."""
 
     number: int
     switches: bool = False
     leaves: Member | None = None
+    joins: Member | None = None
 
     @property
     def digest(self) -> bytes:
@@ -50,7 +51,8 @@ class Value:
     def after(self, scene: DecidedScene) -> DecidedScene:
         mode = SceneMode(1 - scene.mode) if self.switches else scene.mode
         gone = frozenset() if self.leaves is None else frozenset({self.leaves})
-        return DecidedScene(scene.position + 1, mode, scene.participants - gone, scene.observers - gone)
+        new = frozenset() if self.joins is None else frozenset({self.joins})
+        return DecidedScene(scene.position + 1, mode, scene.participants - gone | new, scene.observers - gone - new)
 
 
 @dataclass
@@ -150,8 +152,7 @@ class Village:
             standing = replace(standing, holder=node.written.holder)
         if self.forgets_lent:
             standing = replace(standing, lender=type(standing.lender)())
-        accepted = node.accepted
-        node.standing = standing.stands(has_accepted=accepted is not None, is_switch=accepted is not None and accepted[1].switches)
+        node.standing = standing.stands(None if node.accepted is None else node.accepted[1].after(node.scene))
 
     def crash(self, member: Member) -> None:
         self.nodes[member].standing = None
@@ -207,7 +208,7 @@ class Village:
             return False
         node.standing = node.standing.votes(is_switch=value.switches)
         node.promised, node.accepted = ballot, (ballot, value)
-        node.standing = node.standing.stands(has_accepted=True, is_switch=value.switches)
+        node.standing = node.standing.stands(value.after(node.scene))
         at.votes.append(Vote(node.scene.position + 1, ballot, value.digest, member))
         if at.chosen is None and len(at.voters(ballot)) > len(at.scene.participants) // 2:
             at.chosen, at.proof = value, ballot
