@@ -22,6 +22,7 @@ from scenefold.simulation.history import Place, Version
 from scenefold.simulation.lies import Lies, Manner
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.naming import is_newer, name_of, names_of, order_of
+from scenefold.simulation.passed import Passed
 from scenefold.store.layout import RECORDS, SUSPECTS
 
 RECENT_S = 60.0
@@ -69,6 +70,7 @@ class Keeping:
         self._told: dict[Place, Version] = {}
         self._witnesses: dict[Place, dict[int, Witness]] = {}
         """By slot: a machine that loses one disk after the other is one witness."""
+        self.passed = Passed(now)
         self._gone: set[Holder] = set()
         self._purged: dict[Place, set[Version]] = {}
         self._lost_once: dict[Place, Version] = {}
@@ -215,7 +217,9 @@ class Keeping:
             return
         held, owner = self._held(place, version), self._owner_of(place.home)
         allowed = self._allowed(owner, held)
-        if len(allowed) < self.needed(place) or owner not in (None, *held):
+        # Who said that it may go may have passed the place on since, to one that forbids others.
+        best = max(len(self._allowed(one, held)) for one in (owner, *self.passed.owners_lately(place.home)))
+        if best < self.needed(place) or owner not in (None, *held):
             beside = "" if owner in (None, *held) else f", and not on n{owner}, which owns the place"
             beside += "" if allowed == held else f", and on {names_of(held - allowed)}, which n{owner} forbids"
             words = (

@@ -86,9 +86,9 @@ class Lies:
         self.told = Counter[str]()
         """How many, by manner."""
         self.reported = Counter[str]()
-        self.intruded: set[tuple[int, int]] = set()
-        """Nodes that took custody from who had no right to give it, and under which number: nobody is there to end that."""
         """How many had an effect that nobody could prevent, by manner."""
+        self.intruded: set[tuple[int, int]] = set()
+        """Nodes that may have taken custody from who had no right to give it, and under which number: nobody is there to end that."""
         self._moment = moment
         self._tell = tell
         self._by_place: dict[Place, deque[Lie]] = {}

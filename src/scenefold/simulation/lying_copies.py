@@ -284,6 +284,8 @@ class LyingCopies:
         packet = SetCustody(me, member, number, arc.first, arc.last, (entry,))
         self._liar.lies.told["wrong custody"] += 1
         with trio.move_on_after(INTRUDE_S_MAX):
+            # It may be taken also if no answer comes.
+            self._liar.lies.intruded.add((holder, number))
             try:
                 answer = await self._ask(holder, Priority.LOW, packet, CustodySet, INTRUDE_S_MAX)
             except (Refused, Unreachable, PeerFault, RuntimeError):
@@ -291,8 +293,6 @@ class LyingCopies:
                 return
             is_ahead = was_own and number >= first_number(context.cluster_log.registry.position + 1)
             is_wrong = is_ahead or not (was_own or self._believe(holder, arc))
-            if answer.reason == 0:
-                self._liar.lies.intruded.add((holder, number))
             if answer.reason == 0 and is_wrong and not self._lie(holder):
                 self._watch.violated(laws.VERIFIED, f"a node holds {words}", slots=(self._slot,))
 

@@ -210,10 +210,9 @@ class Watch:
                 self.on_handover(slot)
 
     def _arc_changed(self, holder: Holder, arc: Arc | None) -> None:
-        disk = self._disks[holder.slot]
         self.tell(holder.slot, "owns {} durably", "nothing" if arc is None else f"{arc.first.hex()[:8]}… to {arc.last.hex()[:8]}…")
         before = self.lineage.pieces
-        gains, wrong = self.lineage.changed(holder, arc, self._now(), lambda piece: self._towards(disk, piece))
+        gains, wrong = self.lineage.changed(holder, arc, self._now(), lambda piece: self._towards(self._disks[holder.slot], piece))
         for gain in wrong:
             self._took_wrongly(gain)
         for piece in self.lineage.pieces:
@@ -284,7 +283,8 @@ class Watch:
             self._lost(losses, f"n{slot} adopts its place")
             counting = {other: counting_of(self._disks[other], found, places) for other, found in disks.items()}
             self.homecoming.owes(losses, counting)
-        if gain.way is Way.HANDOVER:
+        if gain.way is Way.HANDOVER and gain.before.holder is not None:
+            self.keeping.passed.passes(gain.arc, gain.before.holder.slot)
             for hurry in self.moves.handed_over(sorted(self.records(slot, gain.arc)), self._now()):
                 words = f"{hurry.place.location.hex()[:8]}… moves to n{slot} {hurry.after_s:.2f} s after it moved before"
                 self.violated(laws.SETTLED, words, location=hurry.place.location, slots=(slot,))
