@@ -15,6 +15,7 @@ from scenefold.simulation.log_editing import Author, Director, Viewer
 from scenefold.simulation.log_history import Told, Wrong, wrong_answers
 from scenefold.simulation.log_members import Steward
 from scenefold.simulation.log_modes import ModesWatch
+from scenefold.simulation.log_observing import ObserverSteward, OwnRenders
 from scenefold.simulation.log_watch import LogWatch
 from scenefold.simulation.log_weather import first_deciders, may_decide
 from scenefold.simulation.log_work import LogClient, Work
@@ -84,6 +85,8 @@ class LogDrama:
             self._tasks.append(members.run)
             if not await members.found(first_deciders(self._order.seed, schedule, nodes, count)):
                 self._violated(laws.CONVERGED, "in calm weather a scene gets no participants", ())
+            observers = LogClient("observers' steward", scene, self._order.seed, self._work, nonsense(clients[0]))
+            self._tasks.append(ObserverSteward(self._cluster, observers, self._order.seed, may_decide(schedule, nodes)).run)
         await self._edit(clients, modes, nonsense)
 
     async def _edit(self, clients: Sequence[Client], modes: ModesWatch, nonsense: Callable[[Client], Callable[[], int]]) -> None:
@@ -98,7 +101,8 @@ class LogDrama:
             given = client, places, seed, nonsense(client), self._wrong
             self._tasks.append(Author(*given).run if number < AUTHORS else Viewer(*given, modes).run)
             if number == len(clients) - 1:
-                self._tasks.append(Director(LogClient("director", client.scene, seed, self._work, nonsense(client)), seed).run)
+                self._tasks.append(OwnRenders(self._cluster, *given[:3], modes, *given[3:]).run)
+                self._tasks.append(Director(LogClient("director", client.scene, seed, self._work, nonsense(client)), seed, modes).run)
 
     def start(self, nursery: trio.Nursery, stop: trio.Event) -> None:
         """Everybody begins to work."""

@@ -30,7 +30,7 @@ LOOK_PAUSE_S = 0.7
 EDIT_S = (8.0, 45.0)
 """How long one is waited for; the longer time is longer than leases last."""
 PATIENT = 0.5
-"""Share of edits for which that is waited."""
+"""Share of edits, and of changes of mode, for which that is waited."""
 RENDER_S = (1.0, 6.0)
 BETWEEN_RENDERS_S = (2.0, 8.0)
 """A render that has begun is not cut, so two that follow each other closely would let nobody edit any more."""
@@ -41,6 +41,9 @@ MODE_S = (2.0, 8.0)
 SWITCH_TRIES = 20
 """Who asks for another mode is told to ask again, as long as somebody edits, or renders."""
 SWITCH_PAUSE_S = 1.0
+ACTIVE_S_MAX = 15.0
+"""So long whoever switched waits for the mode to become active: longer than leases last."""
+ACTIVE_LOOK_S = 0.2
 _GRAVE = (RejectReason.SIGNATURE_INVALID, RejectReason.ILL_FORMED, RejectReason.NOT_AUTHORISED)
 
 
@@ -79,11 +82,16 @@ class Viewer:
     ) -> None:
         self._client, self._places, self._nonsense, self._wrong, self._modes = client, places, nonsense, wrong, modes
         self._dice = random.Random(f"renders/{seed}/{client.name}")
+        self._has_begun = False
 
     async def run(self, stop: trio.Event) -> None:
         while not stop.is_set():
             await trio.sleep(self._dice.random() * 2 * LOOK_PAUSE_S)
+            self._has_begun = False
             await complaining(self._client.name, self._look, self._nonsense, self._wrong)
+            if self._has_begun:
+                # Also behind one that came to nothing: a render that is begun again at once keeps the mode as it is.
+                await trio.sleep(self._dice.uniform(*BETWEEN_RENDERS_S))
 
     async def _look(self) -> None:
         scene, leases = self._client.scene, self._client.calls.leases
@@ -96,18 +104,18 @@ class Viewer:
         async with leases.rendering(scene.access):
             if scene.access.identity.mode is not SceneMode.RENDER:
                 return
+            self._has_begun = True
             with self._modes.rendering(self._client.name, scene, leases), trio.move_on_after(self._dice.uniform(*RENDER_S)):
                 while True:
                     await scene.access.get([(META, place) for place in self._dice.sample(self._places, len(self._places))])
                     await trio.sleep(self._dice.random() * 2 * LOOK_PAUSE_S)
-        await trio.sleep(self._dice.uniform(*BETWEEN_RENDERS_S))
 
 
 class Director:
-    """Somebody who has a scene edited for a while, then rendered, and so on."""
+    """Somebody who has a scene edited for a while, then rendered, and so on. Now and then he has no patience until a mode is active."""
 
-    def __init__(self, client: LogClient, seed: int) -> None:
-        self._client = client
+    def __init__(self, client: LogClient, seed: int, modes: ModesWatch) -> None:
+        self._client, self._modes = client, modes
         self._dice = random.Random(f"modes/{seed}")
 
     async def run(self, stop: trio.Event) -> None:
@@ -122,8 +130,16 @@ class Director:
     async def _switch(self) -> None:
         for _ in range(SWITCH_TRIES):
             if await self._client.want(switched) is Told.COMMITTED:
+                if self._dice.random() < PATIENT:
+                    await self._until_active()
                 return
             await trio.sleep(SWITCH_PAUSE_S * (0.5 + self._dice.random()))
+
+    async def _until_active(self) -> None:
+        """Somebody may act in the mode that was decided last."""
+        with trio.move_on_after(ACTIVE_S_MAX):
+            while not self._modes.newest_is_active:  # noqa: ASYNC110 - time alone makes it active, and nobody tells of it
+                await trio.sleep(ACTIVE_LOOK_S)
 
 
 async def complaining(name: str, act: Callable[[], Awaitable[None]], nonsense: Callable[[], int], wrong: list[str]) -> bool:

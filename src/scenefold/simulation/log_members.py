@@ -46,9 +46,9 @@ class Steward:
 
     def _change(self, members: Sequence[Member]) -> AddParticipant | RemoveParticipant | None:
         nodes = [self._cluster.nodes[self._cluster.slot_of(member.node)] for member in members]
-        lost = [member for member, node in zip(members, nodes, strict=True) if not _is_fit(node) or _member(node) != member]
+        lost = [member for member, node in zip(members, nodes, strict=True) if not is_fit(node) or member_of(node) != member]
         others = [
-            node for slot in self._slots if (node := self._cluster.nodes[slot]) not in nodes and _is_fit(node) and node.context is not None
+            node for slot in self._slots if (node := self._cluster.nodes[slot]) not in nodes and is_fit(node) and node.context is not None
         ]
         if lost and len(members) > 1:
             return RemoveParticipant(lost[0])
@@ -61,14 +61,15 @@ class Steward:
         return _added(self._dice.choice(others)) if others else None
 
 
-def _is_fit(node: Node) -> bool:
+def is_fit(node: Node) -> bool:
     """Whether it will go on living with the disk that it has."""
     return not (node.is_lost or node.has_left or node.told_to_leave) and incarnation_of(node.disk) is not None
 
 
-def _member(node: Node) -> Member:
+def member_of(node: Node) -> Member:
+    """The life that it leads by its disk."""
     return Member(node.node_id, incarnation_of(node.disk) or b"")
 
 
 def _added(node: Node) -> AddParticipant:
-    return AddParticipant(_member(node), node.secrets.signing.public.raw)
+    return AddParticipant(member_of(node), node.secrets.signing.public.raw)

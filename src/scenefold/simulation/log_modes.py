@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from typing import NamedTuple
 
 from scenefold.base.ids import SceneId
 from scenefold.client.leases import Leases
 from scenefold.client.scene import Scene
 from scenefold.peer import NodeContext
+from scenefold.peer.modes.scene_modes import SceneModes
 from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster
 from scenefold.simulation.disks import found_at, incarnation_of, place_of, version_in
@@ -22,14 +24,21 @@ from scenefold.store.layout import RECORDS
 from scenefold.wire import LeaseUse, SceneLogPublic, SceneMode
 
 
+class _Rendering(NamedTuple):
+    """Under which floor somebody renders, and by a lease of which position."""
+
+    floor: int
+    leased: Callable[[], int]
+
+
 class ModesWatch:
     """`say` is told what does not hold, and at which nodes."""
 
     def __init__(self, cluster: Cluster, scene: SceneId, say: Callable[[Iterable[Wrong], int | None], None]) -> None:
         self.frozen = Frozen(cluster.watch.recorder.histories.moment)
         self._cluster, self._scene, self._say = cluster, scene, say
-        self._renders: dict[str, tuple[int, Callable[[], int]]] = {}
-        """By client: under which floor it renders, and by a lease of which position."""
+        self._renders: dict[str, dict[str, _Rendering]] = {}
+        """By client that reads: who renders what it reads."""
         cluster.eyes = self
         cluster.watch.recorder.shown = self._shown
         for slot, node in cluster.running.items():
@@ -72,10 +81,19 @@ class ModesWatch:
     def _holder(self, slot: int) -> Holder:
         return Holder(slot, incarnation_of(self._cluster.nodes[slot].disk) or b"")
 
+    @property
+    def newest_is_active(self) -> bool:
+        """Whether somebody acts by the last change of the mode that anybody knows."""
+        newest = max(self.frozen.switches, default=0)
+        return any(mode.position >= newest for mode in self._active())
+
     def _active(self) -> Iterator[Acting]:
-        """What those who decide take for active just now, each by its own clock."""
+        """What those who decide or observe take for active just now, each by its own clock."""
         for slot, node in sorted(self._cluster.running.items()):
-            modes = None if node.context is None else node.context.participation.modes_of(self._scene)
+            if node.context is None:
+                continue
+            use = node.context.participation.own_use(self._scene)
+            modes = node.context.participation.modes_of(self._scene) if use is None else use.modes
             if modes is not None and modes.is_active:
                 yield Acting(f"n{slot}", modes.public.position)
 
@@ -96,23 +114,45 @@ class ModesWatch:
             held = None if lease is None else lease.loan.held
             return floor if held is None else held.position
 
-        self._renders[name] = floor, leased
+        with self._renders_as(name, name, _Rendering(floor, leased)):
+            yield
+
+    @contextmanager
+    def observing(self, slot: int, context: NodeContext, modes: SceneModes, reader: str) -> Iterator[None]:
+        """This node renders, by its own lease, what the client reads for it in here."""
+        floor, clock = modes.public.write_floor, context.world.clock
+
+        def leased() -> int:
+            held = modes.standing.holder.lease(clock.now())
+            return floor if held is None else held.position
+
+        with self._renders_as(reader, f"n{slot}", _Rendering(floor, leased)):
+            yield
+
+    @contextmanager
+    def _renders_as(self, reader: str, who: str, one: _Rendering) -> Iterator[None]:
+        reading = self._renders.setdefault(reader, {})
+        reading[who] = one
         try:
             yield
         finally:
-            del self._renders[name]
+            del reading[who]
 
     def _shown(self, name: str, place: Place, version: Version | None, floor: int) -> None:
         """A client is given what an owner says lies there."""
-        mine = self._renders.get(name)
-        if mine is None or place.scene != self._scene or floor < mine[0]:
-            # It renders nothing, or takes nothing of who goes by an older header.
+        if place.scene != self._scene:
             return
-        self._say(self.frozen.acts(name, "renders", mine[1](), self._active()), None)
+        for who, mine in self._renders.get(name, {}).items():
+            if floor >= mine.floor:
+                self._judge(who, mine, place, version)
+            # Else nothing is rendered of it: nobody takes the word of who goes by an older header.
+
+    def _judge(self, who: str, mine: _Rendering, place: Place, version: Version | None) -> None:
+        self._say(self.frozen.acts(who, "renders", mine.leased(), self._active()), None)
         disks = [node.disk for node in self._cluster.nodes.values()]
 
         def there() -> Iterator[Digest]:
             return (found.digest for disk in disks if (found := found_at(disk, place)) is not None)
 
         owner = self._cluster.watch.lineage.holder_of(place.home).holder
-        self._say(self.frozen.looked(name, mine[0], place, version, there, owner), None)
+        self._say(self.frozen.looked(who, mine.floor, place, version, there, owner), None)

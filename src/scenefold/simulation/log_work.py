@@ -31,7 +31,7 @@ from scenefold.wire import Batch, KeyEpoch, LogEntry, Revoke, Role, ScaleSpace, 
 
 Make = Callable[[SceneLog], LogEntry]
 
-PAUSE_S = 1.2
+PAUSE_S = 2.0
 """Between the requests of one client, on average."""
 PATIENCE_S = (3.0, 25.0)
 """So long one attempt is waited for."""

@@ -73,11 +73,14 @@ def _order(parser: Parser, options: argparse.Namespace, seed: int) -> Order:
         options.voters,
     )
     order = Order(seed, options.nodes or NODES, *asked)
-    if options.workload != "logs" or order.deciders <= order.nodes:
+    if options.workload != "logs":
         return order
-    if options.nodes is not None:
+    if options.nodes is None:
+        # One more than decide at least: it may observe.
+        return replace(order, nodes=max(NODES, order.deciders + 1))
+    if order.deciders > order.nodes:
         parser.error(f"--nodes {options.nodes} are fewer than the {order.deciders} participants of seed {seed}")
-    return replace(order, nodes=order.deciders)
+    return order
 
 
 def _check_writable(parser: Parser, path: str) -> None:
@@ -90,9 +93,7 @@ def _check_writable(parser: Parser, path: str) -> None:
 def _parser() -> Parser:
     parser = Parser(prog="python -m scenefold.simulation", description="A cluster in virtual time, from seeds.")
     nodes, seconds = number(int, NODES_MIN, NODES_MAX), number(float, SECONDS_MIN, SECONDS_MAX)
-    parser.add_argument(
-        "--nodes", type=nodes, metavar="N", help=f"founders (default {NODES}, and as many as take part in the log at least)"
-    )
+    parser.add_argument("--nodes", type=nodes, metavar="N", help=f"founders (default {NODES}, and one more than decide the log at least)")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seeds", type=_seeds, default=range(20), metavar="A:B", help="from A to B, B excluded (default 0:20)")
     which.add_argument("--replay", type=number(int, 0, SEED_MAX), metavar="SEED", help="run one seed again")
