@@ -108,6 +108,21 @@ def test_who_observes_holds_a_lease_and_a_switch_waits_for_its_render() -> None:
     assembled(4, main)
 
 
+def test_who_is_some_positions_behind_gets_a_lease_and_is_told_what_it_lacks() -> None:
+    async def main(them: Assembly) -> None:
+        await observed(them)
+        await switched(them, RENDER, OBSERVER, within_s=T_WAIT_S)
+        observations, missed = them.of(OBSERVER).participation.observations, list[int]()
+        observations._is_behind = lambda _, position: missed.append(position)  # type: ignore[method-assign]
+        for _ in range(3):
+            await them.commits(0)
+        async with rendering(them):
+            assert observing(them).acts_in is SceneMode.RENDER and observing(them).public.position < them.position(0)
+        assert missed, "with the lease it learns that there is more"
+
+    assembled(4, main)
+
+
 def test_after_it_consented_nothing_begins_before_the_switch() -> None:
     async def main(them: Assembly) -> None:
         await observed(them)

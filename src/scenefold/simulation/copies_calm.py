@@ -78,7 +78,7 @@ def _untold(cluster: Cluster, nodes: list[Node]) -> Iterator[Wrong]:
         entries = joined(replace(entry, fenced=False) for entry in copies.custody.entries)
         wanted = joined(told.get(member, []))
         intruded = cluster.watch.recorder.lies.intruded
-        entries = tuple(entry for entry in entries if (member.node, entry.number) not in intruded)
+        entries = tuple(entry for entry in entries if (member.node, entry.owner.node, entry.number) not in intruded)
         for entry in sorted({*entries} ^ {*wanted}, key=lambda entry: (entry.layout, entry.arc.first)):
             word = "holds for" if entry in entries else "does not hold for"
             words = f"n{slot} {word} n{cluster.slot_of(entry.owner.node)} {_span(entry.arc)} under {entry.number}"

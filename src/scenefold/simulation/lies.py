@@ -87,8 +87,8 @@ class Lies:
         """How many, by manner."""
         self.reported = Counter[str]()
         """How many had an effect that nobody could prevent, by manner."""
-        self.intruded: set[tuple[int, int]] = set()
-        """Nodes that may have taken custody from who had no right to give it, and under which number: nobody is there to end that."""
+        self.intruded: set[tuple[int, int, int]] = set()
+        """Nodes that may have taken custody, from whom that had no right to give it, and under which number: nobody is there to end that."""
         self._moment = moment
         self._tell = tell
         self._by_place: dict[Place, deque[Lie]] = {}

@@ -81,12 +81,16 @@ class LogDrama:
         schedule, nodes, count = self._order.schedule, self._order.nodes, self._order.deciders
         if count:
             steward = LogClient("steward", scene, self._order.seed, self._work, nonsense(clients[0]))
-            members = Steward(self._cluster, steward, self._order.seed, may_decide(schedule, nodes), count)
+            watcher, able = (
+                LogClient("observers' steward", scene, self._order.seed, self._work, nonsense(clients[0])),
+                may_decide(schedule, nodes),
+            )
+            observers = ObserverSteward(self._cluster, watcher, self._order.seed, able, count)
+            members = Steward(self._cluster, steward, self._order.seed, able, count, lambda: observers.observing)
             self._tasks.append(members.run)
             if not await members.found(first_deciders(self._order.seed, schedule, nodes, count)):
                 self._violated(laws.CONVERGED, "in calm weather a scene gets no participants", ())
-            observers = LogClient("observers' steward", scene, self._order.seed, self._work, nonsense(clients[0]))
-            self._tasks.append(ObserverSteward(self._cluster, observers, self._order.seed, may_decide(schedule, nodes)).run)
+            self._tasks.append(observers.run)
         await self._edit(clients, modes, nonsense)
 
     async def _edit(self, clients: Sequence[Client], modes: ModesWatch, nonsense: Callable[[Client], Callable[[], int]]) -> None:

@@ -6,10 +6,11 @@ Always one at a time, and none is taken away for no reason while there are not m
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import trio
 
+from scenefold.base.ids import NodeId
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.log_history import Told
@@ -23,10 +24,12 @@ MOVES = 0.5
 
 
 class Steward:
-    """`slots`: who may take part at all; `count`: how many shall."""
+    """`slots`: who may take part at all; `count`: how many shall; `apart`: who does otherwise, and cannot decide."""
 
-    def __init__(self, cluster: Cluster, client: LogClient, seed: int, slots: Sequence[int], count: int) -> None:
-        self._cluster, self._client, self._slots, self._count = cluster, client, slots, count
+    def __init__(
+        self, cluster: Cluster, client: LogClient, seed: int, slots: Sequence[int], count: int, apart: Callable[[], Collection[NodeId]]
+    ) -> None:
+        self._cluster, self._client, self._slots, self._count, self._apart = cluster, client, slots, count, apart
         self._dice = random.Random(f"steward/{seed}")
         self._between_s = BETWEEN_S[seed % len(BETWEEN_S)]
         self.changes = 0
@@ -47,9 +50,8 @@ class Steward:
     def _change(self, members: Sequence[Member]) -> AddParticipant | RemoveParticipant | None:
         nodes = [self._cluster.nodes[self._cluster.slot_of(member.node)] for member in members]
         lost = [member for member, node in zip(members, nodes, strict=True) if not is_fit(node) or member_of(node) != member]
-        others = [
-            node for slot in self._slots if (node := self._cluster.nodes[slot]) not in nodes and is_fit(node) and node.context is not None
-        ]
+        free = [node for slot in self._slots if (node := self._cluster.nodes[slot]).node_id not in self._apart()]
+        others = [node for node in free if node not in nodes and is_fit(node) and node.context is not None]
         if lost and len(members) > 1:
             return RemoveParticipant(lost[0])
         if others and len(members) < self._count:

@@ -25,10 +25,11 @@ from scenefold.wire import LeaseUse, SceneLogPublic, SceneMode
 
 
 class _Rendering(NamedTuple):
-    """Under which floor somebody renders, and by a lease of which position."""
+    """Under which floor somebody renders, and by a lease of which position; whether it is still there."""
 
     floor: int
     leased: Callable[[], int]
+    lives: Callable[[], bool] = lambda: True
 
 
 class ModesWatch:
@@ -126,7 +127,11 @@ class ModesWatch:
             held = modes.standing.holder.lease(clock.now())
             return floor if held is None else held.position
 
-        with self._renders_as(reader, f"n{slot}", _Rendering(floor, leased)):
+        def lives() -> bool:
+            node = self._cluster.running.get(slot)
+            return node is not None and node.context is context
+
+        with self._renders_as(reader, f"n{slot}", _Rendering(floor, leased, lives)):
             yield
 
     @contextmanager
@@ -143,7 +148,7 @@ class ModesWatch:
         if place.scene != self._scene:
             return
         for who, mine in self._renders.get(name, {}).items():
-            if floor >= mine.floor:
+            if floor >= mine.floor and mine.lives():
                 self._judge(who, mine, place, version)
             # Else nothing is rendered of it: nobody takes the word of who goes by an older header.
 

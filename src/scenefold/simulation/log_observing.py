@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import trio
 
 from scenefold.base.errors import LocalFault
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
 from scenefold.peer import NodeContext
 from scenefold.peer.modes.own_use import OwnUse
@@ -34,10 +35,14 @@ REMOVED = 0.3
 
 
 class ObserverSteward:
-    """He names observers of the nodes in `slots` that do not decide, and lets go those that lost their disks, and now and then another one."""
+    """He names observers of the nodes in `slots` that do not decide, and lets go those that lost their disks, and now and then another one; any
+    while fewer than `count` decide.
+    """
 
-    def __init__(self, cluster: Cluster, client: LogClient, seed: int, slots: Sequence[int]) -> None:
-        self._cluster, self._client, self._slots = cluster, client, slots
+    def __init__(self, cluster: Cluster, client: LogClient, seed: int, slots: Sequence[int], count: int) -> None:
+        self._cluster, self._client, self._slots, self._count = cluster, client, slots, count
+        self.observing: frozenset[NodeId] = frozenset()
+        """By the log as he saw it last."""
         self._dice = random.Random(f"observers/{seed}")
 
     async def run(self, stop: trio.Event) -> None:
@@ -50,14 +55,16 @@ class ObserverSteward:
             await self._client.want(lambda log, pick=pick, removes=removes: self._change(log, pick, removes=removes))  # type: ignore[misc]
 
     def _change(self, log: SceneLog, pick: float, *, removes: bool) -> LogEntry:
+        self.observing = frozenset(entry.member.node for entry in log.roster.observers)
         observers = [(entry.member, self._cluster.nodes[self._cluster.slot_of(entry.member.node)]) for entry in log.roster.observers]
         lost = [member for member, node in observers if not is_fit(node) or member_of(node) != member]
         if lost:
             return RemoveObserver(lost[0])
+        too_few = len(log.roster.participants) < self._count
         deciding = {entry.member.node for entry in (*log.roster.participants, *log.roster.observers)}
         nodes = [self._cluster.nodes[slot] for slot in self._slots]
         others = [node for node in nodes if node.node_id not in deciding and is_fit(node) and node.context is not None]
-        if others and len(observers) < OBSERVERS_MAX and not (observers and removes):
+        if others and not too_few and len(observers) < OBSERVERS_MAX and not (observers and removes):
             node = others[int(pick * len(others))]
             return AddObserver(member_of(node), node.secrets.signing.public.raw)
         if observers:
@@ -81,6 +88,7 @@ class OwnRenders:
         self._cluster, self._client, self._places, self._modes = cluster, client, places, modes
         self._nonsense, self._wrong = nonsense, wrong
         self._dice = random.Random(f"own renders/{seed}")
+        self._has_begun = False
 
     async def run(self, stop: trio.Event) -> None:
         while not stop.is_set():
@@ -92,7 +100,11 @@ class OwnRenders:
                 async def render(slot: int = slot, node: Node = node, use: OwnUse = use) -> None:
                     await self._render(slot, node, use)
 
+                self._has_begun = False
                 await complaining(f"n{slot} for itself", render, self._nonsense, self._wrong)
+                if self._has_begun:
+                    with trio.move_on_after(self._dice.uniform(*BETWEEN_RENDERS_S)):
+                        await stop.wait()
 
     def _observing(self) -> Sequence[tuple[int, Node, OwnUse]]:
         """Who might begin to render now."""
@@ -110,6 +122,7 @@ class OwnRenders:
         assert scene is not None
         assert context is not None
         async with use.hold(SceneMode.RENDER):
+            self._has_begun = True
             if use.modes.public.position > scene.access.identity.position:
                 await scene.access.refresh(use.modes.public.position)
             if scene.access.identity.read_floor != use.modes.public.write_floor:
@@ -122,7 +135,6 @@ class OwnRenders:
                 while self._lives(slot, node, context):
                     await scene.access.get([(META, place) for place in self._dice.sample(self._places, len(self._places))])
                     await trio.sleep(self._dice.random() * 2 * LOOK_PAUSE_S)
-        await trio.sleep(self._dice.uniform(*BETWEEN_RENDERS_S))
 
     def _lives(self, slot: int, node: Node, context: NodeContext) -> bool:
         return self._cluster.running.get(slot) is node and node.context is context

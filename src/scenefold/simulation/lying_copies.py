@@ -285,7 +285,7 @@ class LyingCopies:
         self._liar.lies.told["wrong custody"] += 1
         with trio.move_on_after(INTRUDE_S_MAX):
             # It may be taken also if no answer comes.
-            self._liar.lies.intruded.add((holder, number))
+            self._liar.lies.intruded.add((holder, me.node, number))
             try:
                 answer = await self._ask(holder, Priority.LOW, packet, CustodySet, INTRUDE_S_MAX)
             except (Refused, Unreachable, PeerFault, RuntimeError):

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from scenefold.base.location import Arc, Location
 
-LATELY_S = 5.0
-"""An answer is on its way so long at most, and what follows from it becomes durable."""
+LATELY_S = 1.0
+"""An answer is on its way so long, mostly, and what follows from it becomes durable."""
 
 
 class Passed:

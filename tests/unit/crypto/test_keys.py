@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pytest
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from hypothesis import given
 from hypothesis import strategies as st
+from nacl.bindings import crypto_scalarmult_ed25519_base_noclamp
 
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.crypto import HEADER_DOMAIN, RECORD_DOMAIN, InvalidSignature, PublicKey, SigningKey, key_id_of
@@ -51,6 +53,29 @@ def test_a_key_of_small_order_signs_nothing(raw: bytes) -> None:
     """For the first of these the identity as R and a scalar of zero satisfy the equation, whatever the message is."""
     with pytest.raises(InvalidSignature):
         PublicKey(raw).verify(b"\x01" + bytes(63), RECORD_DOMAIN, b"message")
+
+
+def test_a_signature_of_small_order_is_none() -> None:
+    """A good key, and R the identity: with S = h * a it satisfies the equation, so OpenSSL takes it."""
+    order, digest = 2**252 + 27742317777372353535851937790883648493, hashlib.sha512
+    secret = bytearray(digest(KEY.seed).digest()[:32])
+    secret[0], secret[31] = secret[0] & 248, secret[31] & 127 | 64
+    point, message = b"\x01" + bytes(31), b"message"
+    challenge = int.from_bytes(digest(point + KEY.public.raw + signed_bytes(RECORD_DOMAIN, message)).digest(), "little") % order
+    signature = point + (challenge * int.from_bytes(secret, "little") % order).to_bytes(32, "little")
+    Ed25519PublicKey.from_public_bytes(KEY.public.raw).verify(signature, signed_bytes(RECORD_DOMAIN, message))
+    with pytest.raises(InvalidSignature):
+        KEY.public.verify(signature, RECORD_DOMAIN, message)
+
+
+@pytest.mark.parametrize("raw", [b"\x01" + bytes(31), bytes(32)])
+def test_a_key_of_small_order_signs_nothing_with_a_point_of_large_order_either(raw: bytes) -> None:
+    """With R = S * B it satisfies the equation for the first of these, and for one message of four for the other."""
+    scalar = int.from_bytes(hashlib.sha512(b"any").digest(), "little") % (2**252 + 27742317777372353535851937790883648493)
+    point = crypto_scalarmult_ed25519_base_noclamp(scalar.to_bytes(32, "little"))
+    for message in (b"%d" % number for number in range(16)):
+        with pytest.raises(InvalidSignature):
+            PublicKey(raw).verify(point + scalar.to_bytes(32, "little"), RECORD_DOMAIN, message)
 
 
 @given(st.binary(max_size=200))

@@ -80,5 +80,5 @@ class Asking:
         if answer.flags & GRANT:
             modes.standing = modes.standing.granted(packet.nonce, node)
             modes.news.tell()
-        elif answer.position > modes.public.position:
+        if answer.position > modes.public.position:
             self._behind()

@@ -29,5 +29,6 @@ def verdict(scene: DecidedScene, me: Member, asker: Member, have: int, *, steady
     if me not in scene.participants:
         return Verdict.SILENT
     if asker not in scene.everyone:
-        return Verdict.STRANGER
+        # Who is behind may have missed its own removal.
+        return Verdict.STRANGER if have == scene.position else Verdict.LACKS_LOG
     return Verdict.OPEN if ends_leases else Verdict.GRANT

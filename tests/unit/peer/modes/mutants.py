@@ -49,6 +49,15 @@ def granted_with_an_open_removal(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(DecidedScene, "ends_leases_with", DecidedScene.is_switched_by)
 
 
+def granted_with_an_open_removal_of_an_observer(patch: pytest.MonkeyPatch) -> None:
+    """Only what changes those who decide counts, or the mode."""
+
+    def ends(known: DecidedScene, after: DecidedScene) -> bool:
+        return known.is_switched_by(after) or known.participants != after.participants
+
+    patch.setattr(DecidedScene, "ends_leases_with", ends)
+
+
 def granted_although_others_decide(patch: pytest.MonkeyPatch) -> None:
     """Only a SetMode counts of what was decided since."""
     decided = Standing.decided
@@ -145,5 +154,6 @@ BY_PLAN: dict[Mutant, Callable[[], Village]] = {
     a_lease_survives_a_start: plans.a_release_and_a_start,
     removals_are_forgotten: plans.who_was_removed,
     granted_with_an_open_removal: plans.a_removal_that_not_all_have_learnt,
+    granted_with_an_open_removal_of_an_observer: plans.an_observer_whose_removal_not_all_have_learnt,
     granted_although_others_decide: plans.more_who_decide,
 }

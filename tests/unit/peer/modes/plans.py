@@ -180,6 +180,20 @@ def a_removal_that_not_all_have_learnt() -> Village:
     return made
 
 
+def an_observer_whose_removal_not_all_have_learnt() -> Village:
+    """Likewise of an observer, which A and C are asked by; then all three vote for the switch."""
+    made, (a, b, c, observer) = village(3, observers=1)
+    vote(made, open_ballot(made, 1, [a, b], Value(1, leaves=observer)), [a, b])
+    made.learn(b)
+    made.let_pass(13.0)
+    lease(made, observer)
+    for member in (a, c):
+        made.learn(member)
+    vote(made, open_ballot(made, 1, [a, b], SWITCH), [a, b, c])
+    settle(made, [b])
+    return made
+
+
 def more_who_decide() -> Village:
     """Two come to decide, and with B they switch. C has learnt of them, and not of the switch; A has learnt nothing, and asks at last."""
     made, (a, b, c, d, e) = village(3, observers=2)
@@ -205,5 +219,6 @@ PLANS = (
     a_release_and_a_start,
     who_was_removed,
     a_removal_that_not_all_have_learnt,
+    an_observer_whose_removal_not_all_have_learnt,
     more_who_decide,
 )

@@ -46,7 +46,7 @@ def votes(*members: Member, ballot: Ballot = BALLOT) -> list[Vote]:
         (A, O, 4, False, Verdict.GRANT),
         (A, B, 3, False, Verdict.GRANT),
         (A, B, 2, False, Verdict.LACKS_LOG),
-        (A, STRANGER, 3, False, Verdict.STRANGER),
+        (A, STRANGER, 3, False, Verdict.LACKS_LOG),
         (A, B, 5, False, Verdict.NOT_HERE_YET),
         (A, B, 4, True, Verdict.OPEN),
         (A, STRANGER, 4, False, Verdict.STRANGER),
@@ -169,7 +169,11 @@ def test_who_is_behind_is_granted_a_lease_until_the_mode_or_those_who_decide_cha
         return known.decided(after, DIGEST, BALLOT, [], 0.0)
 
     unwatched = follows(settled(), replace(SCENE, position=5, observers=frozenset()))
-    assert unwatched.judges(B, 4) is Verdict.GRANT and unwatched.judges(O, 4) is Verdict.STRANGER
+    assert (
+        unwatched.judges(B, 4) is Verdict.GRANT
+        and unwatched.judges(O, 4) is Verdict.LACKS_LOG
+        and unwatched.judges(O, 5) is Verdict.STRANGER
+    )
     fewer = follows(unwatched, replace(SCENE, position=6, observers=frozenset(), participants=frozenset({A, B})))
     assert fewer.judges(B, 5) is Verdict.LACKS_LOG and fewer.judges(B, 6) is Verdict.GRANT
     assert follows(settled(), RENDERED).judges(B, 4) is Verdict.LACKS_LOG
