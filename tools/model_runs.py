@@ -91,9 +91,9 @@ LEASES = (
     Run("leases", "-DMUT_RELEASE", "releases are not durable"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0 -DMUT_REMOVED", "who was removed just before is forgotten"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0 -DMUT_LEAVING", "a removal that is accepted keeps nobody from granting"),
-    Run("leases", "-DPOSITIONS=2 -DHOLDER=3 -DACTOR=0 -DMUT_LEAVING", "likewise, that of the observer"),
+    Run("leases", "-DPOSITIONS=2 -DHOLDER=3 -DACTOR=0 -DMUT_LEAVING", "likewise, that of the observer", quick=False),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0 -DMUT_AHEAD", "granted whatever was decided since"),
-    Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1 -DMUT_BALLOTS", "votes of several ballots count as all"),
+    Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1 -DMUT_BALLOTS", "votes of several ballots count as all", quick=False),
     Run("leases", "-DOWNER -DMUT_WAIT", "an owner's lease, no T_WAIT"),
     Run("leases", "-DOWNER -DMUT_GRANT", "an owner's lease, granted with a vote open"),
 )

@@ -81,10 +81,8 @@ class LogDrama:
         schedule, nodes, count = self._order.schedule, self._order.nodes, self._order.deciders
         if count:
             steward = LogClient("steward", scene, self._order.seed, self._work, nonsense(clients[0]))
-            watcher, able = (
-                LogClient("observers' steward", scene, self._order.seed, self._work, nonsense(clients[0])),
-                may_decide(schedule, nodes),
-            )
+            watcher = LogClient("observers' steward", scene, self._order.seed, self._work, nonsense(clients[0]))
+            able = may_decide(schedule, nodes)
             observers = ObserverSteward(self._cluster, watcher, self._order.seed, able, count)
             members = Steward(self._cluster, steward, self._order.seed, able, count, lambda: observers.observing)
             self._tasks.append(members.run)
