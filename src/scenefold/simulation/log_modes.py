@@ -119,8 +119,8 @@ class ModesWatch:
             yield
 
     @contextmanager
-    def observing(self, slot: int, context: NodeContext, modes: SceneModes, reader: str) -> Iterator[None]:
-        """This node renders, by its own lease, what the client reads for it in here."""
+    def observing(self, slot: int, context: NodeContext, modes: SceneModes, reader: str) -> Iterator[Callable[[], bool]]:
+        """This node renders, by its own lease, what the client reads for it in here; gives whether it still runs."""
         floor, clock = modes.public.write_floor, context.world.clock
 
         def leased() -> int:
@@ -132,7 +132,7 @@ class ModesWatch:
             return node is not None and node.context is context
 
         with self._renders_as(reader, f"n{slot}", _Rendering(floor, leased, lives)):
-            yield
+            yield lives
 
     @contextmanager
     def _renders_as(self, reader: str, who: str, one: _Rendering) -> Iterator[None]:

@@ -12,7 +12,6 @@ import trio
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Location
-from scenefold.peer import NodeContext
 from scenefold.peer.modes.own_use import OwnUse
 from scenefold.scene.layout import META
 from scenefold.scene.log import SceneLog
@@ -129,12 +128,9 @@ class OwnRenders:
                 # The client has heard of another mode by now: nothing that it reads is of this image.
                 return
             with (
-                self._modes.observing(slot, context, use.modes, self._client.name),
+                self._modes.observing(slot, context, use.modes, self._client.name) as lives,
                 trio.move_on_after(self._dice.uniform(*RENDER_S)),
             ):
-                while self._lives(slot, node, context):
+                while lives():
                     await scene.access.get([(META, place) for place in self._dice.sample(self._places, len(self._places))])
                     await trio.sleep(self._dice.random() * 2 * LOOK_PAUSE_S)
-
-    def _lives(self, slot: int, node: Node, context: NodeContext) -> bool:
-        return self._cluster.running.get(slot) is node and node.context is context

@@ -283,11 +283,7 @@ class SceneModes(Owner):
             return DecidedScene(self.public.position + 1, self.public.mode, frozenset())
 
     def _is_switch(self, value: Value) -> bool:
-        try:
-            return opened_value(value).public.mode is not self.public.mode
-        except MalformedPacket:
-            # The judge has refused it.
-            return False
+        return self._after(value).mode is not self.public.mode
 
     # -------------------------------------------------------------------------------------------------------- task
 
