@@ -30,6 +30,7 @@ from scenefold.base.limits import (
 from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
 from scenefold.client.former_tables import FormerTables
 from scenefold.client.hedging import first_answer, some_answers
+from scenefold.client.heirs import Heirs
 from scenefold.client.key_use import KeyUse
 from scenefold.client.leases import Leases
 from scenefold.client.patience import Patience
@@ -91,6 +92,7 @@ class Calls:
         """Addresses that did not answer the last time, and when: of two that may own a place, they are asked last."""
         self.tails = Tails(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
         """How long owners take to answer reads."""
+        self.heirs = Heirs()
         self.told_at: dict[NodeId, float] = {}
         """When owners were last told of a node that has copies which do not count."""
         self.check_own: Callable[[], None] = lambda: None
@@ -107,6 +109,16 @@ class Calls:
         """Whether a node did not answer the last time, if that is no longer ago."""
         silent_at = self._silent.get(self.address_of(node_id))
         return silent_at is not None and self.world.clock.now() - silent_at <= within_s
+
+    @property
+    def knows_changes(self) -> bool:
+        """Whether anybody did not answer the last time, or somebody else owned a place lately."""
+        return bool(self._silent) or bool(self.former)
+
+    def is_gone(self, node_id: NodeId) -> bool:
+        """Whether a node is silent, or not there, or owns nothing."""
+        owner = self.table.by_id(node_id)
+        return owner is None or owner.claim is None or owner.address in self._silent
 
     def to_ask(self, location: Location, passed_over: Container[NodeId] = ()) -> list[Owner]:
         """Whom to ask for a location, one after the other: who may own it, those that did not answer lately last.

@@ -20,6 +20,7 @@ from scenefold.client.bad_copies import BadCopies
 from scenefold.client.calls import Calls
 from scenefold.client.copy_words import NOTHING
 from scenefold.client.hedging import helped
+from scenefold.client.heirs import Gone
 from scenefold.client.shares import UsualBytes
 from scenefold.client.verifying import Key
 from scenefold.client.wide_reads import AskOnce, WideRead
@@ -87,7 +88,8 @@ class CopyReads:
         calls, tails, now = self.calls, self.calls.tails, self.calls.world.clock.now
         holders = AskedHolders(self, wanted)
         is_whole = sum(map(len, groups.values())) == len(frame)
-        began, after_s = now(), self.patience_s(owner, len(frame))
+        gone = self.gone(wanted, frame, owner)
+        began, after_s = now(), self.patience_s(owner, len(frame), gone)
 
         async def ask_holders() -> None:
             if 0 < after_s <= now() - began:
@@ -102,6 +104,10 @@ class CopyReads:
         )
         if answered:
             tails.note(owner, len(frame), now() - began)
+            if gone:
+                calls.heirs.was_sooner(owner, gone)
+        elif gone:
+            calls.heirs.was_late(owner, gone)
         elif not calls.is_silent(owner):
             tails.was_late(owner)
         for index in filter(wanted.is_here, frame):
@@ -109,10 +115,18 @@ class CopyReads:
             for node in holders.otherwise(index, NOTHING if record is None else version_of(record.header)):
                 self.bad.met(owner, node, index)
 
-    def patience_s(self, owner: NodeId, records: int) -> float:
-        """How long it is waited for alone. Who did not answer the last time, or is slow all the time, is hardly worth it."""
-        is_late = self.calls.is_silent(owner) or self.calls.tails.is_behind(owner)
-        return 0.0 if is_late else self.calls.tails.limit_s(records)
+    def gone(self, wanted: Wanted, frame: Iterable[int], owner: NodeId) -> Gone:
+        """Who else owns any of these places by an old claim, or did a moment ago, and is there no more."""
+        if not self.calls.knows_changes:
+            return frozenset()
+        others = set().union(*(self.owners(wanted.homes[index]) for index in frame)) - {owner}
+        return frozenset(filter(self.calls.is_gone, others))
+
+    def patience_s(self, owner: NodeId, records: int, gone: Gone) -> float:
+        """How long it is waited for alone. Who did not answer the last time, is slow all the time, or is an heir of late, is hardly worth it."""
+        calls = self.calls
+        is_late = calls.is_silent(owner) or calls.tails.is_behind(owner) or calls.heirs.may_be_mute(owner, gone)
+        return 0.0 if is_late else calls.tails.limit_s(records)
 
     async def wide(self, ask_once: AskOnce, wanted: Wanted, owner: NodeId, frame: list[int], least: int) -> None:
         """Read them from the owner and all holders at once. Raises what the owner raises if others cannot help either."""

@@ -26,6 +26,9 @@ class FormerTables:
         self._tables: deque[tuple[float, RoutingTable]] = deque(maxlen=KEPT_MAX)
         """Until when each was believed, the latest first."""
 
+    def __bool__(self) -> bool:
+        return bool(self._tables)
+
     def replaced(self, now: float, before: RoutingTable, after: RoutingTable) -> None:
         """From now on another table counts."""
         if not before.is_alike(after):

@@ -11,11 +11,12 @@ from trio.testing import MockClock
 from scenefold.base.errors import DamagedData, Refused, Unreachable
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S, CLIENT_STATUS_S
-from scenefold.base.location import LINE_LENGTH, Location
+from scenefold.base.location import LINE_LENGTH, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.asked_holders import NAMED_MAX
 from scenefold.client.bad_copies import AGAIN_S
 from scenefold.client.former_tables import FORMER_S
+from scenefold.client.heirs import SPEAKS
 from scenefold.client.scene import Scene
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.crypto import RecordHeader, version_of
@@ -29,12 +30,14 @@ from scenefold.wire import (
     Fault,
     GetCopies,
     GetMany,
+    GetManyReply,
     LookAtCopies,
     Member,
     Packet,
     RecordBytes,
     SpaceEntry,
 )
+from scenefold.world import Priority
 from unit.client.fake_nodes import FakeNodes
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
 
@@ -57,12 +60,19 @@ class HoldingNodes(FakeNodes):
     """They own what they cannot speak for yet."""
     without_custody: set[str] = field(default_factory=set)
     """They hold no copies of anything."""
+    untold: set[Location] = field(default_factory=set)
+    """Of these an owner says nothing for longer than anybody waits."""
 
     def keep(self) -> None:
         for address in self.addresses:
             self.kept[address] = {
                 place: RecordBytes(item.signature, item.header, item.ciphertext) for (_, place), item in self.records.items()
             }
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if isinstance(packet, GetMany) and self.untold.intersection(key.location for key in packet.keys):
+            await trio.sleep(timeout)
+        return await super().request(address, priority, packet, timeout)
 
     def _answer(self, address: str, packet: Packet) -> Packet:
         if isinstance(packet, LookAtCopies):
@@ -297,6 +307,36 @@ async def test_what_a_removed_node_owned_its_holders_say_until_another_can(is_ad
     await trio.sleep(FORMER_S + 1)
     with pytest.raises((Refused, Unreachable)):
         await scene.space(FILES).get_many(places)
+
+
+@pytest.mark.parametrize("is_claimed", [False, True])
+async def test_who_came_to_own_what_a_dead_node_owned_is_not_waited_for_until_it_tells(is_claimed: bool, autojump_clock: MockClock) -> None:
+    """With what it owned before it is quick all the while. The client may not have heard yet that the dead one was removed."""
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    space = scene.space(FILES)
+    (first, removed, heir), arcs = nodes.table.owners, nodes.table.arcs()
+    await scene.access.calls.refresh()
+    nodes.before = nodes.table
+    nodes.table = RoutingTable([replace(first, lamport=5), *([removed] if is_claimed else []), replace(heir, lamport=5)])
+    nodes.claims[heir.address] = Arc(arcs[1][1].first, arcs[2][1].last)
+    nodes.away.add(removed.address)
+    await scene.access.calls.refresh()
+    if is_claimed:
+        with pytest.raises(Unreachable):
+            await scene.access.calls.ask(removed.address, GetMany(9, 1, ()), GetManyReply)
+    adopted = [place for place in PLACES if nodes.before.owner_of(place) is removed]
+    nodes.untold.update(adopted)
+    for place in adopted * 3:
+        began = trio.current_time()
+        assert await space.get(place) == ITEMS[PLACES.index(place)][1]
+        assert trio.current_time() - began < CLIENT_HEDGE_S_MIN
+        await space.get(owned_by(nodes, heir.address)[-1])
+    nodes.untold.clear()
+    for number in range(2 * SPEAKS):
+        nodes.asked.clear()
+        await space.get(adopted[number % len(adopted)])
+    assert not asked(nodes, GetCopies), "it tells what lies there by now"
 
 
 async def test_one_that_names_a_configuration_of_its_own_is_not_believed(autojump_clock: MockClock) -> None:
