@@ -1,8 +1,9 @@
-"""A process that has imported what scenectl consists of, and forks one for each command: tests run hundreds, and to import takes most of the time of each.
+"""A process that has imported what scenectl and nodes consist of, and forks one for each: tests run hundreds, and to import takes most of the time of each.
 
 A command has a process of its own here as well, with its own arguments, environment, folder and streams, and runs `scenectl.__main__`
 from its first line to the end of its interpreter. That it says and does the same as one that was started from nothing is tested
-(test_warm_scenectl.py); that those start is for the tests of verbs that go on running, whose processes are made anew.
+(test_warm_scenectl.py); that those start is for the tests of verbs that go on running, whose processes are made anew. So it is with a node (warm_nodes.py):
+`scenectl node run` and `node local` start theirs from nothing, as users do.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import gc
 import importlib
 import json
 import os
+import runpy
 import selectors
 import signal
 import socket
@@ -20,6 +22,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 MESSAGE_BYTES_MAX = 150_000
 IMPORTED = (
@@ -31,11 +34,22 @@ IMPORTED = (
     "scenefold.client.cluster",
     "scenefold.client.connecting",
     "scenefold.node.local",
+    "scenefold.node.program",
     "scenefold.world.real",
 )
 """And all groups of verbs. Nothing that has threads, or that looks at the environment as it is imported (numba)."""
 
+COMMAND = "scenectl"
+"""Any other program is a module, and gets a session of its own."""
+
 Streams = tuple[int, int, int]
+
+
+class Started(NamedTuple):
+    """A process that was forked. Its exit code, as subprocess has it, comes as digits."""
+
+    pid: int
+    answer: socket.socket
 
 
 class Warm:
@@ -51,23 +65,27 @@ class Warm:
 
     def run(self, arguments: Sequence[str], env: dict[str, str], streams: Streams, limit_s: float) -> int:
         """The exit code of a command, as subprocess has it; TimeoutExpired, once it was killed."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with ours, theirs:
-            request = json.dumps([list(arguments), env, str(Path.cwd())], ensure_ascii=True).encode()
-            assert len(request) <= MESSAGE_BYTES_MAX
-            socket.send_fds(self._socket, [request], [*streams, theirs.fileno()])
-            theirs.close()
-            pid = int(ours.recv(64))
-            ours.settimeout(limit_s)
+        pid, answer = self.start(COMMAND, arguments, env, streams)
+        with answer:
+            answer.settimeout(limit_s)
             try:
-                return int(ours.recv(64))
+                return int(answer.recv(64))
             except BaseException as error:
                 os.kill(pid, signal.SIGKILL)
-                ours.settimeout(None)
-                ours.recv(64)
+                answer.settimeout(None)
+                answer.recv(64)
                 if isinstance(error, TimeoutError):
                     raise subprocess.TimeoutExpired(list(arguments), limit_s) from None
                 raise
+
+    def start(self, program: str, arguments: Sequence[str], env: dict[str, str], streams: Streams) -> Started:
+        """COMMAND, or a module, as a process of its own."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            request = json.dumps([program, list(arguments), env, str(Path.cwd())], ensure_ascii=True).encode()
+            assert len(request) <= MESSAGE_BYTES_MAX
+            socket.send_fds(self._socket, [request], [*streams, theirs.fileno()])
+        return Started(int(ours.recv(64)), ours)
 
     def _end(self) -> None:
         self._socket.close()
@@ -84,7 +102,7 @@ class _Order:
     """A command that was sent, at the other end."""
 
     def __init__(self, request: bytes, descriptors: list[int]) -> None:
-        self.arguments, self.env, self.folder = json.loads(request)
+        self.program, self.arguments, self.env, self.folder = json.loads(request)
         *self.streams, self.answer = descriptors
 
     def close(self) -> None:
@@ -134,7 +152,8 @@ def _become(order: _Order) -> None:
     os.environ.update(order.env)
     os.chdir(order.folder)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.argv = ["scenectl", *order.arguments]
+    sys.argv = [order.program, *order.arguments]
+    sys.path[:0] = [path for path in order.env.get("PYTHONPATH", "").split(os.pathsep) if path and path not in sys.path]
     sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - the process's own
     sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     sys.stderr = open(2, "w", buffering=1, encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
@@ -158,9 +177,13 @@ def _main() -> int:
     if order is None:
         return 0
     _become(order)
-    from scenectl.__main__ import main
+    if order.program == COMMAND:
+        from scenectl.__main__ import main
 
-    return main()
+        return main()
+    os.setsid()
+    runpy.run_module(order.program, run_name="__main__", alter_sys=True)
+    return 0
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ STOP_S_MAX = 10.0
 EVENT_BYTES_MAX = 64 * 1024
 _UNREACHABLE = 3
 _WRONG_USAGE = 2
+open_process = trio.lowlevel.open_process
 _EVERYDAY = ("[debug", "[info", '"level": "debug"', '"level": "info"')
 """How lines of little weight look in both forms of logs (logs.py)."""
 
@@ -50,7 +51,7 @@ class NodeProcess:
         """Run the node until it ends or we are cancelled. Its own error, if it ended without being told to."""
         with self.log.open("ab") as log:
             # A session of its own: Ctrl-C in a terminal reaches us alone, and we end the nodes in order.
-            process = await trio.lowlevel.open_process(
+            process = await open_process(
                 self._command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
