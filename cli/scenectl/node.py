@@ -71,7 +71,7 @@ def run_(
     capacity
         Bytes that the node may store; 0: what its disk holds.
     transfer
-        Bytes a second that the node may use to move data to and from its neighbours.
+        Bytes a second that the node may use to move data by itself: of its arc, and of copies.
     remove_after
         Seconds that a node must be silent before this one has it removed from the cluster.
     blacklist

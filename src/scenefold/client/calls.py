@@ -28,9 +28,9 @@ from scenefold.base.limits import (
     CLIENT_STATUS_S,
 )
 from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
+from scenefold.client.adopters import Adopters
 from scenefold.client.former_tables import FormerTables
 from scenefold.client.hedging import first_answer, some_answers
-from scenefold.client.heirs import Heirs
 from scenefold.client.key_use import KeyUse
 from scenefold.client.leases import Leases
 from scenefold.client.patience import Patience
@@ -92,7 +92,7 @@ class Calls:
         """Addresses that did not answer the last time, and when: of two that may own a place, they are asked last."""
         self.tails = Tails(unknown_s=CLIENT_HEDGE_S, least_s=CLIENT_HEDGE_S_MIN, most_s=CLIENT_NEXT_S)
         """How long owners take to answer reads."""
-        self.heirs = Heirs()
+        self.adopters = Adopters()
         self.told_at: dict[NodeId, float] = {}
         """When owners were last told of a node that has copies which do not count."""
         self.check_own: Callable[[], None] = lambda: None

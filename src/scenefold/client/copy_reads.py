@@ -1,8 +1,9 @@
 """Reads that holders of copies answer where the owner is slow or away (specs/20-copies.md, Reads).
 
 The owner is asked first. If it says nothing for longer than nineteen of twenty answers took lately, or did not answer the last
-time, those who hold copies are asked as well, as placement gives them; whatever comes first counts. Where far more of a call lies with one
-owner than with others, they are asked from the beginning (wide_reads.py).
+time, those who hold copies are asked as well, as placement gives them; whatever comes first counts. An owner that adopted a place is asked
+after them, until it is the sooner one (adopters.py). Where far more of a call lies with one owner than with others, they are asked from the
+beginning (wide_reads.py).
 """
 
 from __future__ import annotations
@@ -12,15 +13,17 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
+import trio
+
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.base.location import Location
+from scenefold.client.adopters import Gone, Turn
 from scenefold.client.asked_holders import AskedHolders, Groups
 from scenefold.client.bad_copies import BadCopies
 from scenefold.client.calls import Calls
 from scenefold.client.copy_words import NOTHING
 from scenefold.client.hedging import helped
-from scenefold.client.heirs import Gone
 from scenefold.client.shares import UsualBytes
 from scenefold.client.verifying import Key
 from scenefold.client.wide_reads import AskOnce, WideRead
@@ -85,48 +88,52 @@ class CopyReads:
         if not groups:
             await ask_owner(owner, frame)
             return
-        calls, tails, now = self.calls, self.calls.tails, self.calls.world.clock.now
+        calls, now = self.calls, self.calls.world.clock.now
         holders = AskedHolders(self, wanted)
-        is_whole = sum(map(len, groups.values())) == len(frame)
         gone = self.gone(wanted, frame, owner)
-        began, after_s = now(), self.patience_s(owner, len(frame), gone)
+        turn = calls.adopters.turn(now(), owner, gone)
+        if turn is Turn.HOLDERS:
+            with trio.move_on_after(calls.tails.usual_s(len(frame))):
+                await holders.ask(groups)
+        if not holders.have(frame):
+            began, after_s = now(), self.patience_s(owner, len(frame)) if turn is Turn.OWNER else 0.0
 
-        async def ask_holders() -> None:
-            if 0 < after_s <= now() - began:
-                tails.asked_others()
-            await holders.ask(groups)
+            async def ask_holders() -> None:
+                if 0 < after_s <= now() - began:
+                    calls.tails.asked_others()
+                await holders.ask(groups)
 
-        answered = await helped(
-            partial(ask_owner, owner, frame),
-            ask_holders,
-            after_s=after_s,
-            others_know=lambda: is_whole and holders.have(frame),
-        )
-        if answered:
-            tails.note(owner, len(frame), now() - began)
-            if gone:
-                calls.heirs.was_sooner(owner, gone)
-        elif gone:
-            calls.heirs.was_late(owner, gone)
-        elif not calls.is_silent(owner):
-            tails.was_late(owner)
+            others_know = partial(holders.have, frame)
+            answered = await helped(partial(ask_owner, owner, frame), ask_holders, after_s=after_s, others_know=others_know)
+            self._note(owner, len(frame), now() - began, gone, answered=answered)
         for index in filter(wanted.is_here, frame):
             record = wanted.record(index)
             for node in holders.otherwise(index, NOTHING if record is None else version_of(record.header)):
                 self.bad.met(owner, node, index)
 
+    def _note(self, owner: NodeId, records: int, seconds: float, gone: Gone, *, answered: bool) -> None:
+        """The owner `answered` for so many records, or others knew sooner."""
+        calls = self.calls
+        if gone and answered:
+            calls.adopters.was_sooner(owner, gone)
+        elif gone:
+            calls.adopters.was_late(calls.world.clock.now(), owner, gone)
+        elif answered:
+            calls.tails.note(owner, records, seconds)
+        elif not calls.is_silent(owner):
+            calls.tails.was_late(owner)
+
     def gone(self, wanted: Wanted, frame: Iterable[int], owner: NodeId) -> Gone:
-        """Who else owns any of these places by an old claim, or did a moment ago, and is there no more."""
+        """Who else may own any of these places by the table, or did a moment ago, and is there no more."""
         if not self.calls.knows_changes:
             return frozenset()
         others = set().union(*(self.owners(wanted.homes[index]) for index in frame)) - {owner}
         return frozenset(filter(self.calls.is_gone, others))
 
-    def patience_s(self, owner: NodeId, records: int, gone: Gone) -> float:
-        """How long it is waited for alone. Who did not answer the last time, is slow all the time, or is an heir of late, is hardly worth it."""
-        calls = self.calls
-        is_late = calls.is_silent(owner) or calls.tails.is_behind(owner) or calls.heirs.may_be_mute(owner, gone)
-        return 0.0 if is_late else calls.tails.limit_s(records)
+    def patience_s(self, owner: NodeId, records: int) -> float:
+        """How long it is waited for alone. Who did not answer the last time, or is slow all the time, is hardly worth it."""
+        is_late = self.calls.is_silent(owner) or self.calls.tails.is_behind(owner)
+        return 0.0 if is_late else self.calls.tails.limit_s(records)
 
     async def wide(self, ask_once: AskOnce, wanted: Wanted, owner: NodeId, frame: list[int], least: int) -> None:
         """Read them from the owner and all holders at once. Raises what the owner raises if others cannot help either."""

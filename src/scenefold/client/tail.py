@@ -69,12 +69,11 @@ class Tails:
         return self._late.get(node, 0) >= BEHIND
 
     def limit_s(self, records: int) -> float:
-        """After so long it is worth asking somebody else for so many records as well: what is slow for the faster half of the nodes.
+        """After so long it is worth asking somebody else for so many records as well: `usual_s`, or, where too much was asked of others lately, PATIENT_S."""
+        return PATIENT_S if self._spare < 1 else self.usual_s(records)
 
-        Where that is not known of so few, what is known of more. Where too much was asked of others lately, PATIENT_S.
-        """
-        if self._spare < 1:
-            return PATIENT_S
+    def usual_s(self, records: int) -> float:
+        """What is slow for the faster half of the nodes. Where that is not known of so few records, what is known of more."""
         for tails in self._tails[_class_of(records) :]:
             known = sorted(tail.slow_s for tail in tails.values() if tail.slow_s is not None)
             if known:

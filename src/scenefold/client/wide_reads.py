@@ -89,7 +89,7 @@ class WideRead:
             await helped(
                 self._ask_versions,
                 partial(holders.ask, self._groups, versions_only=True),
-                after_s=self._reads.patience_s(self._owner, 1, self._reads.gone(self._wanted, self._frame, self._owner)),
+                after_s=self._reads.patience_s(self._owner, 1),
                 others_know=lambda: all(holders.version(index) is not None for index in self._frame),
             )
         except (Unreachable, Refused, PeerFault) as problem:

@@ -1,6 +1,7 @@
 """Faults that only copies survive: nodes and racks that are lost at once, rot on several disks, cuts while copies are mended.
 
-The voter, which alone has the cluster's log and decides for the scene, is never among those that are lost; three founders at least stay.
+The voter, which alone has the cluster's log and decides for the scene, is never among those that are lost; of several one at a time, as long as the
+others can decide, and it comes back. Three founders at least stay.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.disks import copies_of
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.link_faults import LinkFaults
+from scenefold.simulation.senate import is_voter
 from scenefold.store.layout import RECORDS, space_of
 from scenefold.world.sim import dice
 
@@ -54,13 +56,18 @@ class CopiesFaults:
 
     def _lose(self, fault: Fault) -> None:
         """All of them die at one moment, and then their disks are gone."""
-        nodes = [node for slot in fault.slots if self._cluster.crash((node := self._cluster.nodes[slot]).slot, silent=True)]
+        keeps_disks = fault.kind is Kind.LOST_RACK and fault.amount < POWER
+        nodes = [self._cluster.nodes[slot] for slot in fault.slots]
+        if not keeps_disks:
+            voters = [node for node in nodes if is_voter(self._cluster, node)]
+            spared = [node for node in voters if node is not voters[0] or not self._cluster.may_lose(node)]
+            nodes = [node for node in nodes if node not in spared]
+        nodes = [node for node in nodes if self._cluster.crash(node.slot, silent=True)]
         if not nodes:
             return
         self._begins(fault)
-        keeps_disks = fault.kind is Kind.LOST_RACK and fault.amount < POWER
         stay = sum(not node.is_lost for node in self._cluster.founding) - len(nodes)
-        is_for_ever = fault.amount > FOR_EVER and stay >= STAY_MIN
+        is_for_ever = fault.amount > FOR_EVER and stay >= STAY_MIN and not any(is_voter(self._cluster, node) for node in nodes)
         for node in nodes:
             if not keeps_disks:
                 self._cluster.wipe(node, "is lost")

@@ -13,10 +13,10 @@ from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LINE_LENGTH, Arc, Location
 from scenefold.base.reasons import RejectReason
+from scenefold.client.adopters import LEFT_ALONE_S
 from scenefold.client.asked_holders import NAMED_MAX
 from scenefold.client.bad_copies import AGAIN_S
 from scenefold.client.former_tables import FORMER_S
-from scenefold.client.heirs import SPEAKS
 from scenefold.client.scene import Scene
 from scenefold.client.table import Owner, RoutingTable
 from scenefold.crypto import RecordHeader, version_of
@@ -71,6 +71,7 @@ class HoldingNodes(FakeNodes):
 
     async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
         if isinstance(packet, GetMany) and self.untold.intersection(key.location for key in packet.keys):
+            self.asked.append((address, packet))
             await trio.sleep(timeout)
         return await super().request(address, priority, packet, timeout)
 
@@ -309,34 +310,52 @@ async def test_what_a_removed_node_owned_its_holders_say_until_another_can(is_ad
         await scene.space(FILES).get_many(places)
 
 
-@pytest.mark.parametrize("is_claimed", [False, True])
-async def test_who_came_to_own_what_a_dead_node_owned_is_not_waited_for_until_it_tells(is_claimed: bool, autojump_clock: MockClock) -> None:
-    """With what it owned before it is quick all the while. The client may not have heard yet that the dead one was removed."""
+@pytest.mark.parametrize("giver", ["removed", "silent", "drained"])
+async def test_who_adopted_what_it_cannot_tell_yet_is_asked_now_and_then_and_waited_for_by_nobody(
+    giver: str, autojump_clock: MockClock
+) -> None:
+    """With what it owned before it is quick all the while. Of one that is silent, the client has not heard yet that it was removed."""
     nodes = HoldingNodes()
     scene = await kept_scene(nodes)
-    space = scene.space(FILES)
-    (first, removed, heir), arcs = nodes.table.owners, nodes.table.arcs()
-    await scene.access.calls.refresh()
+    space, calls = scene.space(FILES), scene.access.calls
+    (first, gone, adopter), arcs = nodes.table.owners, nodes.table.arcs()
+    await calls.refresh()
     nodes.before = nodes.table
-    nodes.table = RoutingTable([replace(first, lamport=5), *([removed] if is_claimed else []), replace(heir, lamport=5)])
-    nodes.claims[heir.address] = Arc(arcs[1][1].first, arcs[2][1].last)
-    nodes.away.add(removed.address)
-    await scene.access.calls.refresh()
-    if is_claimed:
+    left = {"removed": [], "silent": [gone], "drained": [replace(gone, right_bound=None, lamport=5)]}[giver]
+    nodes.table = RoutingTable([replace(first, lamport=5), *left, replace(adopter, lamport=5)])
+    nodes.claims[adopter.address] = Arc(arcs[1][1].first, arcs[2][1].last)
+    await calls.refresh()
+    if giver == "silent":
+        nodes.away.add(gone.address)
         with pytest.raises(Unreachable):
-            await scene.access.calls.ask(removed.address, GetMany(9, 1, ()), GetManyReply)
-    adopted = [place for place in PLACES if nodes.before.owner_of(place) is removed]
+            await calls.ask(gone.address, GetMany(9, 1, ()), GetManyReply)
+    adopted = [place for place in PLACES if nodes.before.owner_of(place) is gone]
+    own = owned_by(nodes, adopter.address)[-1]
+
+    async def waits_s(times: int) -> list[float]:
+        waits = []
+        for place in adopted * times:
+            began = trio.current_time()
+            assert await space.get(place) == ITEMS[PLACES.index(place)][1]
+            waits.append(trio.current_time() - began)
+            await space.get(own)
+        return waits
+
     nodes.untold.update(adopted)
-    for place in adopted * 3:
-        began = trio.current_time()
-        assert await space.get(place) == ITEMS[PLACES.index(place)][1]
-        assert trio.current_time() - began < CLIENT_HEDGE_S_MIN
-        await space.get(owned_by(nodes, heir.address)[-1])
+    began = trio.current_time()
+    assert max(await waits_s(8)) < CLIENT_HEDGE_S_MIN
+    assert trio.current_time() - began < LEFT_ALONE_S
+    questions = [packet for address, packet in nodes.asked if address == adopter.address and isinstance(packet, GetMany)]
+    assert sum(packet.keys[0].location in adopted for packet in questions) == 1
     nodes.untold.clear()
-    for number in range(2 * SPEAKS):
-        nodes.asked.clear()
-        await space.get(adopted[number % len(adopted)])
+    await trio.sleep(LEFT_ALONE_S)
+    await waits_s(1)
+    nodes.asked.clear()
+    await waits_s(4)
     assert not asked(nodes, GetCopies), "it tells what lies there by now"
+    nodes.untold.update(adopted)
+    late, *others = await waits_s(1)
+    assert late >= CLIENT_HEDGE_S_MIN > max(others)
 
 
 async def test_one_that_names_a_configuration_of_its_own_is_not_believed(autojump_clock: MockClock) -> None:
