@@ -10,6 +10,7 @@ from scenefold.simulation.disks import records_of
 from scenefold.simulation.history import Loss
 from scenefold.simulation.keeping import RECENT_S
 from scenefold.simulation.lineage import Holder
+from scenefold.simulation.passed import LATELY_S
 from scenefold.store.layout import RECORDS
 from unit.simulation.test_watch import HERE, PLACE, SCENE, SPACE, Stage, member, record, version
 
@@ -179,6 +180,22 @@ def test_what_stands_in_the_owners_rack_does_not_count_when_a_copy_leaves() -> N
     stage.watch.keeping.racks = 1
     drops(stage, 0)
     assert stage.laws == [laws.KEPT]
+
+
+@pytest.mark.parametrize("passed_s", [0.0, 2 * LATELY_S])
+def test_by_the_word_of_who_passed_the_place_on_a_copy_leaves_at_once_and_not_later(passed_s: float) -> None:
+    stage = told(stage_with(0, 1, 2, racks=2))
+    stage.give(1, 2)
+    stage.now += passed_s
+    drops(stage, 1)
+    assert stage.laws == ([laws.KEPT] if passed_s else []), "0 and 2 stand in one rack"
+
+
+def test_by_nobodys_word_a_copy_leaves_too_few() -> None:
+    stage = told(stage_with(0, 1, racks=2))
+    stage.give(1, 2, copied=False)
+    drops(stage, 1)
+    assert laws.KEPT in stage.laws, "by the rules of no owner two are left"
 
 
 def test_a_rack_that_is_lost_loses_nothing() -> None:

@@ -93,8 +93,9 @@ def test_a_removed_holder_is_replaced_and_counted_out_once_its_leases_are_over()
 
             assert found
             assert not is_without()
-            # Once what it owned has an owner, or nobody has taken it for long.
+            # Two have it left: so once what it owned has an owner, or nobody has taken it for long.
             await until(is_without, GAP_REST_S + 3.0)
+            assert terrace.net.now - removed_at >= T_WAIT_S
             await until(
                 lambda: (
                     not any(
@@ -109,6 +110,35 @@ def test_a_removed_holder_is_replaced_and_counted_out_once_its_leases_are_over()
             nursery.cancel_scope.cancel()
 
     run_simulated(2, main, virtual_s_max=300.0, wall_s_max=120.0)
+
+
+@pytest.mark.expect_log("the connection was cut|had no owner any more|was reset by the peer")
+def test_who_alone_has_it_left_places_it_anew_before_the_gap_has_an_owner() -> None:
+    async def main() -> None:
+        terrace = Terrace(5)
+        first = terrace.homes[0]
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await until(lambda: all(map(is_told, terrace.homes)))
+            segment = first.copies.configurations.segments[0]
+            lost = {home for home in terrace.homes if home.member in segment.holders(first.member)}
+            assert len(lost) == 2
+            for home in lost:
+                home.stays_down = True
+                home.crash()
+                terrace.remove(terrace.homes.index(home))
+            removed_at = terrace.net.now
+
+            def is_placed_anew() -> bool:
+                found = first.copies.configurations.at(THIRDS, segment.arc.first)
+                target = None if found is None else target_of(found, first.member)
+                return target is not None and bool(target[0]) and not {home.member for home in lost}.intersection(target[0])
+
+            await until(is_placed_anew, GAP_REST_S)
+            assert terrace.net.now - removed_at < T_WAIT_S / 2
+            nursery.cancel_scope.cancel()
+
+    run_simulated(3, main, virtual_s_max=300.0, wall_s_max=120.0)
 
 
 def test_a_blacklist_that_forbids_too_many_is_said() -> None:
