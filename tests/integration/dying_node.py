@@ -1,7 +1,7 @@
 """`python -m integration.dying_node`: a node that dies, as by `kill -9`, at a point of a proposal for a scene's log (specs/25-consensus.md, On a node).
 
 SCENEFOLD_DIES_AT names a folder. While there is a file in it that bears the node's address, the node dies as soon as a proposal reaches the
-point that the file names. Nodes as users run them know nothing of this: what is put between a log and its node lies here alone.
+point that the file names, in a first ballot or in a later one, as it says. Nodes as users run them know nothing of this: what is put between a log and its node lies here alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scenefold.node.program import main
 from scenefold.peer.logs import Answer, Log, open_log
 from scenefold.peer.scene_log import scene_run
 from scenefold.store.log_rows import Decided, StoredLog, Votes
-from scenefold.wire import Phase
+from scenefold.wire import Ballot, Phase
 
 VARIABLE = "SCENEFOLD_DIES_AT"
 ORIGINATOR = (
@@ -36,7 +36,13 @@ ORIGINATOR = (
     "all-told",
 )
 PARTICIPANT = ("other-promised", "other-voted", "other-learnt")
-POINTS = ORIGINATOR + PARTICIPANT
+WITH_PROMISES = ("promised", "prepare-left", "majority-promised", "other-promised")
+"""A first ballot has none of these."""
+
+
+def doom(point: str, *, in_first: bool) -> str:
+    """What the file says."""
+    return f"{point}, {'first' if in_first else 'later'} ballot"
 
 
 class Points:
@@ -45,15 +51,15 @@ class Points:
     def __init__(self, file: Path) -> None:
         self._file = file
 
-    def is_at(self, point: str) -> bool:
+    def is_at(self, point: str, ballot: Ballot) -> bool:
         """Whether this is the point."""
         try:
-            return self._file.read_text() == point
+            return self._file.read_text() == doom(point, in_first=ballot.counter == 0)
         except FileNotFoundError:
             return False
 
-    def reach(self, point: str) -> None:
-        if self.is_at(point):
+    def reach(self, point: str, ballot: Ballot) -> None:
+        if self.is_at(point, ballot):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -64,8 +70,8 @@ class DyingStore:
         self._store, self._me, self._points = store, me, points
         self._slot = Slot()
         """Of the open position, as it lies on the disk."""
-        self.decided_now: set[int] = set()
-        """What this process has brought to a decision itself."""
+        self.decided_now: dict[int, Ballot] = {}
+        """What this process has brought to a decision itself, and in which ballot."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._store, name)
@@ -80,22 +86,23 @@ class DyingStore:
         has_voted, has_promised = slot.accepted_ballot != was.accepted_ballot, slot.promised != was.promised
         is_own = slot.promised.node == self._me
         if has_voted and is_own:
-            self._points.reach("majority-promised")
+            self._points.reach("majority-promised", slot.promised)
         await self._store.put_votes(genesis, votes, *more)
         self._slot = slot
         if has_voted:
-            self._points.reach("voted" if is_own else "other-voted")
+            self._points.reach("voted" if is_own else "other-voted", slot.accepted_ballot)
         elif has_promised:
-            self._points.reach("promised" if is_own else "other-promised")
+            self._points.reach("promised" if is_own else "other-promised", slot.promised)
 
     async def put_decided(self, genesis: bytes, decided: Sequence[Decided], votes: Votes, *more: Any) -> None:
-        is_own = decided[-1].certificate.ballot.node == self._me
+        ballot = decided[-1].certificate.ballot
+        is_own = ballot.node == self._me
         if is_own:
-            self._points.reach("majority-voted")
-            self.decided_now.add(decided[-1].position)
+            self._points.reach("majority-voted", ballot)
+            self.decided_now[decided[-1].position] = ballot
         await self._store.put_decided(genesis, decided, votes, *more)
         self._slot = votes.slot
-        self._points.reach("decided" if is_own else "other-learnt")
+        self._points.reach("decided" if is_own else "other-learnt", ballot)
 
 
 class DyingCarrier:
@@ -109,10 +116,11 @@ class DyingCarrier:
     async def send(self, target: NodeId, message: Message, /, *more: Learn) -> None:
         await self._carrier.send(target, message, *more)
         if isinstance(message, Propose) and message.proposal.ballot.node == self._me:
-            self._points.reach("prepare-left" if message.proposal.phase is Phase.PREPARE else "accept-left")
+            point = "prepare-left" if message.proposal.phase is Phase.PREPARE else "accept-left"
+            self._points.reach(point, message.proposal.ballot)
         for learn in (message, *more):
             if isinstance(learn, Learn) and learn.position in self._store.decided_now:
-                self._points.reach("one-told")
+                self._points.reach("one-told", self._store.decided_now[learn.position])
                 self._told.setdefault(learn.position, set()).add(target)
                 self._news.set()
 
@@ -136,9 +144,10 @@ def dying(points: Points) -> Any:
 
         async def asked(*arguments: Any, **options: Any) -> Answer:
             answer: Answer = await ask(*arguments, **options)
-            if points.is_at("all-told") and answer.outcome is Outcome.COMMITTED and answer.position in mortal.decided_now:
+            ballot = mortal.decided_now.get(answer.position)
+            if ballot is not None and answer.outcome is Outcome.COMMITTED and points.is_at("all-told", ballot):
                 await messenger.all_told(answer.position)
-                points.reach("all-told")
+                points.reach("all-told", ballot)
             return answer
 
         log.ask = asked

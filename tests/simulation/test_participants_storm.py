@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 
 import pytest
 import trio
@@ -108,7 +109,21 @@ def decided_everywhere(them: Assembly) -> dict[int, set[bytes]]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_one_history_whoever_decides(seed: int) -> None:
+    check(seed, (1.0,) * NODES)
+
+
+@pytest.mark.parametrize("seed", range(3, 5))
+def test_31_one_history_however_wrong_the_clocks_go(seed: int) -> None:
+    """By a fifth, where leases count on a hundredth: who may act in which mode hangs on that, and what is decided does not."""
+    check(seed, (0.8, 1.2, 1.0, 1.2, 0.8))
+
+
+def check(seed: int, rates: Sequence[float]) -> None:
+    """`rates`: of each node's clock."""
+
     async def main(them: Assembly) -> None:
+        for slot, rate in enumerate(rates):
+            them.cluster.net.machine(them.node(slot).address).clock.set_rate(rate)
         await them.create(0, 1, 2)
         storm = Storm(them, seed)
         async with trio.open_nursery() as calls:

@@ -11,6 +11,7 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DECIDERS_MAX
 from scenefold.client.access import SceneAccess
+from scenefold.client.attendance import check_majority, has_majority, silent_among
 from scenefold.scene.log import SceneLog
 from scenefold.wire import AddParticipant, Batch, LogEntry, ParticipantEntry, RemoveParticipant, SceneLogPublic, SingleEntry
 
@@ -55,14 +56,25 @@ async def deciders_of(access: SceneAccess) -> Deciders:
 async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry]) -> Deciders:
     """Let another node decide, too; while the origin decides alone, let these decide in its place, and it only if it is one of them.
 
-    LocalFault if one takes part already, or these are several, and others decide. That they are trusted the caller has seen to (`entry_of`).
+    LocalFault if one takes part already, or these are several, and others decide. Refused (15) if of those who decide then no majority answers.
+    That they are trusted the caller has seen to (`entry_of`).
     """
+    await _check_attendance(access, joining=[NodeId(entry.member.node) for entry in entries])
     return deciders_in((await access.change_log(partial(_joining, access.name, entries))).header)
 
 
 async def remove_participant(access: SceneAccess, node: NodeId) -> Deciders:
-    """Let a node decide no more, whichever life it leads. LocalFault if it does not, or nobody else does."""
+    """Let a node decide no more, whichever life it leads. LocalFault if it does not, or nobody else does; Refused (15) as above."""
+    await _check_attendance(access, leaving=node)
     return deciders_in((await access.change_log(partial(_leaving, access.name, node))).header)
+
+
+async def _check_attendance(access: SceneAccess, *, joining: Sequence[NodeId] = (), leaving: NodeId | None = None) -> None:
+    """Refused (15) if those who decide now could have something decided, and those who would decide then could not."""
+    before = (await deciders_of(access)).participants
+    silent = await silent_among(access.calls, dict.fromkeys((*before, *joining)))
+    if not before or has_majority(before, silent):
+        check_majority([node for node in dict.fromkeys((*before, *joining)) if node != leaving], silent, access.name)
 
 
 def _joining(name: str, entries: Sequence[ParticipantEntry], log: SceneLog) -> LogEntry:

@@ -11,6 +11,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
+from scenefold.client.attendance import chosen
 from scenefold.client.births import FIRST_POSITION, born, born_with, first_header, first_private, kept_keys, maker_of
 from scenefold.client.calls import Calls
 from scenefold.client.copies import BY_DEFAULT, Copies
@@ -24,7 +25,7 @@ from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.scene_memory import Met, SceneMemory
 from scenefold.client.sealing import SceneIdentity
-from scenefold.client.trusted import Wanted, participants_of
+from scenefold.client.trusted import Wanted
 from scenefold.client.verifying import writers_of
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import Decider
@@ -104,7 +105,7 @@ class Scenes:
         If a creation of that name was interrupted, the scene is announced again; LocalFault if it exists already, or was to have other copies.
         """
         checked_name(name, "scene")
-        deciding = await self._deciding(participants)
+        deciding = await self._deciding(name, participants)
         wanted = Copies.checked(f"scene {name}", BY_DEFAULT.copies if copies is None else copies, copies_min)
         kept = await self._kept(name)
         if kept is not None:
@@ -162,7 +163,7 @@ class Scenes:
             header = await log.header()
             if header is not None:
                 return self._scene(log, header)
-            return await self._announce(kept, log, await self._deciding(PARTICIPANTS))
+            return await self._announce(kept, log, await self._deciding(name, PARTICIPANTS))
         return await self.create(name, copies=copies, copies_min=copies_min)
 
     async def import_file(
@@ -239,10 +240,12 @@ class Scenes:
         await self._on_disk(self._keyring.save, kept)
         return kept
 
-    async def _deciding(self, wanted: Wanted | None) -> tuple[ParticipantEntry, ...]:
+    async def _deciding(self, name: str, wanted: Wanted | None) -> tuple[ParticipantEntry, ...]:
+        """Who shall decide: who answers before who does not, where a number was given. Refused (15) if too few of them do."""
         if wanted == 0:
             return ()
-        return participants_of(LogView() if self._cluster_log is None else await self._cluster_log(), wanted, self._origin.node)
+        view = LogView() if self._cluster_log is None else await self._cluster_log()
+        return await chosen(self._calls, view, wanted, self._origin.node, name)
 
     async def _announce(self, kept: KeptScene, log: LogAccess, deciding: Sequence[ParticipantEntry], *, is_new: bool = False) -> Scene:
         """Propose the first header; any node hands it on to the one that decides. Proposing it again is harmless."""

@@ -6,7 +6,7 @@ more is none of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TypeAlias
 
 from scenefold.base.errors import LocalFault, UsageFault
@@ -22,8 +22,10 @@ FEWEST_BY_DEFAULT = 3
 """With fewer nothing is gained: two must both be there."""
 
 
-def participants_of(view: LogView, wanted: Wanted | None, origin: NodeId) -> tuple[ParticipantEntry, ...]:
+def participants_of(view: LogView, wanted: Wanted | None, origin: NodeId, silent: Collection[NodeId] = ()) -> tuple[ParticipantEntry, ...]:
     """Who shall decide. `wanted` None: as many as there are, an odd number; none if they are fewer than FEWEST_BY_DEFAULT.
+
+    `silent`: who is known not to answer, and is taken last where a number is wanted.
 
     LocalFault if a node is not trusted, or too few are; UsageFault for what no scene can have.
     """
@@ -31,7 +33,7 @@ def participants_of(view: LogView, wanted: Wanted | None, origin: NodeId) -> tup
         most = min(MOST_BY_DEFAULT, len(able(view)))
         wanted = most - 1 + most % 2 if most >= FEWEST_BY_DEFAULT else 0
     if isinstance(wanted, int):
-        return _first(view, wanted, origin)
+        return _first(view, wanted, origin, silent)
     if len(wanted) > DECIDERS_MAX:
         raise UsageFault(f"a scene has at most {DECIDERS_MAX} participants, not {len(wanted)}", where="participants")
     entries = [one if isinstance(one, ParticipantEntry) else entry_of(view, one) for one in wanted]
@@ -56,11 +58,11 @@ def entry_of(view: LogView, node: NodeId) -> ParticipantEntry:
     return ParticipantEntry(Member(node, view.registered[node]), keys.signing)
 
 
-def _first(view: LogView, count: int, origin: NodeId) -> tuple[ParticipantEntry, ...]:
-    """So many: the origin first, which keeps the scene until then, and then in the order of the line."""
+def _first(view: LogView, count: int, origin: NodeId, silent: Collection[NodeId]) -> tuple[ParticipantEntry, ...]:
+    """So many of those who are there, and then of the others: the origin first, which keeps the scene until then, and then in the order of the line."""
     if not 0 <= count <= DECIDERS_MAX:
         raise UsageFault(f"a scene has 0 to {DECIDERS_MAX} participants, not {count}", where="participants")
-    nodes = sorted(able(view), key=lambda node: node != origin)
+    nodes = sorted(able(view), key=lambda node: (node in silent, node != origin))
     if count > len(nodes):
         others = [node for node in view.members if node not in view.roll.trusted]
         what = f"{count} participants are asked for, and the cluster trusts {_nodes(len(nodes))} that could be"

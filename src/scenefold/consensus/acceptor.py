@@ -114,9 +114,11 @@ def has_voted_otherwise_in_it(guest: Visit) -> bool:
 
 
 def another_is_at_it(guest: Visit) -> bool:
-    """`accepted` was heard of less than T_ORPHAN ago, its originator is another one, and seems alive (a courtesy)"""
+    """`accepted` was heard of less than T_ORPHAN ago; its originator is another one, seems alive, and no link to it was lost since (a courtesy)"""
     case, accepted = guest.case, guest.case.slot.accepted
     if accepted is None or accepted.ballot.node in (guest.origin, case.me) or accepted.ballot.node not in case.view.alive:
+        return False
+    if accepted.ballot == case.state.orphaned:
         return False
     return case.view.now - case.state.heard_at < case.setting.timing.orphan_s(len(case.participants.everyone), 0)[0]
 

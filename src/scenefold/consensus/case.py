@@ -98,6 +98,14 @@ class Case:
             least, most = self.setting.timing.orphan_s(len(self.participants.everyone), self.rank())
             self.set_timer(Timer(Waits.ORPHAN), least, most)
 
+    def lose_link(self, node: NodeId) -> None:
+        """Whoever began what this node has voted for may be dead: nobody is held up for it any more, and this node takes over in its turn."""
+        accepted = self.slot.accepted
+        if accepted is not None and accepted.ballot.node == node and self.takes_part:
+            self.state = replace(self.state, orphaned=accepted.ballot)
+            least, base = self.rank() * self.setting.timing.base_s, self.setting.timing.base_s
+            self.set_timer(Timer(Waits.ORPHAN), least, least + base)
+
     def rank(self) -> int:
         """This node's place among the participants, in the order of the line."""
         return in_line(self.participants.nodes, self.view.line).index(self.me)
@@ -116,7 +124,7 @@ class Case:
                 reason = None if is_it else RejectReason.POSITION_BEHIND
                 self.do(Reply(digest, Outcome.COMMITTED if is_it else Outcome.REJECTED, self.open_position, reason))
         position, judge = self.open_position, self.state.judge.after(value)
-        self.state = replace(self.state, judge=judge, position=position, slot=Slot(), tries=0, heard_at=NEVER)
+        self.state = replace(self.state, judge=judge, position=position, slot=Slot(), tries=0, heard_at=NEVER, orphaned=None)
 
     def tell_everybody(self) -> None:
         """All who took part in what was decided, and all who take part in what comes next."""

@@ -31,10 +31,7 @@ def take(setting: Setting, state: State, event: Event, view: View) -> Step[State
         case Lost(node):
             hops.lose_link(case, node)
             proposer.lose_link(case, node)
-            accepted = case.slot.accepted
-            if accepted is not None and accepted.ballot.node == node and case.takes_part:
-                least, base = case.rank() * setting.timing.base_s, setting.timing.base_s
-                case.set_timer(Timer(Waits.ORPHAN), least, least + base)
+            case.lose_link(node)
     if case.decided is not None:
         proposer.decided(case)
     return case.step()

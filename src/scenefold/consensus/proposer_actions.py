@@ -159,6 +159,11 @@ def note_who_is_missing(effort: Effort) -> None:
     effort.change(reason=RejectReason.PEER_MISSED, by=effort.missing())
 
 
+def note_overtaken(effort: Effort) -> None:
+    """remember reason 1, and the node of the ballot that was promised since"""
+    effort.change(reason=RejectReason.POSITION_TAKEN, by=effort.case.slot.promised.node)
+
+
 def rest(effort: Effort) -> None:
     """pause for between T_BASE and T_BASE · 2^k, k being the number of this node's ballots for L so far, whoever asked, at most 6"""
     tries = effort.case.count_try()
@@ -258,6 +263,7 @@ ACTIONS = acting(
         repeat,
         note,
         note_who_is_missing,
+        note_overtaken,
         rest,
         wait_again,
         decide,

@@ -42,7 +42,7 @@ PROPOSER = (
     Row((REFUSED,), (), ("note", "rest"), at=_FIRST, then=_RESTING),
     Row((ANSWERED,), ("arms_are_out", "needs_consent"), at=(_PREPARING,)),
     Row((ANSWERED,), ("arms_are_out", "too_few_promises"), at=(_PREPARING,)),
-    Row((ANSWERED, WAITED), ("overtaken",), ("rest",), at=_FIRST, then=_RESTING),
+    Row((ANSWERED, WAITED), ("overtaken",), ("note_overtaken", "rest"), at=_FIRST, then=_RESTING),
     Row((ANSWERED, WAITED), ("too_few_promises",), ("repeat",), at=(_PREPARING,), then=_SEEKING),
     Row((ANSWERED,), ("too_few_promises", "arms_are_out"), at=(_SEEKING,)),
     Row((ANSWERED, WAITED), ("too_few_promises",), ("rest",), at=(_SEEKING,), then=_RESTING),

@@ -109,5 +109,7 @@ class State:
     """The newest last."""
     heard_at: float = NEVER
     """When somebody last said something of the open position that he may say."""
+    orphaned: Ballot | None = None
+    """The ballot that this node has voted in, if the link to its node was lost since."""
     asked_at: float = NEVER
     """When this node last asked for what is decided."""

@@ -134,7 +134,7 @@ class RejectSceneProposal(Packet):
 ROWS = (
     row(
         RequestSceneLog,
-        Carrier.UDP_HIGH,
+        Carrier.TCP_HIGH,
         ("scene", SCENE),
         ("genesis", GENESIS_OR_ANY),
         ("have", U64),
@@ -144,7 +144,7 @@ ROWS = (
         ("proof", PROOF),
         ("lives", Many(U64, counts=(0, 2))),
     ),
-    row(RespondSceneLog, Carrier.BOTH_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER)), ("decided", Maybe(DECIDED_LOG))),
+    row(RespondSceneLog, Carrier.TCP_HIGH, ("answer", Maybe(SCENE_LOG_ANSWER)), ("decided", Maybe(DECIDED_LOG))),
     row(ProposeSceneLog, Carrier.TCP_HIGH, ("genesis", DIGEST), ("public", SCENE_LOG_PUBLIC), ("private", LOG), ("forced", BOOL)),
     row(AcceptSceneProposal, Carrier.TCP_HIGH, ("position", U64), ("record_hash", DIGEST), ("decision", DECISION_OR_NONE)),
     row(RejectSceneProposal, Carrier.TCP_HIGH, ("reason", REASON), ("node", U32), ("silent_ms", U32)),

@@ -67,6 +67,39 @@ async def test_as_many_as_are_trusted_an_odd_number(
     assert [entry.member.node for entry in council.newest(scene.id).participants] == taking_part(*decide)
 
 
+async def test_who_is_there_decides_before_who_is_silent(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil(away={B, C})
+    scenes = council.scenes(Keyring(tmp_path))
+    scene = await scenes.create("kitchen", participants=3)
+    assert [entry.member.node for entry in council.newest(scene.id).participants] == taking_part(A, D, E)
+    scene = await scenes.create("hall", participants=None)
+    assert [entry.member.node for entry in council.newest(scene.id).participants] == taking_part(*FIVE), "a majority is there"
+
+
+async def test_nobody_is_to_decide_with_those_who_are_gone(autojump_clock: MockClock, tmp_path: Path) -> None:
+    """Nothing could be changed any more: so it is refused before anything happens."""
+    council = FakeCouncil()
+    scenes = council.scenes(Keyring(tmp_path))
+    alone = await scenes.create("origins", participants=0)
+    pair = await scenes.create("pair", participants=taking_part(A, B, C))
+    council.away = {C, D, E}
+    few = rf"of the 3 nodes that are to decide the scene's log 2 must agree, and 1 of them answers \(scene \w+; silent: {D}, {E}\): start those"
+    with pytest.raises(Refused, match=few) as refused:
+        await scenes.create("kitchen", participants=taking_part(A, D, E))
+    assert refused.value.reason is RejectReason.NO_MAJORITY
+    assert sorted(one.name or "" for one in await scenes.list()) == ["origins", "pair"], "no key of it was made"
+    with pytest.raises(Refused, match=r"of the 5 nodes .* 3 must agree, and 2 of them answer"):
+        await scenes.create("kitchen", participants=5)
+    with pytest.raises(Refused, match=few):
+        await alone.add_participants([council.entry(node) for node in taking_part(A, D, E)])
+    with pytest.raises(Refused, match=rf"of the 4 nodes .* 3 must agree, and 2 of them answer .*silent: {C}, {D}"):
+        await pair.add_participants([council.entry(*taking_part(D))])
+    with pytest.raises(Refused, match=rf"of the 2 nodes .* 2 must agree, and 1 of them answers .*silent: {C}"):
+        await pair.remove_participant(*taking_part(B))
+    await pair.remove_participant(*taking_part(C))
+    assert [entry.member.node for entry in council.newest(pair.id).participants] == taking_part(A, B)
+
+
 async def test_nobody_decides_who_is_not_trusted(autojump_clock: MockClock, tmp_path: Path) -> None:
     scenes = FakeCouncil(trusted=(A, B)).scenes(Keyring(tmp_path))
     with pytest.raises(LocalFault, match=rf"not trusted: it stores.*\({C}\).*cluster trust {C}"):

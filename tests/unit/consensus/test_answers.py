@@ -205,6 +205,19 @@ def test_what_is_for_all_waits_for_whoever_seems_alive() -> None:
     assert world.agree(A, B) == ["it"]
 
 
+def test_who_was_overtaken_does_not_say_that_nobody_answers() -> None:
+    """A higher ballot held the position when time was over: others can be reached, and asking once more may do."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: isinstance(message, Propose)
+    world.ask(A, "it", within=0.5)
+    world.ask(B, "other", within=0.5)
+    world.run(5.0)
+    said = world.nodes[A].replies[-1]
+    assert (said.outcome, said.reason, said.by) == (Outcome.REJECTED, RejectReason.POSITION_TAKEN, B)
+    alone = world.nodes[B].replies[-1]
+    assert (alone.outcome, alone.reason) == (Outcome.REJECTED, RejectReason.NO_MAJORITY), "whom nobody answers says that"
+
+
 def test_one_at_a_time() -> None:
     """A second request meanwhile is turned away at once; a value that does not fit, and the last one's leaving, are refused."""
     world = World(1, A, B, C)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Accepted, Learn, Message, Outcome, Propose, Rejected
+from scenefold.consensus import Accepted, Learn, Lost, Message, Outcome, Propose, Rejected
 from scenefold.wire import Phase
 from unit.consensus.logs_made import Change, member
 from unit.consensus.world import World
@@ -102,6 +103,27 @@ def test_04_originator_dies_after_one_vote(hop: int, voter_lives: bool) -> None:
         world.sync(node, rest[-1])
     world.run(30.0)
     assert world.agree() == (["it", "next"] if voter_lives else ["next"])
+
+
+@pytest.mark.parametrize("n", [3, 5, 7, 9, 33])
+def test_04_nobody_waits_for_an_originator_whose_connections_have_ended(n: int) -> None:
+    """Though it seems alive for long: who has voted for what it began lets others go on at once, however many decide."""
+    world = World(1, *range(1, n + 1))
+    world.at_once_bytes = 1 << 20
+    origin = int(world.nodes[A].book.participants.first)
+    rest = [node for node in world.nodes if node != origin]
+    world.filter = lambda source, target, message: not isinstance(message, Accepted) or target != origin
+    world.ask(origin, "it", needs_consent=False)
+    world.run(10.0, lambda: len(voters(world)) == n)
+    world.believed = {origin}
+    world.crash(origin)
+    for node in rest:
+        world.happen(node, Lost(NodeId(origin)))
+    died = world.now
+    world.ask(rest[-1], "next", needs_consent=False)
+    world.run(30.0, lambda: bool(world.log(rest[-1])))
+    assert world.log(rest[-1]) == ["it"]
+    assert world.now - died < 2.0
 
 
 @pytest.mark.parametrize("deaf", [{B, C, D, E}, {B}, {C, D, E}])

@@ -94,6 +94,8 @@ class World:
         self.weather = weather or Weather()
         self.now = 0.0
         self.blocked: set[tuple[int, int]] = set()
+        self.believed: set[int] = set()
+        """Who seems alive to all others even while it is down: that takes others a while to notice."""
         self.timing = Timing()
         self.at_once_bytes = 0
         self.packets: list[tuple[float, int, int, Message]] = []
@@ -180,7 +182,7 @@ class World:
         return key_of(who)
 
     def _view(self, node: int, *, can_write: bool) -> View:
-        there = [other for other in self.line if other != node and self.up(other)]
+        there = [other for other in self.line if other != node and (self.up(other) or other in self.believed)]
         reachable = frozenset(other for other in there if (node, other) not in self.blocked)
         alive = frozenset(other for other in there if (other, node) not in self.blocked) | {NodeId(node)}
         known = self.nodes[node]
