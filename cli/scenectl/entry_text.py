@@ -38,7 +38,7 @@ def entry_text(entry: LogEntry) -> str:
 
 
 def _of_spaces(entry: LogEntry) -> str:
-    from scenefold.wire import BeginPurge, CreateSpace, ScaleSpace, SetCopies, TranslateSpace
+    from scenefold.wire import BeginPurge, CreateSpace, RenderSettings, ScaleSpace, SetCopies, TranslateSpace
 
     match entry:
         case CreateSpace(parent=parent) if parent:
@@ -53,6 +53,9 @@ def _of_spaces(entry: LogEntry) -> str:
             return f"space {space}: {copies} copies, at least {least}"
         case BeginPurge():
             return "a purge of deletions begins"
+        case RenderSettings():
+            said = [f"{one.name} {_plain(getattr(entry, one.name))}" for one in fields(entry) if getattr(entry, one.name) is not None]
+            return f"an image is by default: {', '.join(said) or 'not said'}"
         case _:
             return ""
 

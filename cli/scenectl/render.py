@@ -11,7 +11,7 @@ from cyclopts.validators import Number
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
-from scenectl.values import HD_QUARTER, ColourOption, PortsOption, SizeOption, whole
+from scenectl.values import ColourOption, PortsOption, SizeOption, whole
 
 NODES = 5
 """Of a cluster that is started for one image."""
@@ -27,10 +27,10 @@ def still(
     nodes: Annotated[int | None, whole(1, 127, env_var="SCENEFOLD_NODES")] = None,
     algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
-    samples: Annotated[int, whole(1, 1_048_576)] = 64,
-    size: SizeOption = HD_QUARTER,
+    samples: Annotated[int | None, whole(1, 1_048_576)] = None,
+    size: SizeOption | None = None,
     seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
-    depth: Annotated[int, whole(1, 32)] = 8,
+    depth: Annotated[int | None, whole(1, 32)] = None,
     sky: ColourOption | None = None,
     camera: str | None = None,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
@@ -40,6 +40,8 @@ def still(
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Render one image of a scene file, or of a scene in the cluster, and wait for it.
+
+    What is not given here is as the scene says (`scenectl scene settings`).
 
     Without a profile a cluster of its own is started on this machine, in a temporary folder, and removed at the end.
 
@@ -58,19 +60,19 @@ def still(
     to
         OpenEXR file to write; a PNG is written beside it.
     samples
-        Paths for each pixel.
+        Paths for each pixel, by default 64, or as many as the scene says.
     size
-        Width and height in pixels.
+        Width and height in pixels, by default 640x360, or as the scene says.
     seed
         Seed of the random numbers; the same seed gives the same image.
     depth
-        Most segments of a path, the camera ray being the first.
+        Most segments of a path, the camera ray being the first; by default 8, or as the scene says.
     sky
-        Colour of a uniform sky as R,G,B, linear; without it there is none, and only the scene's own lights shine.
+        Colour of a uniform sky as R,G,B, linear; without it, and unless the scene says one, only the scene's own lights shine.
     camera
-        Name of the camera; by default the scene's first.
+        Name of the camera; by default the one that the scene says, or its first.
     exposure
-        Brightness of the PNG in stops, by default as the image asks; the EXR is not changed.
+        Brightness of the PNG in stops, by default as the scene says, or the image asks; the EXR is not changed.
     threads
         Threads that each node renders with, when no profile is given.
     ports
@@ -95,14 +97,15 @@ def still(
     from scenefold.render.client import StillOptions
 
     options = StillOptions(
-        width=size.width,
-        height=size.height,
+        width=None if size is None else size.width,
+        height=None if size is None else size.height,
         samples=samples,
         seed=seed,
         depth=depth,
         algorithm=algorithm,
         sky=None if sky is None else sky.rgb,
         camera=camera,
+        exposure=exposure,
     )
     options.checked()
     name = scene_name_of(file) if scene is None else scene
@@ -117,7 +120,6 @@ def still(
         options=options,
         exr=to,
         png=png,
-        exposure=exposure,
     )
     with Progress(quiet=output.json) as progress:
         report = run(make_still, job, progress)

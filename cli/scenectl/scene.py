@@ -18,6 +18,7 @@ from scenectl.observing import add_observer, remove_observer
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
 from scenectl.purging import purge, strays
 from scenectl.scene_log import log
+from scenectl.settings import settings
 from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key, seconds_to_look
 from scenectl.standing import status
 from scenefold.base.ids import address_of
@@ -36,6 +37,7 @@ VERBS: tuple[Callable[..., int | None], ...] = (
     log,
     status,
     mode,
+    settings,
     rm,
     participants,
     add_participant,

@@ -41,7 +41,6 @@ class StillJob:
     options: StillOptions
     exr: Path
     png: Path
-    exposure: float | None = None
 
 
 @dataclass
@@ -199,7 +198,7 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> str:
 
     def write() -> None:
         write_exr(job.exr, result.layers, metadata)
-        write_png(job.png, result.layers["beauty"], job.exposure)
+        write_png(job.png, result.layers["beauty"], result.exposure)
 
     await cluster.in_worker("import", write)
     return sha256

@@ -119,6 +119,22 @@ def test_a_scene_of_a_running_cluster(profile: str, tmp_path: Path) -> None:
     assert (tmp_path / "room.exr").stat().st_size > 0 and (tmp_path / "room.png").stat().st_size > 0
 
 
+def test_what_the_scene_says_counts_for_whoever_says_nothing(profile: str, tmp_path: Path) -> None:
+    said = scenectl("scene", "settings", "room", "--size", "24x12", "--samples", "2", "--sky", "0.5,0.6,0.7", "--json", profile=profile)
+    assert said.code == 0, said.err
+    assert (said.json["width"], said.json["height"], said.json["samples"], said.json["camera"]) == (24, 12, 2, None)
+    shown = scenectl("scene", "settings", "room", profile=profile).out.decode()
+    assert [line.split() for line in shown.splitlines()][1:3] == [["width", "24"], ["height", "12"]]
+    done = scenectl("render", "still", "--scene", "room", "-o", tmp_path / "said.exr", "--json", profile=profile, limit_s=KERNELS_S)
+    assert done.code == 0, done.err
+    assert done.json["paths"] == 24 * 12 * 2
+    own = scenectl("render", "still", "--scene", "room", "--samples", "1", "-o", tmp_path / "own.exr", "--json", profile=profile)
+    assert own.json["paths"] == 24 * 12
+    assert "an image is by default: width 24" in scenectl("scene", "log", "room", "--last", "1", profile=profile).out.decode()
+    assert "--samples" in scenectl("scene", "settings", "room", "--samples", "0", profile=profile).refusal(2)
+    assert scenectl("scene", "settings", "room", "--clear", "--json", profile=profile).json["width"] is None
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "what"),
     [

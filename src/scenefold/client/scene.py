@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -24,6 +24,7 @@ from scenefold.client.purge_walk import Purge
 from scenefold.client.purging import purge
 from scenefold.client.reencrypting import look_what_is_to_seal, reencrypt
 from scenefold.client.reencryption import Reencryption
+from scenefold.client.render_settings import SettingsShown, change_settings, settings_of
 from scenefold.client.scene_log import Standing
 from scenefold.client.space import Space
 from scenefold.client.suspects import SuspectReport, look_at_suspects
@@ -33,7 +34,7 @@ from scenefold.scene.log import LoggedSpace
 if TYPE_CHECKING:
     from scenefold.crypto import Card
     from scenefold.scene.payloads.document import SceneDocument
-    from scenefold.wire import ParticipantEntry, Role
+    from scenefold.wire import ParticipantEntry, RenderSettings, Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +187,14 @@ class Scene:
     async def remove_observer(self, node: NodeId) -> Deciders:
         """Let a node observe the scene no more; an owner's to do."""
         return await remove_observer(self.access, node)
+
+    async def render_settings(self) -> SettingsShown:
+        """What an image of it is by default, as its log says."""
+        return await settings_of(self.access)
+
+    async def change_render_settings(self, change: Callable[[RenderSettings], RenderSettings]) -> SettingsShown:
+        """Have that changed; an owner's to do, in edit mode. See `change_settings`."""
+        return await change_settings(self.access, change)
 
     async def end(self, *, dry_run: bool = False) -> SceneEnd:
         """End this scene, for ever; an owner's to do. `dry_run`: only say what would be lost; see `ending`."""

@@ -23,7 +23,7 @@ from scenefold.render.pool.telling import error_of
 from scenefold.render.reports import Stand, image_size, report_of, stand_of
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.head import NO_HEAD, SceneHead
-from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob
+from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, RenderSettings, StartJob
 
 ASK_S_MAX = 60.0
 POLL_S = 0.25
@@ -32,36 +32,46 @@ LETTING_GO_S_MAX = 10.0
 Progress = Callable[[str, int, int], None]
 """Called with a phase's name, and how much of how much is done."""
 A = TypeVar("A", bound=Packet)
+T = TypeVar("T")
+NOTHING_SAID = RenderSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StillOptions:
-    """What a still shall be; see `RenderOptions`."""
+    """What a still shall be; see `RenderOptions`. None: as the scene's log says, or else as usual."""
 
-    width: int = 640
-    height: int = 360
-    samples: int = 64
+    width: int | None = None
+    height: int | None = None
+    samples: int | None = None
     seed: int = 1
-    depth: int = 8
+    depth: int | None = None
     algorithm: str = "bounded-radial"
     sky: tuple[float, float, float] | None = None
-    """None: black."""
+    """Usually black."""
     camera: str | None = None
+    exposure: float | None = None
+    """Of the picture for people, in stops; usually as the image asks."""
 
-    def checked(self) -> RenderOptions:
-        """The options of the job; UsageFault if one is out of range."""
+    def checked(self, said: RenderSettings = NOTHING_SAID) -> RenderOptions:
+        """The options of the job; UsageFault if one is out of range. `said`: what the scene's log says."""
+        usual = RenderOptions()
+        red, green, blue = _first(self.sky, said.sky, usual.sky)
         options = RenderOptions(
-            width=self.width,
-            height=self.height,
-            samples=self.samples,
+            width=_first(self.width, said.width, usual.width),
+            height=_first(self.height, said.height, usual.height),
+            samples=_first(self.samples, said.samples, usual.samples),
             seed=self.seed,
-            depth=self.depth,
-            sky=self.sky or (0.0, 0.0, 0.0),
-            camera=self.camera,
+            depth=_first(self.depth, said.depth, usual.depth),
+            sky=(red, green, blue),
+            camera=self.camera if self.camera is not None else said.camera,
             algorithm=self.algorithm,
         )
         options.check()
         return options
+
+
+def _first(own: T | None, said: T | None, usual: T) -> T:
+    return own if own is not None else said if said is not None else usual
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +81,8 @@ class StillResult:
     layers: dict[str, F32]
     """beauty, albedo, normal [H, W, 3] and depth [H, W], float32, top row first."""
     report: dict[str, Any]
+    exposure: float | None
+    """Of the picture for people, in stops; None: as the image asks."""
 
 
 async def render_still(
@@ -82,7 +94,9 @@ async def render_still(
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
     of them before anything else happens. LocalFault if there is none.
     """
-    wanted = options.checked()
+    options.checked()
+    said = (await scene.render_settings()).settings
+    wanted = options.checked(said)
     chosen = await renderers_of(cluster, scene)
     identity = scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
     if tell is not None:
@@ -104,8 +118,9 @@ async def render_still(
             image = await watch.fetch(image_size(wanted), progress)
         finally:
             await watch.let_go()
+    exposure = options.exposure if options.exposure is not None else said.exposure
     layers = _unpack(image, wanted.width, wanted.height)
-    return StillResult(layers, {**report, "left_out": [one.document() for one in chosen.left_out]})
+    return StillResult(layers, {**report, "left_out": [one.document() for one in chosen.left_out]}, exposure)
 
 
 def _head(scene: Scene, identity: SceneIdentity) -> SceneHead:

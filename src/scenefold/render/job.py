@@ -14,6 +14,7 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.image_limits import DEPTH_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MAX
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, text, whole
 from scenefold.partition import Partition
@@ -23,11 +24,7 @@ from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value, unpack_value
 
 ALGORITHMS = ("bounded-radial", "voronoi")
-SIDE_MAX = 16_384
-SAMPLES_MAX = 1 << 20
-DEPTH_MAX = 32
 SEED_MAX = 2**63 - 1
-SKY_MAX = 1e9
 HASH_BYTES = 32
 _CAMERA_NUMBERS = 16
 

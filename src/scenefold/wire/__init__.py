@@ -171,6 +171,7 @@ if TYPE_CHECKING:
         PassSums,
         StartJob,
     )
+    from scenefold.wire.render_settings import RenderSettings
     from scenefold.wire.scene_certificates import NodeSignature, SceneBody, SceneCertificate, digest_of_header, digest_of_participants
     from scenefold.wire.scene_headers import (
         NO_GENESIS,
@@ -243,6 +244,7 @@ _HOMES = {
     "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "purge_packets": "AskPlaces DropPurged PlaceState PlacesAsked PurgeItem PurgeOrder PurgeRecords PurgedDropped RecordsPurged",
     "render_packets": "CancelJob CollectPass FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
+    "render_settings": "RenderSettings",
     "scene_certificates": "NodeSignature SceneBody SceneCertificate digest_of_header digest_of_participants",
     "scene_headers": "Decision KeyEntry Lockbox NO_GENESIS NO_LOG SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
     "scene_pages": "check_page page_of",
@@ -410,6 +412,7 @@ __all__ = [
     "RemoveNode",
     "RemoveObserver",
     "RemoveParticipant",
+    "RenderSettings",
     "RequestLocalPoolJoin",
     "RequestProof",
     "RequestPublicKey",

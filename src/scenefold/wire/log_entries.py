@@ -25,6 +25,7 @@ from scenefold.wire.enrol_entries import ENROL_ENTRIES, Enrol, Invite, RenewCard
 from scenefold.wire.kinds import Bin, Choice, Float, Text, Uint
 from scenefold.wire.laws import Order
 from scenefold.wire.members import MEMBER, Member
+from scenefold.wire.render_settings import RENDER_SETTINGS, RenderSettings
 from scenefold.wire.scene_headers import KEY_ENTRY, KeyEntry, SceneMode
 from scenefold.wire.status_packets import ADDRESS_BYTES_MAX
 
@@ -212,6 +213,7 @@ SingleEntry: TypeAlias = (
     | SetCopies
     | BeginPurge
     | EndScene
+    | RenderSettings
     | AddNode
     | RemoveNode
     | Trust
@@ -281,6 +283,7 @@ _SINGLE: dict[int, Struct[Any]] = {
     14: Struct(SetCopies, ("space", SPACE), ("copies", _COPIES), ("copies_min", _COPIES), law=Order("copies_min", "copies")),
     15: Struct(BeginPurge),
     16: Struct(EndScene),
+    12: RENDER_SETTINGS,
 }
 SINGLE_ENTRY: Tagged[SingleEntry] = Tagged("SingleEntry", _SINGLE)
 LOG_ENTRY: Tagged[LogEntry] = Tagged(

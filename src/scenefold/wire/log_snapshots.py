@@ -23,6 +23,7 @@ from scenefold.wire.log_entries import CREATE_SPACE, GRANT, CreateSpace, Grant
 from scenefold.wire.log_records import SIGNED_RECORD, SignedRecord
 from scenefold.wire.members import PARTICIPANT_ENTRY, ParticipantEntry
 from scenefold.wire.pieces import pack_piece, unpack_piece
+from scenefold.wire.render_settings import RENDER_SETTINGS, RenderSettings
 from scenefold.wire.scene_headers import KEY_ENTRY, WRITER_ENTRY, KeyEntry, SceneMode, WriterEntry
 
 REQUEST_ID_BYTES = 16
@@ -70,6 +71,7 @@ class SnapshotState:
     revoked_at: int
     former_keys: bytes = field(repr=False)
     requests: bytes = field(repr=False)
+    render: RenderSettings
 
     def encode(self) -> bytes:
         """The state's bytes; LocalFault if a field is out of bounds, or all together are too long for a log."""
@@ -134,6 +136,7 @@ SNAPSHOT_STATE = Struct(
     ("revoked_at", U64),
     ("former_keys", _BYTES),
     ("requests", Bin(LOG_REQUESTS_KEPT * REQUEST_ID_BYTES)),
+    ("render", RENDER_SETTINGS),
 )
 SIGNED_SNAPSHOT = Struct(SignedSnapshot, ("state", _BYTES), ("signature", Bin(lengths=(64,))))
 SHORTENED_LOG = Struct(ShortenedLog, ("snapshot", SIGNED_SNAPSHOT), ("records", Many(SIGNED_RECORD, LOG_RECORDS_MAX)))

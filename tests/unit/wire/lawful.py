@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from scenefold.base.ids import NodeId
+from scenefold.base.image_limits import EXPOSURE_MAX, SKY_MAX
 from scenefold.base.location import FIRST
 from scenefold.wire.copy_packets import Copy, CopyState, Counted, Listed
 from scenefold.wire.custody import Confirmed, CustodyEntry, Enough, LaidOut, Rising, Single
@@ -13,6 +14,7 @@ from scenefold.wire.custody_packets import Assigned
 from scenefold.wire.laws import All, Apart, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
 from scenefold.wire.members import Member
+from scenefold.wire.render_settings import Sensible
 
 
 def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
@@ -40,6 +42,8 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
             sides = [sorted(pair) for pair in zip(fields["low"], fields["high"], strict=False)]
             low, high = tuple(pair[0] for pair in sides), tuple(pair[1] for pair in sides)
             fields = {**fields, "dimensions": len(sides), "low": low, "high": high}
+        case Sensible():
+            fields = _sensible(fields)
         case Distinct():
             fields = {**fields, law.items: tuple(dict.fromkeys(fields[law.items]))}
         case Apart():
@@ -82,6 +86,17 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
         case _:
             raise AssertionError(law)
     return fields
+
+
+def _sensible(fields: dict[str, Any]) -> dict[str, Any]:
+    """Both sides or neither; a sky and an exposure brought into their bounds."""
+    sky, exposure = fields["sky"], fields["exposure"]
+    return {
+        **fields,
+        "height": None if fields["width"] is None else fields["height"] or fields["width"],
+        "sky": None if sky is None else tuple(min(abs(channel), SKY_MAX) for channel in sky),
+        "exposure": None if exposure is None else max(-EXPOSURE_MAX, min(exposure, EXPOSURE_MAX)),
+    }
 
 
 def _assigned(fields: dict[str, Any]) -> tuple[CustodyEntry, ...]:

@@ -114,6 +114,7 @@ def test_what_fits_no_log_is_not_signed(entry: object, where: str) -> None:
         (plain_record([13, [[13, []]]]), "LogRecord.entry(Batch).entries[0]"),
         (plain_record([14, 1, 2, 3]), "LogRecord.entry(SetCopies)"),
         (plain_record([14, 1, 2, 0]), "LogRecord.entry(SetCopies).copies_min"),
+        (plain_record([17]), "LogRecord.entry"),
         (plain_record([12, 1, 2, 2]), "LogRecord.entry"),
         (plain_record([3, 1, -0.5]), "LogRecord.entry(ScaleSpace).factor"),
         (plain_record([4, 0]) + b"\0", "LogRecord"),

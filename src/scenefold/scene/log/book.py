@@ -40,6 +40,7 @@ from scenefold.wire import (
     LogRecord,
     RemoveObserver,
     RemoveParticipant,
+    RenderSettings,
     Revoke,
     ScaleSpace,
     SceneMode,
@@ -68,6 +69,8 @@ class SceneLog:
     """In the order of their creation."""
     roster: Roster = field(default_factory=Roster)
     grants: Grants = field(default_factory=Grants)
+    render: RenderSettings = field(default_factory=RenderSettings)
+    """What an image is by default."""
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     """The positions of the request ids that are in the log, of the newest LOG_REQUESTS_KEPT positions: all, of most logs."""
 
@@ -162,8 +165,8 @@ class SceneLog:
             case SetCopies():
                 space = self._copied(entry.space)
                 return replace(self, spaces=_with(self.spaces, space.id, replace(space, copies=entry.copies, copies_min=entry.copies_min)))
-            case SetMode() | BeginPurge() | EndScene():
-                return self._fenced(entry, position)
+            case SetMode() | BeginPurge() | EndScene() | RenderSettings():
+                return self._by_mode(entry, position)
             case Grant() | Revoke() | KeyEpoch():
                 return self._regranted(entry, position)
             case AddParticipant() | RemoveParticipant() | AddObserver() | RemoveObserver():
@@ -171,11 +174,15 @@ class SceneLog:
             case _:
                 raise _ill_formed(f"{type(entry).__name__} has no place in a scene's log")
 
-    def _fenced(self, entry: SetMode | BeginPurge | EndScene, position: int) -> SceneLog:
+    def _by_mode(self, entry: SetMode | BeginPurge | EndScene | RenderSettings, position: int) -> SceneLog:
         if isinstance(entry, SetMode):
             if entry.mode is SceneMode.ENDED:
                 raise _ill_formed("a scene is ended by its last entry, and by no change of its mode")
             return replace(self, mode=entry.mode, write_floor=position)
+        if isinstance(entry, RenderSettings):
+            if self.mode is not SceneMode.EDIT:
+                raise _ill_formed("what an image is by default changes in edit mode alone", "switch the scene back to edit mode first")
+            return replace(self, render=entry)
         if isinstance(entry, BeginPurge):
             if self.mode is not SceneMode.EDIT:
                 raise _ill_formed("nothing is purged while the scene is rendered")

@@ -51,6 +51,7 @@ def packed_state(log: SceneLog) -> bytes:
         revoked_at=grants.revoked_at,
         former_keys=b"".join(key for _, key in sorted(grants.former_keys.items())),
         requests=b"".join(request for request, _ in sorted(log.requests.items(), key=itemgetter(1))),
+        render=log.render,
     ).encode()
 
 
@@ -67,6 +68,7 @@ def unpacked_state(data: bytes) -> SceneLog:
         mode=found.mode,
         write_floor=found.write_floor,
         purged=found.purged,
+        render=found.render,
         roster=Roster(found.participants, found.observers),
         grants=_grants_in(found),
         requests=_requests_in(found),

@@ -24,6 +24,7 @@ from scenefold.wire import (
     LogRecord,
     RemoveObserver,
     RemoveParticipant,
+    RenderSettings,
     Revoke,
     Role,
     ScaleSpace,
@@ -98,6 +99,9 @@ _SINGLE: st.SearchStrategy[Any] = st.one_of(
     st.builds(lambda space, copies: SetCopies(space, copies, 1), _SPACE, st.integers(1, 4)),
     st.builds(SetMode, st.sampled_from((SceneMode.EDIT, SceneMode.RENDER))),
     st.just(BeginPurge()),
+    st.builds(
+        RenderSettings, samples=st.none() | st.integers(1, 9), sky=st.none() | st.just((0.5, 0.0, 1.0)), camera=st.none() | st.just("door")
+    ),
     st.builds(grant, _MEMBER, st.sampled_from(Role)),
     st.builds(lambda entry: AddParticipant(entry.member, entry.key), _NODE),
     st.builds(lambda entry: RemoveParticipant(entry.member), _NODE),

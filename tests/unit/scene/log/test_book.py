@@ -36,6 +36,7 @@ from scenefold.wire import (
     LogEntry,
     LogRecord,
     MalformedPacket,
+    RenderSettings,
     ScaleSpace,
     SceneMode,
     SetCopies,
@@ -84,6 +85,18 @@ def test_entries_add_up() -> None:
     assert hall is log.space(HALL)
     assert (log.position, log.mode, log.write_floor) == (4, SceneMode.RENDER, 4)
     assert [entry.space for entry in log.public_spaces()] == list(range(1, 12))
+
+
+def test_the_newest_word_on_what_an_image_is_counts_and_while_it_is_rendered_nobody_says_another() -> None:
+    assert with_entries().render == RenderSettings()
+    first, last = RenderSettings(64, 32, sky=(0.5, 0.5, 1.0)), RenderSettings(samples=16, camera="door")
+    log = with_entries(first, Batch((space(), last)))
+    assert log.render == last, "of what it does not say nothing is left"
+    assert with_entries(first, SetMode(SceneMode.RENDER)).render == first
+    with pytest.raises(Refused, match=r"changes in edit mode alone .*switch the scene back") as refused:
+        with_entries(SetMode(SceneMode.RENDER), last)
+    assert refused.value.reason is RejectReason.ILL_FORMED
+    assert log.write_floor == 0
 
 
 def at(number: int) -> Location:

@@ -1,0 +1,104 @@
+"""`scenectl scene settings`: what an image of a scene is by default, for everybody who renders it."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+from scenectl.names import SceneName
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
+from scenectl.values import ColourOption, SizeOption, whole
+
+if TYPE_CHECKING:
+    from scenefold.client.render_settings import SettingsShown
+    from scenefold.wire import RenderSettings
+
+
+def settings(
+    scene: SceneName,
+    /,
+    *,
+    size: SizeOption | None = None,
+    samples: Annotated[int | None, whole(1, 1_048_576)] = None,
+    depth: Annotated[int | None, whole(1, 32)] = None,
+    sky: ColourOption | None = None,
+    exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
+    camera: str | None = None,
+    clear: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
+    """Tell what an image of a scene is by default, or change it: what is given here counts for everybody who renders it, unless he says otherwise.
+
+    It stands in the scene's log. Owners change it, in edit mode.
+
+    Example: scenectl scene settings kitchen --size 1920x1080 --samples 256 --profile studio
+
+    Parameters
+    ----------
+    scene
+        Name of the scene.
+    size
+        Width and height in pixels.
+    samples
+        Paths for each pixel.
+    depth
+        Most segments of a path, the camera ray being the first.
+    sky
+        Colour of a uniform sky as R,G,B, linear.
+    exposure
+        Brightness of the PNG in stops.
+    camera
+        Name of the camera.
+    clear
+        Forget what was said before; of what is not given beside this the scene says nothing then.
+    """
+    from scenectl.running import connected, run
+    from scenefold.base.errors import UsageFault
+    from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX
+    from scenefold.wire import RenderSettings
+
+    given: dict[str, Any] = {
+        "width": None if size is None else size.width,
+        "height": None if size is None else size.height,
+        "samples": samples,
+        "depth": depth,
+        "sky": None if sky is None else sky.rgb,
+        "exposure": exposure,
+        "camera": camera,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    if camera is not None and not 0 < len(camera.encode()) <= CAMERA_NAME_BYTES_MAX:
+        raise UsageFault(
+            f"a camera's name has 1 to {CAMERA_NAME_BYTES_MAX} bytes",
+            where="--camera",
+            remedy="`scenectl scene info` tells which there are",
+        )
+
+    def changed(before: RenderSettings) -> RenderSettings:
+        from dataclasses import replace
+
+        return replace(RenderSettings() if clear else before, **given)
+
+    async def ask() -> SettingsShown:
+        async with connected(output.profile) as cluster:
+            opened = await cluster.scenes.open(scene)
+            return await (opened.change_render_settings(changed) if given or clear else opened.render_settings())
+
+    found = run(ask)
+    emit(output, {"scene": scene, **found.document()}, settings_text(found))
+
+
+def settings_text(found: SettingsShown) -> str:
+    """A row for each thing that the scene says."""
+    said = [(one.name, getattr(found.settings, one.name)) for one in fields(found.settings)]
+    rows = [(name, _text(value)) for name, value in said if value is not None]
+    return table(("setting", "by default"), rows) if rows else "The scene does not say what an image of it is by default."
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple):
+        return ",".join(f"{channel:g}" for channel in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,45 @@
+"""What an image of a scene is by default, as its log says: for everybody who renders it (specs/16-scene-log.md, Folding)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from scenefold.client.access import SceneAccess
+from scenefold.client.log_reading import ReadLog
+from scenefold.wire import RenderSettings
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsShown:
+    """As of one position of the scene's log."""
+
+    position: int
+    settings: RenderSettings
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md): null where the scene does not say."""
+        plain = {one.name: getattr(self.settings, one.name) for one in fields(self.settings)}
+        return {"position": self.position, **plain, "sky": None if self.settings.sky is None else list(self.settings.sky)}
+
+
+async def settings_of(access: SceneAccess) -> SettingsShown:
+    """What the newest log says."""
+    return _shown(await access.read_log())
+
+
+async def change_settings(access: SceneAccess, change: Callable[[RenderSettings], RenderSettings]) -> SettingsShown:
+    """Have what the log says then changed; an owner's to do, in edit mode. Nothing is decided if that changes nothing.
+
+    `change` may be called more than once: others may be faster. LocalFault in render mode, and for what no image can be.
+    """
+    before = await access.read_log()
+    if change(before.state.render) == before.state.render:
+        return _shown(before)
+
+    return _shown(await access.change_log(lambda log: change(log.render)))
+
+
+def _shown(log: ReadLog) -> SettingsShown:
+    return SettingsShown(log.header.position, log.state.render)

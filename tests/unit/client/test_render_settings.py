@@ -1,0 +1,78 @@
+"""If this fails, what an image of a scene is by default is not what its owners have said last, or is changed under a render."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+from trio.testing import MockClock
+
+from scenectl.settings import settings_text
+from scenefold.base.errors import LocalFault, UsageFault
+from scenefold.client.modes import set_mode
+from scenefold.render.client import StillOptions
+from scenefold.wire import RenderSettings, SceneMode
+from unit.client.fake_council import FakeCouncil
+from unit.client.test_participants import hall_of, proposals
+
+
+async def test_what_is_said_stays_until_something_else_is(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    shown = await scene.render_settings()
+    assert shown.settings == RenderSettings() and shown.position == council.newest(scene.id).position
+    assert settings_text(shown) == "The scene does not say what an image of it is by default."
+    await scene.change_render_settings(partial(replace, width=64, height=32, sky=(0.5, 0.0, 1.0)))
+    shown = await scene.change_render_settings(partial(replace, samples=16, exposure=-0.5))
+    assert shown.settings == RenderSettings(64, 32, 16, None, (0.5, 0.0, 1.0), -0.5)
+    document = shown.document()
+    assert document == {
+        "position": shown.position,
+        "width": 64,
+        "height": 32,
+        "samples": 16,
+        "depth": None,
+        "sky": [0.5, 0.0, 1.0],
+        "exposure": -0.5,
+        "camera": None,
+    }
+    assert [line.split() for line in settings_text(shown).splitlines()[1:]][2:] == [
+        ["samples", "16"],
+        ["sky", "0.5,0,1"],
+        ["exposure", "-0.5"],
+    ]
+    before = len(proposals(council))
+    assert (await scene.change_render_settings(partial(replace, samples=16))).position == shown.position
+    assert len(proposals(council)) == before, "nothing is decided that changes nothing"
+    assert (await scene.change_render_settings(lambda _: RenderSettings())).settings == RenderSettings()
+
+
+async def test_what_cannot_be_said(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path, participants=0)
+    for wrong, field in (
+        ({"samples": 0}, "samples"),
+        ({"width": 64}, "both or neither"),
+        ({"sky": (1.0, -1.0, 0.0)}, "each of sky"),
+        ({"depth": 33}, "depth"),
+    ):
+        with pytest.raises(LocalFault, match=field):
+            await scene.change_render_settings(partial(replace, **wrong))
+    await set_mode(scene.access, SceneMode.RENDER)
+    with pytest.raises(LocalFault, match=r"changes in edit mode alone .*switch the scene back to edit mode first"):
+        await scene.change_render_settings(partial(replace, samples=2))
+    assert (await scene.render_settings()).settings == RenderSettings()
+
+
+def test_who_renders_has_the_last_word() -> None:
+    said = RenderSettings(64, 32, 16, 3, (0.5, 0.0, 1.0), camera="door")
+    plain = StillOptions().checked()
+    assert (plain.width, plain.height, plain.samples, plain.depth, plain.sky, plain.camera) == (640, 360, 64, 8, (0.0, 0.0, 0.0), None)
+    told = StillOptions().checked(said)
+    assert (told.width, told.height, told.samples, told.depth, told.sky, told.camera) == (64, 32, 16, 3, (0.5, 0.0, 1.0), "door")
+    own = StillOptions(width=8, height=4, samples=1, depth=2, sky=(0.0, 0.0, 0.0), camera="window").checked(said)
+    assert (own.width, own.height, own.samples, own.depth, own.sky, own.camera) == (8, 4, 1, 2, (0.0, 0.0, 0.0), "window")
+    with pytest.raises(UsageFault, match="samples is 0"):
+        StillOptions(samples=0).checked(said)
