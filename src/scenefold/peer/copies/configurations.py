@@ -122,7 +122,11 @@ class Configurations:
 
     def remove(self, member: Member) -> Configurations:
         """The log has removed a node, and T_wait has passed since this owner learnt that."""
-        return self._each(lambda found: found.remove(self.me, member))
+        number = self.number + 1
+        after = [found.remove(self.me, member, number) for found in self.segments]
+        if all(new is old for new, old in zip(after, self.segments, strict=True)):
+            return self
+        return self._with(after, number if any(found.leaving == number for found in after) else self.number)
 
     def activate(self, debts: Callable[[Segment], Iterable[Collection[Member]] | None]) -> Configurations:
         """Every change that is ready ends. `debts`: of each record there that is owed to somebody, to whom; None: that is not known."""

@@ -166,11 +166,20 @@ class Segment:
             return self
         return self._bounded(member, number)._tidy(me)
 
-    def remove(self, me: Member, member: Member) -> Segment:
-        """The log has removed a node, and T_wait has passed since this owner learnt that."""
+    def remove(self, me: Member, member: Member, number: int) -> Segment:
+        """The log has removed a node, and T_wait has passed since this owner learnt that.
+
+        If it was the last holder of a configuration that the owner had made before the piece was another's, that one is active again, and
+        of those who went on under the next one, inherited ones among them, some are to hold nothing: they hear of it under `number`.
+        """
         if member not in self._known(me) or self.bound_of(member) == GONE:
             return self
-        return replace(self._bounded(member, GONE), sound=self.sound - {member})._tidy(me)
+        after = replace(self._bounded(member, GONE), sound=self.sound - {member})
+        holders = set(after.holders(me))
+        left = set(self.holders(me)) - holders - {member}
+        if left:
+            after = replace(after, confirmed=after._all_known(me), sound=after.sound & holders, leaving=number)
+        return after._tidy(me)
 
     def compare(self, me: Member, member: Member, number: int) -> Segment:
         """A node has compared all of the segment with this owner under the entry with this number, and lacks only what is owed to it."""

@@ -221,6 +221,19 @@ def test_who_was_told_by_an_owner_in_between_hears_that_it_holds_nothing_any_mor
     assert only(tell(back)).is_idle(P)
 
 
+def test_who_was_filled_for_an_inherited_piece_hears_that_it_holds_nothing_once_the_last_that_had_it_are_gone() -> None:
+    """Nobody of the owner's own configuration is left, so it counts again: those who went on under the next one need not any more."""
+    mine = changed(Configurations(P), A, B)
+    _, number, passed = mine.give(arc(0, 99))
+    _, number, passed = tell(Configurations(Q).take(number, passed).place(ONE, [(arc(0, 99), (C, D))], 2), A, B).give(arc(0, 99))
+    back = tell(Configurations(P, mine.number).take(number, passed).place(ONE, [(arc(0, 99), (C,))], 2), A, B)
+    assert {member for member in (Q, D) if only(back).wanted(member, P)} == {Q, D}
+    back = back.remove(A).remove(B)
+    assert {word.holder: len(word.entries) for word in back.untold()} == {D: 0, Q: 0}
+    told = compare(tell(back)).activate(lambda _: [])
+    assert only(tell(told)).is_idle(P) and only(told).holders(P) == [C]
+
+
 class Kept:
     """What holders keep of what they are told."""
 
