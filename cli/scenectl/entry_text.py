@@ -54,7 +54,7 @@ def _of_spaces(entry: LogEntry) -> str:
         case BeginPurge():
             return "a purge of deletions begins"
         case RenderSettings():
-            said = [f"{one.name} {_plain(getattr(entry, one.name))}" for one in fields(entry) if getattr(entry, one.name) is not None]
+            said = [f"{one.name} {_setting(getattr(entry, one.name))}" for one in fields(entry) if getattr(entry, one.name) is not None]
             return f"an image is by default: {', '.join(said) or 'not said'}"
         case _:
             return ""
@@ -105,6 +105,10 @@ def _plain(value: Any) -> Any:
             return list(value)
         case _:
             return value
+
+
+def _setting(value: object) -> str:
+    return _numbers(value) if isinstance(value, tuple) else repr(value)
 
 
 def _numbers(values: Sequence[float]) -> str:

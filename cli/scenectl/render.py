@@ -70,7 +70,7 @@ def still(
     sky
         Colour of a uniform sky as R,G,B, linear; without it, and unless the scene says one, only the scene's own lights shine.
     camera
-        Name of the camera; by default the one that the scene says, or its first.
+        Name of the camera; by default the one that the scene says, or its default one.
     exposure
         Brightness of the PNG in stops, by default as the scene says, or the image asks; the EXR is not changed.
     threads

@@ -56,8 +56,7 @@ def settings(
         Forget what was said before; of what is not given beside this the scene says nothing then.
     """
     from scenectl.running import connected, run
-    from scenefold.base.errors import UsageFault
-    from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX
+    from scenefold.render.client import StillOptions
     from scenefold.wire import RenderSettings
 
     given: dict[str, Any] = {
@@ -70,12 +69,10 @@ def settings(
         "camera": camera,
     }
     given = {name: value for name, value in given.items() if value is not None}
-    if camera is not None and not 0 < len(camera.encode()) <= CAMERA_NAME_BYTES_MAX:
-        raise UsageFault(
-            f"a camera's name has 1 to {CAMERA_NAME_BYTES_MAX} bytes",
-            where="--camera",
-            remedy="`scenectl scene info` tells which there are",
-        )
+    if camera is not None:
+        _check_camera(camera)
+    # As a render would say it.
+    StillOptions(**given).checked()
 
     def changed(before: RenderSettings) -> RenderSettings:
         from dataclasses import replace
@@ -91,6 +88,19 @@ def settings(
     emit(output, {"scene": scene, **found.document()}, settings_text(found))
 
 
+def _check_camera(name: str) -> None:
+    from scenefold.base.errors import UsageFault
+    from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX
+
+    remedy = "give the name that a camera has in the scene"
+    try:
+        size = len(name.encode())
+    except UnicodeEncodeError:
+        raise UsageFault("a camera's name is text", where="--camera", remedy=remedy) from None
+    if not 0 < size <= CAMERA_NAME_BYTES_MAX:
+        raise UsageFault(f"a camera's name has 1 to {CAMERA_NAME_BYTES_MAX} bytes, not {size}", where="--camera", remedy=remedy)
+
+
 def settings_text(found: SettingsShown) -> str:
     """A row for each thing that the scene says."""
     said = [(one.name, getattr(found.settings, one.name)) for one in fields(found.settings)]
@@ -100,5 +110,5 @@ def settings_text(found: SettingsShown) -> str:
 
 def _text(value: object) -> str:
     if isinstance(value, tuple):
-        return ",".join(f"{channel:g}" for channel in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)
+        return ",".join(f"{channel:.9g}" for channel in value)
+    return repr(value) if isinstance(value, float) else str(value)

@@ -81,8 +81,8 @@ class Author:
         self.acknowledged[request] = read.state.requests[request]
 
     async def toggle(self) -> None:
-        """Change the mode, whichever it is."""
-        with trio.fail_after(PATIENCE_S):
+        """Change the mode, whichever it is: everybody who seems alive has to agree."""
+        with trio.fail_after(2 * PATIENCE_S):
             await self.scene.access.change_log(lambda log: SetMode(SceneMode.EDIT if log.mode is SceneMode.RENDER else SceneMode.RENDER))
 
     async def edit(self) -> None:

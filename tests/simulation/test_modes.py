@@ -1,4 +1,4 @@
-"""If this fails, nodes that decide a scene act in a mode too early, never, or without a lease (design scenarios 28, 34 and 40, on whole nodes)."""
+"""If this fails, nodes that decide a scene act in a mode too early, never, or without a lease (design scenarios 28 and 40, on whole nodes)."""
 
 from __future__ import annotations
 

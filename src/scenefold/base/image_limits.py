@@ -12,4 +12,4 @@ SKY_MAX = 1e9
 """Radiance of one channel of a uniform sky."""
 EXPOSURE_MAX = 64.0
 """Stops, up or down."""
-CAMERA_NAME_BYTES_MAX = 256
+CAMERA_NAME_BYTES_MAX = 1_024

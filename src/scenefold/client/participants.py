@@ -11,9 +11,9 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DECIDERS_MAX
 from scenefold.client.access import SceneAccess
-from scenefold.client.attendance import check_majority, has_majority, silent_among
+from scenefold.client.attendance import check_majority, has_majority, present_among
 from scenefold.scene.log import SceneLog
-from scenefold.wire import AddParticipant, Batch, LogEntry, ParticipantEntry, RemoveParticipant, SceneLogPublic, SingleEntry
+from scenefold.wire import AddParticipant, Batch, LogEntry, Member, ParticipantEntry, RemoveParticipant, SceneLogPublic, SingleEntry
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,14 @@ class Deciders:
 
 async def deciders_of(access: SceneAccess) -> Deciders:
     """By the newest header that some nodes know: any of them has it, also while those who decide are away."""
+    return deciders_in(await _header(access))
+
+
+async def _header(access: SceneAccess) -> SceneLogPublic:
     header = None if access.log is None else await access.log.header()
     if header is None:
         raise LocalFault("the cluster does not know this scene", where=f"scene {access.name}")
-    return deciders_in(header)
+    return header
 
 
 async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry]) -> Deciders:
@@ -59,7 +63,7 @@ async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEnt
     LocalFault if one takes part already, or these are several, and others decide. Refused (15) if of those who decide then no majority answers.
     That they are trusted the caller has seen to (`entry_of`).
     """
-    await _check_attendance(access, joining=[NodeId(entry.member.node) for entry in entries])
+    await _check_attendance(access, joining=[entry.member for entry in entries])
     return deciders_in((await access.change_log(partial(_joining, access.name, entries))).header)
 
 
@@ -69,12 +73,18 @@ async def remove_participant(access: SceneAccess, node: NodeId) -> Deciders:
     return deciders_in((await access.change_log(partial(_leaving, access.name, node))).header)
 
 
-async def _check_attendance(access: SceneAccess, *, joining: Sequence[NodeId] = (), leaving: NodeId | None = None) -> None:
+async def _check_attendance(access: SceneAccess, *, joining: Sequence[Member] = (), leaving: NodeId | None = None) -> None:
     """Refused (15) if those who decide now could have something decided, and those who would decide then could not."""
-    before = (await deciders_of(access)).participants
-    silent = await silent_among(access.calls, dict.fromkeys((*before, *joining)))
-    if not before or has_majority(before, silent):
-        check_majority([node for node in dict.fromkeys((*before, *joining)) if node != leaving], silent, access.name)
+    header = await _header(access)
+    before = [entry.member for entry in header.participants]
+    after = [member for member in dict.fromkeys((*before, *joining)) if member.node != leaving]
+    there = await present_among(access.calls, after)
+    if has_majority(after, there):
+        return
+    # Without the one that leaves they are too few; are they enough with it?
+    there |= await present_among(access.calls, [member for member in before if member.node == leaving])
+    if not before or has_majority(before, there):
+        check_majority(after, there, access.name)
 
 
 def _joining(name: str, entries: Sequence[ParticipantEntry], log: SceneLog) -> LogEntry:

@@ -53,6 +53,11 @@ class Case:
         return self.setting.me in self.participants
 
     @property
+    def reaches_majority(self) -> bool:
+        """Whether a majority of P(L) can be reached, as far as this node knows, itself counted."""
+        return len(self.participants.nodes & (self.view.reachable | {self.me})) >= self.participants.majority
+
+    @property
     def slot(self) -> Slot:
         return self.state.slot
 
@@ -80,7 +85,8 @@ class Case:
         return self._sign(Promise(self.open_position, ballot, accepted, digest, self.setting.me))
 
     def vote(self, ballot: Ballot, value: Value) -> Vote:
-        """Vote for a value, and say so."""
+        """Vote for a value, and say so. Who asks for it, lives."""
+        self.state = replace(self.state, orphaned=None)
         self.change_slot(self.slot.vote(ballot, value))
         return self._sign(Vote(self.open_position, ballot, value.digest, self.setting.me))
 

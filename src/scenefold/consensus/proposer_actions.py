@@ -160,8 +160,9 @@ def note_who_is_missing(effort: Effort) -> None:
 
 
 def note_overtaken(effort: Effort) -> None:
-    """remember reason 1, and the node of the ballot that was promised since"""
-    effort.change(reason=RejectReason.POSITION_TAKEN, by=effort.case.slot.promised.node)
+    """if a majority of P(L) can be reached: remember reason 1, and the node of the ballot that was promised since"""
+    if effort.case.reaches_majority:
+        effort.change(reason=RejectReason.POSITION_TAKEN, by=effort.case.slot.promised.node)
 
 
 def rest(effort: Effort) -> None:

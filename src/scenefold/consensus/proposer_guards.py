@@ -62,7 +62,7 @@ def has_the_first_ballot(effort: Effort) -> bool:
         return False
     if case.participants.first != case.me or case.slot.promised != NO_BALLOT or case.slot.accepted is not None:
         return False
-    return len(case.participants.nodes & (case.view.reachable | {case.me})) >= case.participants.majority
+    return case.reaches_majority
 
 
 def nothing_accepted(effort: Effort) -> bool:

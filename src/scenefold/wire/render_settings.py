@@ -32,10 +32,10 @@ class Sensible:
     def holds(self, value: Any) -> bool:
         has_sides = (value.width is None) == (value.height is None)
         is_colour = value.sky is None or all(0.0 <= channel <= SKY_MAX for channel in value.sky)
-        return has_sides and is_colour and (value.exposure is None or abs(value.exposure) <= EXPOSURE_MAX)
+        return has_sides and is_colour and value.camera != "" and (value.exposure is None or abs(value.exposure) <= EXPOSURE_MAX)
 
     def __str__(self) -> str:
-        return f"width and height both or neither, each of sky from 0 to {SKY_MAX:.0f}, exposure from -{EXPOSURE_MAX:.0f} to {EXPOSURE_MAX:.0f}"
+        return f"width and height both or neither, each of sky from 0 to {SKY_MAX:.0f}, exposure from -{EXPOSURE_MAX:.0f} to {EXPOSURE_MAX:.0f}, camera not empty"
 
 
 RENDER_SETTINGS = Struct(

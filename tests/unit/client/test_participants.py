@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 import trio
@@ -16,7 +17,8 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
 from scenefold.client.space import Space
 from scenefold.peer.scene_log.proposals import accepted, rejection
-from scenefold.wire import Packet, ProposeSceneLog, RequestSceneLog, Want
+from scenefold.wire import Packet, ProposeSceneLog, RequestSceneLog, RequestTable, RespondTable, Status, Want
+from scenefold.world import Priority
 from scenefold.world.keyring import Keyring
 from unit.client.fake_council import FIVE, FakeCouncil, in_doubt, taking_part
 from unit.client.test_spaces import BOX
@@ -98,6 +100,51 @@ async def test_nobody_is_to_decide_with_those_who_are_gone(autojump_clock: MockC
         await pair.remove_participant(*taking_part(B))
     await pair.remove_participant(*taking_part(C))
     assert [entry.member.node for entry in council.newest(pair.id).participants] == taking_part(A, B)
+
+
+class SlowCouncil(FakeCouncil):
+    """Who is away says nothing for as long as he is waited for."""
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if address in self.away:
+            await trio.sleep(timeout)
+        return await super().request(address, priority, packet, timeout)
+
+
+class WipedCouncil(FakeCouncil):
+    """Some nodes answer in another life than the one that they are registered in."""
+
+    wiped: ClassVar[frozenset[str]] = frozenset()
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if address in self.wiped and isinstance(packet, RequestTable):
+            return RespondTable((Status(1, node_id_of(address), b"w" * 16, 1, address, None, None),))
+        return await super().request(address, priority, packet, timeout)
+
+
+async def test_who_is_silent_holds_up_nobody_for_long(autojump_clock: MockClock, tmp_path: Path) -> None:
+    many = tuple(f"127.0.0.{number}" for number in range(2, 102))
+    council = SlowCouncil(addresses=many, trusted=many)
+    scenes = council.scenes(Keyring(tmp_path))
+    council.away = {B}
+    began = trio.current_time()
+    await scenes.create("kitchen", participants=5)
+    assert trio.current_time() - began < 3.0, "a majority has answered at once"
+    council.away = set(many) - {A}
+    began = trio.current_time()
+    with pytest.raises(Refused, match=r"of the 7 nodes .* 4 must agree, and 1 of them answers"):
+        await scenes.create("hall", participants=None)
+    assert trio.current_time() - began < 15.0
+
+
+async def test_who_lost_its_disk_is_not_there_for_the_scene(autojump_clock: MockClock, tmp_path: Path) -> None:
+    """It answers, in another life; to count it would leave a scene that nobody can change."""
+    council = WipedCouncil()
+    scene = await council.scenes(Keyring(tmp_path)).create("kitchen", participants=taking_part(A, B, C))
+    council.wiped = frozenset({C})  # type: ignore[misc]
+    with pytest.raises(Refused, match=rf"of the 2 nodes .* 2 must agree, and 1 of them answers .*silent: {C}"):
+        await scene.remove_participant(*taking_part(B))
+    await scene.remove_participant(*taking_part(C))
 
 
 async def test_nobody_decides_who_is_not_trusted(autojump_clock: MockClock, tmp_path: Path) -> None:

@@ -214,8 +214,18 @@ def test_who_was_overtaken_does_not_say_that_nobody_answers() -> None:
     world.run(5.0)
     said = world.nodes[A].replies[-1]
     assert (said.outcome, said.reason, said.by) == (Outcome.REJECTED, RejectReason.POSITION_TAKEN, B)
-    alone = world.nodes[B].replies[-1]
-    assert (alone.outcome, alone.reason) == (Outcome.REJECTED, RejectReason.NO_MAJORITY), "whom nobody answers says that"
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_few_who_overtake_each_other_say_that_there_is_no_majority(seed: int) -> None:
+    world = World(seed, A, B, C, D, E)
+    world.part({A, B}, {C, D, E})
+    for node in (A, B):
+        world.ask(node, f"by {node}", within=6.0)
+    world.run(20.0)
+    for node in (A, B):
+        said = world.nodes[node].replies[-1]
+        assert (said.outcome, said.reason) == (Outcome.REJECTED, RejectReason.NO_MAJORITY)
 
 
 def test_one_at_a_time() -> None:

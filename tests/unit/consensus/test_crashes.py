@@ -123,7 +123,7 @@ def test_04_nobody_waits_for_an_originator_whose_connections_have_ended(n: int) 
     world.ask(rest[-1], "next", needs_consent=False)
     world.run(30.0, lambda: bool(world.log(rest[-1])))
     assert world.log(rest[-1]) == ["it"]
-    assert world.now - died < 2.0
+    assert world.now - died < 1.5
 
 
 @pytest.mark.parametrize("deaf", [{B, C, D, E}, {B}, {C, D, E}])

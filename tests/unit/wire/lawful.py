@@ -95,6 +95,7 @@ def _sensible(fields: dict[str, Any]) -> dict[str, Any]:
         **fields,
         "height": None if fields["width"] is None else fields["height"] or fields["width"],
         "sky": None if sky is None else tuple(min(abs(channel), SKY_MAX) for channel in sky),
+        "camera": fields["camera"] or None,
         "exposure": None if exposure is None else max(-EXPOSURE_MAX, min(exposure, EXPOSURE_MAX)),
     }
 

@@ -157,7 +157,10 @@ class Organiser:
         camera = tables.camera(options.camera)
         if camera is None:
             names = ", ".join(repr(known.name) for known in tables.cameras)
-            raise LocalFault(f"the scene has no camera {options.camera!r}", remedy=f"choose one of: {names}")
+            raise LocalFault(
+                f"the scene has no camera {options.camera!r}",
+                remedy=f"choose one of: {names}; where none is named it is that of `scenectl scene settings`",
+            )
         nodes = self._nodes(request)
         _, groups, low, high = pair_boxes(tables)
         rotation = np.asarray(camera.matrix, np.float64)
