@@ -31,6 +31,8 @@ LATELY_S = 30.0
 async def chosen(calls: Calls, view: LogView, wanted: Wanted | None, origin: NodeId, name: str) -> tuple[ParticipantEntry, ...]:
     """Who shall decide a scene (`participants_of`): who answers before who does not, where a number is wanted. Refused (15) if too few do."""
     entries = participants_of(view, wanted, origin)
+    if not entries:
+        return entries
     members = [entry.member for entry in entries]
     there = await present_among(calls, members, grace_s=GRACE_S)
     if wanted is None or isinstance(wanted, int):
