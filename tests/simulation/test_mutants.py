@@ -69,7 +69,7 @@ ABSENCES = (Kind.PARTITION, Kind.CRASH, Kind.DRAIN, Kind.JOIN)
 
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
-    "chain from a stale roster": Provocation(laws.SOUND, CRACKS, workload="logs", first=2),
+    "chain from a stale roster": Provocation(laws.SOUND, CRACKS, workload="logs", first=8),
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
     "decided header": Provocation(laws.VERIFIED, LIES),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
@@ -87,7 +87,7 @@ PROVOKED = {
     "reader's memory": Provocation(laws.SOUND, LIES),
     "reader's signature check": Provocation(laws.SOUND, LIES),
     "record of this place": Provocation(laws.SOUND, LIES),
-    "recovery hears one node": Provocation(laws.READABLE, HEIRS, 45.0, copies=True, first=2),
+    "recovery hears one node": Provocation(laws.READABLE, HEIRS, 45.0, copies=True),
     "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
