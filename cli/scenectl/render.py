@@ -12,6 +12,7 @@ from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
 from scenectl.values import ColourOption, PortsOption, SizeOption, whole
+from scenefold.base.image_limits import DEPTH_MAX, EXPOSURE_MAX, SAMPLES_MAX
 
 NODES = 5
 """Of a cluster that is started for one image."""
@@ -27,13 +28,13 @@ def still(
     nodes: Annotated[int | None, whole(1, 127, env_var="SCENEFOLD_NODES")] = None,
     algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
-    samples: Annotated[int | None, whole(1, 1_048_576)] = None,
+    samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
     size: SizeOption | None = None,
     seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
-    depth: Annotated[int | None, whole(1, 32)] = None,
+    depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
     camera: str | None = None,
-    exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
+    exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     scene: SceneOption | None = None,

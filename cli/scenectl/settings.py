@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -11,6 +11,7 @@ from cyclopts.validators import Number
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
 from scenectl.values import ColourOption, SizeOption, whole
+from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX, DEPTH_MAX, EXPOSURE_MAX, SAMPLES_MAX
 
 if TYPE_CHECKING:
     from scenefold.client.render_settings import SettingsShown
@@ -22,10 +23,10 @@ def settings(
     /,
     *,
     size: SizeOption | None = None,
-    samples: Annotated[int | None, whole(1, 1_048_576)] = None,
-    depth: Annotated[int | None, whole(1, 32)] = None,
+    samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
+    depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
-    exposure: Annotated[float | None, Parameter(validator=Number(gte=-64, lte=64))] = None,
+    exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     camera: str | None = None,
     clear: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
@@ -75,8 +76,6 @@ def settings(
     StillOptions(**given).checked()
 
     def changed(before: RenderSettings) -> RenderSettings:
-        from dataclasses import replace
-
         return replace(RenderSettings() if clear else before, **given)
 
     async def ask() -> SettingsShown:
@@ -90,7 +89,6 @@ def settings(
 
 def _check_camera(name: str) -> None:
     from scenefold.base.errors import UsageFault
-    from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX
 
     remedy = "give the name that a camera has in the scene"
     try:

@@ -15,15 +15,13 @@ from cyclopts.validators import Number
 
 from scenectl.names import checked_space
 from scenefold.base.ids import SPACE_ID_MAX, checked_node_id
+from scenefold.base.image_limits import SIDE_MAX
 from scenefold.base.limits import NODES_MAX, POOL_NODES_MAX
 from scenefold.base.location import Location
 from scenefold.base.prefixes import address_prefix
 
 if TYPE_CHECKING:
     from scenefold.world import Ports
-
-SIDE_PIXELS_MAX = 16_384
-"""Pixels of one side of an image."""
 
 SPACE_NAMES = (
     "meta",
@@ -69,8 +67,8 @@ class Size:
         width, cross, height = text.lower().partition("x")
         if not (cross and is_digits(width) and is_digits(height)):
             raise ValueError(f"a size is WIDTHxHEIGHT, such as 640x360, not {text!r}")
-        if not all(1 <= int(side) <= SIDE_PIXELS_MAX for side in (width, height)):
-            raise ValueError(f"a side has 1 to {SIDE_PIXELS_MAX} pixels, not {text!r}")
+        if not all(1 <= int(side) <= SIDE_MAX for side in (width, height)):
+            raise ValueError(f"a side has 1 to {SIDE_MAX} pixels, not {text!r}")
         return cls(int(width), int(height))
 
     def __str__(self) -> str:
