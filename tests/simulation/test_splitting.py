@@ -19,7 +19,9 @@ from simulation.kitchens import KitchenPlay, places_evenly
 from simulation.steps import SETTLES_S
 
 RECORDS = 6
-ROUNDS = 3
+ROUNDS, ROUNDS_MAX = 3, 12
+"""More than the least only until Ben has read often enough beside them: who dies may be the one he waits for."""
+READS = 4
 PATIENCES = (0.004, 0.012, 0.03, 0.1, 60.0)
 """Seconds after which somebody is ended who splits or merges; the last time he is not."""
 
@@ -93,7 +95,7 @@ class Play(KitchenPlay):
             people.start_soon(work.read)
             await self._split_and_merge(files, work, nursery)
             work.done = True
-        assert work.reads > 3
+        assert work.reads >= READS
         await self._check(files, work)
 
     async def _split_and_merge(self, files: Space, work: Work, nursery: trio.Nursery) -> None:
@@ -105,7 +107,9 @@ class Play(KitchenPlay):
                 await getattr(space, verb)(place)
 
         mates = files, work.ada.space(FILES)
-        for number in range(ROUNDS):
+        for number in range(ROUNDS_MAX):
+            if number >= ROUNDS and work.reads >= READS:
+                return
             for verb in ("split", "merge"):
                 for index, place in enumerate(work.places):
                     patience_s = PATIENCES[(number + index) % len(PATIENCES)]

@@ -82,7 +82,9 @@ async def _described(access: SceneAccess) -> ArchivedScene:
     log = (await access.read_log()).state
     spaces = tuple(ArchivedSpace.of(space) for space in log.spaces.values() if not space.parent)
     identity = access.identity
-    return ArchivedScene(access.name, f"{identity.scene:08x}", identity.genesis.hex(), log.position, log.mode.name.lower(), spaces)
+    return ArchivedScene(
+        access.name, f"{identity.scene:08x}", identity.genesis.hex(), log.position, log.mode.name.lower(), spaces, log.render
+    )
 
 
 class _Export:

@@ -29,7 +29,7 @@ from scenefold.crypto import EXPECTS_NOTHING, signed_place
 from scenefold.scene.archive import Archive, ArchivedRecord, ArchivedSpace, position_after
 from scenefold.scene.log import LoggedSpace, SceneLog
 from scenefold.scene.log.growing import items_of
-from scenefold.wire import LogEntry, ScaleSpace, TranslateSpace
+from scenefold.wire import LogEntry, RenderSettings, ScaleSpace, TranslateSpace
 from scenefold.world import World
 
 PHASE = "restore"
@@ -142,9 +142,16 @@ async def restore(access: SceneAccess, checked: CheckedArchive, options: Restore
         if home.id != space.id:
             report.renumbered[space.name] = home.id
     tell(ProgressState("spaces", len(spaces), len(spaces), "spaces"))
+    await _say_settings(access, checked.archive.scene.render)
     await _Restore(access, homes, Pace(options.bytes_per_s), tell, report, checked.records).put_all(checked.archive)
     report.seconds = clock.now() - begun
     return report
+
+
+async def _say_settings(access: SceneAccess, wanted: RenderSettings) -> None:
+    """What an image is by default; nothing where the archive does not say, or the scene says something by now."""
+    if wanted != RenderSettings() and (await access.read_log()).state.render == RenderSettings():
+        await access.change_log(lambda log: wanted if log.render == RenderSettings() else log.render)
 
 
 async def _home(access: SceneAccess, space: ArchivedSpace, wanted: Copies) -> _Home:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import tarfile
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from scenefold.client.scenes import Scenes
 from scenefold.crypto import SigningKey
 from scenefold.scene.layout import FILES, META, RENDERS
 from scenefold.simulation.clients import secrets_of
-from scenefold.wire import PutMany
+from scenefold.wire import PutMany, RenderSettings
 from scenefold.world.keyring import Keyring
 from unit.client.fake_nodes import ORIGIN, FakeNodes
 
@@ -69,6 +71,7 @@ async def made(site: Site) -> Scene:
     await files.put(Location.from_number(5), b"deleted")
     await files.delete(Location.from_number(5))
     await files.put(Location.from_number(6), b"")
+    await scene.change_render_settings(partial(replace, width=64, height=32, sky=(0.5, 0.0, 1.0), camera="door"))
     await scene.space(META).put(LAST_PUT, bytes(range(256)) * 240)
     return scene
 
@@ -100,6 +103,8 @@ async def test_a_scene_comes_back_byte_for_byte(autojump_clock: MockClock, tmp_p
     assert exported.spaces["hall"] == 3 and (states[-1].done, states[-1].total) == (living + 1, living + 1)
     back, restored = await there.scenes.import_archive("pantry", place)
     assert (restored.records, restored.reused, restored.bytes, restored.renumbered) == (living, 0, exported.bytes, {})
+    shown = await back.render_settings()
+    assert shown.settings == (await scene.render_settings()).settings == RenderSettings(64, 32, sky=(0.5, 0.0, 1.0), camera="door")
     await back.export(again)
     assert files_of(again) == files_of(place) and len(files_of(place)) == living
     assert spaces_of(again) == spaces_of(place)
@@ -171,8 +176,12 @@ async def test_an_import_that_ended_goes_on_and_shows_nothing_before(
         await there.scenes.import_archive("pantry", place)
     _, restored = await there.scenes.import_archive("pantry", place, AGAIN)
     assert (restored.reused > 0) == (writes > 0)
+    changed = await scene.change_render_settings(partial(replace, samples=9))
     _, third = await there.scenes.import_archive("pantry", place, AGAIN)
     assert third.reused == third.records == restored.records
+    assert await scene.render_settings() == changed and changed.settings.camera == "door", (
+        "what was said since stays, and nothing is said again"
+    )
     await scene.export(again)
     assert files_of(again) == files_of(place)
 

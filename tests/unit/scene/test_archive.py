@@ -23,6 +23,7 @@ from scenefold.base.location import Location
 from scenefold.scene.archive import BATCH, Archive, ArchivedRecord, ArchivedScene, ArchivedSpace, NewArchive, position_after
 from scenefold.scene.archive.layout import IndexLine, Totals
 from scenefold.scene.log.space import Step
+from scenefold.wire import RenderSettings
 
 META = ArchivedSpace(SpaceId(1), "meta", 1, "hilbert", (0.0,), (1.0,), False, False, 3, 2, 1)
 RENDERS = replace(META, id=SpaceId(9), name="renders", node_managed=True, render_output=True)
@@ -36,7 +37,8 @@ HALL = replace(
     created=4,
     steps=(Step(5, 1.0, (0.1, -2.0)), Step(9, 1 / 3, (0.0, 0.0))),
 )
-SCENE = ArchivedScene("kitchen", "0badcafe", "ab" * 32, 12, "edit", (META, RENDERS, HALL))
+SETTINGS = RenderSettings(1920, 1080, 256, None, (0.5, 1.0, 0.30000000000000004), -1.5, "door é")
+SCENE = ArchivedScene("kitchen", "0badcafe", "ab" * 32, 12, "edit", (META, RENDERS, HALL), SETTINGS)
 
 
 def at(space: ArchivedSpace, number: int, payload: bytes, *, object_id: bytes = b"") -> ArchivedRecord:
@@ -106,8 +108,15 @@ def test_whoever_has_tar_and_json_can_read_it(tmp_path: Path) -> None:
     index = [json.loads(line) for name in files if name.startswith("index/") for line in files[name].splitlines()]
     assert [files[line["file"]] for line in index] == [record.payload for record in RECORDS]
     assert all(hashlib.sha256(files[line["file"]]).hexdigest() == line["sha256"] for line in index)
-    hall = json.loads(files["scene.json"])["spaces"][-1]
+    description = json.loads(files["scene.json"])
+    hall, render = description["spaces"][-1], description["render"]
+    assert render["sky"] == list(SETTINGS.sky or ()) and (render["width"], render["camera"]) == (1920, "door é") and "depth" not in render
     assert (hall["name"], hall["high"], hall["steps"][1]["factor"]) == (HALL.name, list(HALL.high), 1 / 3), "floats are the same numbers"
+
+
+def test_an_archive_need_not_say_what_an_image_is_by_default(tmp_path: Path) -> None:
+    assert read(forged(tmp_path, lambda files: untold(files, "render")))[0].render == RenderSettings()
+    assert read(written(tmp_path, scene=replace(SCENE, render=RenderSettings())))[0].render == RenderSettings()
 
 
 def test_the_space_that_shows_the_others_comes_last() -> None:
@@ -173,6 +182,12 @@ def retold(files: Files, **changes: Any) -> None:
     files[0] = files[0][0], json.dumps(json.loads(files[0][1]) | changes).encode()
 
 
+def untold(files: Files, key: str) -> None:
+    document = json.loads(files[0][1])
+    del document[key]
+    files[0] = files[0][0], json.dumps(document).encode()
+
+
 def renamed(files: Files, number: int, name: str) -> None:
     files[number][0].name = name
 
@@ -198,6 +213,11 @@ def told_again(files: Files) -> None:
         (lambda files: retold(files, spaces=[META.document(), META.document()]), "one number or name"),
         (lambda files: retold(files, spaces=[META.document() | {"low": [10**400]}]), "'low' of a space"),
         (lambda files: retold(files, spaces=[META.document() | {"low": [True]}]), "'low' of a space"),
+        (lambda files: retold(files, render=[]), "'render' is no map"),
+        (lambda files: retold(files, render={"width": 64}), "width and height both or neither"),
+        (lambda files: retold(files, render={"samples": "many"}), "'render'.samples is not what it must be"),
+        (lambda files: retold(files, render={"sky": [1, 10**400, 1]}), "'sky' of 'render'"),
+        (lambda files: retold(files, render={"camera": "\ud800"}), "'render'.camera is not what it must be"),
         (lambda files: files.pop(0), "stands where scene.json belongs"),
         (lambda files: files.pop(), "cut off"),
         (lambda files: files.pop(2), "stands where spaces/9/"),

@@ -16,10 +16,12 @@ from scenefold.base.ids import SPACE_ID_MAX, SpaceId
 from scenefold.base.limits import COPIES_MAX, PAYLOAD_BYTES_MAX, SPACE_DIMENSIONS_MAX, SPACES_PER_SCENE_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.base.names import is_space_name
+from scenefold.scene.archive.settings import read_settings, settings_document
 from scenefold.scene.archive.told import Told, told_json
 from scenefold.scene.log import LoggedSpace
 from scenefold.scene.log.growing import items_of
 from scenefold.scene.log.space import Step
+from scenefold.wire import RenderSettings
 
 FORMAT, VERSION = "scenefold scene archive", 1
 DESCRIPTION, END = "scene.json", "end.json"
@@ -143,6 +145,7 @@ class ArchivedScene:
     log_position: int
     mode: str
     spaces: tuple[ArchivedSpace, ...]
+    render: RenderSettings = field(default_factory=RenderSettings)
 
     @property
     def order(self) -> tuple[ArchivedSpace, ...]:
@@ -158,6 +161,7 @@ class ArchivedScene:
             "genesis": self.genesis,
             "log_position": self.log_position,
             "mode": self.mode,
+            "render": settings_document(self.render),
             "spaces": [space.document() for space in self.spaces],
         }
         return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
@@ -176,7 +180,8 @@ class ArchivedScene:
         if not distinct or len(spaces) > SPACES_PER_SCENE_MAX:
             raise DamagedData("two of its spaces have one number or name, or there are too many of them")
         name, scene, genesis = (told.text(key) for key in ("name", "scene", "genesis"))
-        return cls(name, scene, genesis, told.whole("log_position", 1), told.text("mode"), spaces)
+        render = read_settings(told.get("render", {}))
+        return cls(name, scene, genesis, told.whole("log_position", 1), told.text("mode"), spaces, render)
 
 
 @dataclass(frozen=True, slots=True)
