@@ -35,6 +35,7 @@ def still(
     sky: ColourOption | None = None,
     camera: str | None = None,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
+    ignore_settings: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     scene: SceneOption | None = None,
@@ -74,6 +75,8 @@ def still(
         Name of the camera; by default the one that the scene says, or its default one.
     exposure
         Brightness of the PNG in stops, by default as the scene says, or the image asks; the EXR is not changed.
+    ignore_settings
+        Take all that is not given here as usual, whatever the scene says.
     threads
         Threads that each node renders with, when no profile is given.
     ports
@@ -107,6 +110,7 @@ def still(
         sky=None if sky is None else sky.rgb,
         camera=camera,
         exposure=exposure,
+        ignore_settings=ignore_settings,
     )
     options.checked()
     name = scene_name_of(file) if scene is None else scene

@@ -51,10 +51,16 @@ class StillOptions:
     camera: str | None = None
     exposure: float | None = None
     """Of the picture for people, in stops; usually as the image asks."""
+    ignore_settings: bool = False
+    """All that is None is as usual, whatever the scene's log says."""
+
+    def heeded(self, said: RenderSettings) -> RenderSettings:
+        """What counts of it for what is None here."""
+        return NOTHING_SAID if self.ignore_settings else said
 
     def checked(self, said: RenderSettings = NOTHING_SAID) -> RenderOptions:
         """The options of the job; UsageFault if one is out of range. `said`: what the scene's log says."""
-        usual = RenderOptions()
+        said, usual = self.heeded(said), RenderOptions()
         red, green, blue = _first(self.sky, said.sky, usual.sky)
         options = RenderOptions(
             width=_first(self.width, said.width, usual.width),
@@ -95,7 +101,7 @@ async def render_still(
     of them before anything else happens. LocalFault if there is none.
     """
     options.checked()
-    said = (await scene.render_settings()).settings
+    said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
     chosen = await renderers_of(cluster, scene)
     identity = scene.access.identity  # with nothing awaited between: these are the keys that the choice is for

@@ -74,5 +74,7 @@ def test_who_renders_has_the_last_word() -> None:
     assert (told.width, told.height, told.samples, told.depth, told.sky, told.camera) == (64, 32, 16, 3, (0.5, 0.0, 1.0), "door")
     own = StillOptions(width=8, height=4, samples=1, depth=2, sky=(0.0, 0.0, 0.0), camera="window").checked(said)
     assert (own.width, own.height, own.samples, own.depth, own.sky, own.camera) == (8, 4, 1, 2, (0.0, 0.0, 0.0), "window")
+    usual = StillOptions(samples=1, ignore_settings=True)
+    assert usual.checked(said) == StillOptions(samples=1).checked() and usual.heeded(said).exposure is None
     with pytest.raises(UsageFault, match="samples is 0"):
         StillOptions(samples=0).checked(said)
