@@ -71,7 +71,7 @@ class Cluster:
         links.refusal_of = self.log.refusal_of
         orders = Orders(self.calls, profile.cluster_id, member, secrets.signing, self.log)
         self.membership = Membership(self.calls, profile, secrets, self.log, orders)
-        self.voters = Voters(self.log, orders, profile.voters[0])
+        self.voters = Voters(self.log, orders, profile.voters[0], self.reports, self.calls.world.clock)
         voter = profile.voter
         origin = Decider(voter.node_id, voter.public_key.raw)
         card_of, newest = self.membership.card_of, self.log.newest

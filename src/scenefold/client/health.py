@@ -193,6 +193,11 @@ def voter_warnings(nodes: Sequence[NodeState]) -> Iterable[Concern]:
     """Of several who decide the cluster's log: what their number and their silence mean."""
     voters = [node for node in nodes if node.is_voter]
     away = [node.address for node in voters if not node.alive]
+    preparing = [node.address for node in voters if node.alive and node.report is not None and not node.report.grants_leases]
+    if len(voters) > 1 and preparing:
+        does = "does" if len(preparing) == 1 else "do"
+        what = f"{', '.join(preparing)}, new among those who decide the cluster's log, {does} not grant leases yet"
+        yield Concern("voters", f"{what}: none of them may be lost before, and those that are away must come back", False, preparing[0])
     if len(voters) > 1 and len(voters) % 2 == 0:
         what = f"{len(voters)} nodes decide the cluster's log: an even number stands no more losses than one fewer"
         yield Concern("voters", f"{what}; add one (`scenectl cluster add-voter`), or remove one", False, voters[0].address)

@@ -5,11 +5,14 @@ An order is signed by the administrator's own key, so whatever node takes it can
 
 from __future__ import annotations
 
-from scenefold.base.errors import Refused, ScenefoldError, Unreachable
+from collections.abc import Sequence
+
+from scenefold.base.errors import NotReached, Refused, Unreachable
 from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import KnownLog
+from scenefold.client.patience import is_passing
 from scenefold.crypto import ORDER_DOMAIN, SigningKey
 from scenefold.wire.enrol_packets import Administer, Administered
 from scenefold.wire.log_entries import SingleEntry
@@ -34,19 +37,35 @@ class Orders:
         packet = Administer(order=order, signature=self._key.sign(ORDER_DOMAIN, order))
 
         async def give() -> Administered:
-            last: ScenefoldError | None = None
+            problems: list[Unreachable | Refused] = []
             for voter in self._cluster_log.voters:
                 try:
                     return await self._calls.ask(address_of(voter), packet, Administered, priority=Priority.HIGH)
                 except Unreachable as problem:
-                    last = problem
+                    problems.append(problem)
                 except Refused as refusal:
                     if refusal.reason not in _ASK_ANOTHER:
                         raise
-                    last = refusal
-            assert last is not None
-            raise last
+                    problems.append(refusal)
+            raise _of_a_round(problems)
 
         position = (await self._calls.patiently(give, refresh=False)).position
         self._cluster_log.has_grown()
         return position
+
+
+def _of_a_round(problems: Sequence[Unreachable | Refused]) -> Unreachable | Refused:
+    """What is told when no voter has carried an order out: who may have it under way, else why not, else that nobody was there."""
+
+    def weight(problem: Unreachable | Refused) -> int:
+        if isinstance(problem, Refused):
+            # What may pass comes before what lasts: it is tried again.
+            return 2 if is_passing(problem.reason) else 1
+        return 0 if isinstance(problem, NotReached) else 3
+
+    problem = max(reversed(problems), key=weight)
+    if isinstance(problem, Refused) and problem.reason is RejectReason.NO_MAJORITY:
+        what = f"no majority: of {len(problems)} voters too few answer, and nothing was changed"
+        remedy = "start those that are away; `scenectl cluster status` names them"
+        return Refused(problem.reason, what, where=problem.where, remedy=remedy)
+    return problem

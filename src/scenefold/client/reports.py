@@ -101,6 +101,8 @@ class NodeReport:
     """With the authority's key: it may enrol newcomers."""
     lease_s: float
     """For how long it may still speak for its arc; 0: it may not."""
+    grants_leases: bool
+    """To nodes, as one of those who decide the cluster's log. One of several does once it has heard what those before granted."""
     log_position: int
     arc: Arc | None
     gap: Arc | None
@@ -188,6 +190,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             role=told_word(found["role"]),
             trusted=bool(found.get("trusted", False)),
             lease_s=told_amount(found["lease_s"]),
+            grants_leases=bool(found.get("grants_leases", True)),
             log_position=told_count(found["log_position"]),
             arc=_arc(found["arc"]),
             gap=_arc(found["gap"]),

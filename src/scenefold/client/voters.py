@@ -2,25 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-from scenefold.base.ids import NodeId
+from scenefold.base.errors import ScenefoldError
+from scenefold.base.ids import NodeId, address_of
 from scenefold.client.known_log import KnownLog
 from scenefold.client.orders import Orders
+from scenefold.client.reports import NodeReport
 from scenefold.client.trusted import entry_of
 from scenefold.wire import AddParticipant, RemoveParticipant
+from scenefold.world import Clock
+
+READY_S_MAX = 15.0
+"""A new voter that is there hears what those before granted in a second."""
+LOOK_S = 0.2
+
+Reports = Callable[[Sequence[str]], Awaitable[Mapping[str, NodeReport | ScenefoldError]]]
+"""What nodes say of themselves, by address; `Cluster.reports`."""
 
 
 class Voters:
     """Of one cluster. `first`: the one that it began with."""
 
-    def __init__(self, log: KnownLog, orders: Orders, first: NodeId) -> None:
-        self._cluster_log, self._orders, self._first = log, orders, first
+    def __init__(self, log: KnownLog, orders: Orders, first: NodeId, reports: Reports, clock: Clock) -> None:
+        self._cluster_log, self._orders, self._first, self._reports, self._clock = log, orders, first, reports, clock
 
     async def known(self) -> Sequence[NodeId]:
         """Who decides the cluster's log."""
         await self._cluster_log.newest()
         return self._cluster_log.voters
+
+    async def preparing(self, within_s: float = READY_S_MAX) -> Sequence[NodeId]:
+        """Which of them do not grant leases yet, once there is none, or so many seconds have passed. While one prepares, none may be lost
+        (specs/26-modes.md, Voters come and go). Who does not answer is left out: the cluster's health tells of that."""
+        position = (await self._cluster_log.newest()).position
+        until = self._clock.now() + within_s
+        while (found := await self._preparing(position)) and self._clock.now() < until:
+            await self._clock.sleep(LOOK_S)
+        return found
+
+    async def _preparing(self, position: int) -> Sequence[NodeId]:
+        voters = self._cluster_log.voters
+        if len(voters) == 1:
+            return ()
+        reports = await self._reports([address_of(node) for node in voters])
+        told = [(node, reports[address_of(node)]) for node in voters]
+        return [node for node, one in told if isinstance(one, NodeReport) and not (one.grants_leases and one.log_position >= position)]
 
     async def add(self, node: NodeId) -> bool:
         """Have a trusted node decide the cluster's log, too; False if it does already. LocalFault, Refused if it cannot."""

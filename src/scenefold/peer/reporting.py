@@ -73,6 +73,7 @@ class Moment:
     arc: Arc | None
     gap: Arc | None
     lease_s: float
+    grants_leases: bool
     is_draining: bool
     handovers: list[tuple[Side, Handover]]
     pieces: Mapping[bytes, Counts]
@@ -104,6 +105,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "role": role_of(registry, moment.member, moment.arc, is_draining=moment.is_draining),
         "trusted": registry.is_trusted(moment.member.node),
         "lease_s": moment.lease_s,
+        "grants_leases": moment.grants_leases,
         "log_position": registry.position,
         "log_head": registry.head.hex()[:16],
         "arc": _arc_document(moment.arc),
@@ -215,6 +217,7 @@ class Reporting:
             arc=line.arc,
             gap=line.gap_left(),
             lease_s=context.lease.seconds_left,
+            grants_leases=context.cluster_log.grants_leases,
             is_draining=bool(line.refuses),
             handovers=line.open_handovers(),
             pieces=pieces,

@@ -324,21 +324,29 @@ def test_nonsense_in_a_report_of_upkeep_or_of_what_is_kept_apart_is_a_fault_of_t
 
 
 @pytest.mark.parametrize(
-    ("voters", "away", "told", "degrades"),
+    ("voters", "away", "late", "told", "degrades"),
     [
-        (1, 0, [], False),
-        (3, 0, [], False),
-        (2, 0, ["an even number"], False),
-        (3, 1, ["none more may be lost"], False),
-        (3, 2, ["nothing can be decided"], True),
-        (4, 1, ["an even number", "none more may be lost"], False),
+        (1, 0, 0, [], False),
+        (3, 0, 0, [], False),
+        (2, 0, 0, ["an even number"], False),
+        (3, 1, 0, ["none more may be lost"], False),
+        (3, 2, 0, ["nothing can be decided"], True),
+        (4, 1, 0, ["an even number", "none more may be lost"], False),
+        (1, 0, 1, [], False),
+        (3, 0, 1, ["127.0.0.2, new among those who decide the cluster's log, does not grant leases yet"], False),
+        (3, 1, 1, ["127.0.0.3, new among", "none more may be lost"], False),
     ],
 )
 def test_of_several_who_decide_the_log_it_is_told_what_their_number_and_silence_mean(
-    voters: int, away: int, told: list[str], degrades: bool
+    voters: int, away: int, late: int, told: list[str], degrades: bool
 ) -> None:
     nodes = [
-        replace(missing(f"127.0.0.{number + 2}", None) if number < away else node(f"127.0.0.{number + 2}", None), is_voter=number < voters)
+        replace(
+            missing(f"127.0.0.{number + 2}", None)
+            if number < away
+            else node(f"127.0.0.{number + 2}", None, grants_leases=number >= away + late),
+            is_voter=number < voters,
+        )
         for number in range(5)
     ]
     concerns = list(voter_warnings(nodes))

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import trio
+from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, Refused, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, NotReached, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.orders import Orders
-from scenefold.client.voters import Voters
+from scenefold.client.reports import NodeReport
+from scenefold.client.voters import READY_S_MAX, Voters
 from scenefold.wire import AddParticipant, DecidedValue, RemoveNode, RemoveParticipant
 from scenefold.wire.enrol_packets import Administer, Administered
 from scenefold.wire.orders import Order
 from scenefold.world.log_file import LogFile
 from scenefold.world.log_view import KeptRecord, LogView
 from unit.client.fake_nodes import make_world
+from unit.client.test_health import report
 from unit.peer.logs_made import LOG_KEY, key_of, member, node
 from unit.peer.voters_made import GENESIS, Senate, dismissed
 
@@ -87,12 +92,19 @@ class Nodes:
         self.world = make_world()
         self.answers: dict[str, Exception] = {}
         self.asked: list[tuple[str, Any]] = []
+        self.said: list[dict[NodeId, dict[str, Any] | Exception]] = []
+        """What voters say of themselves each time they are asked; the last stays."""
 
     async def ask(self, address: str, packet: Administer, *_: object, **__: object) -> Administered:
         self.asked.append((address, Order.decode(packet.order).entry))
         if address in self.answers:
             raise self.answers[address]
         return Administered(position=20)
+
+    async def reports(self, addresses: Sequence[str]) -> dict[str, NodeReport | ScenefoldError]:
+        said = self.said.pop(0) if len(self.said) > 1 else self.said[0]
+        told: dict[str, Any] = {address_of(who): what for who, what in said.items()}
+        return {one: told[one] if isinstance(told[one], Exception) else report(one, None, **told[one]) for one in addresses}
 
     async def patiently(self, call: Any, **_: object) -> Any:
         return await call()
@@ -110,7 +122,12 @@ def office_of(view: LogView) -> tuple[Nodes, Voters]:
     nodes = Nodes()
     known: list[NodeId] = [node(0)] if view.voters is None else sorted(view.voters.nodes)
     log: Any = SimpleNamespace(newest=newest, voters=known, has_grown=lambda: None)
-    return nodes, Voters(log, Orders(nodes, bytes(16), "user:ada", key_of(9), log), node(0))  # type: ignore[arg-type]
+    return nodes, Voters(log, Orders(nodes, bytes(16), "user:ada", key_of(9), log), node(0), nodes.reports, nodes.world.clock)  # type: ignore[arg-type]
+
+
+def voters_of(view: LogView) -> list[NodeId]:
+    assert view.voters is not None
+    return sorted(view.voters.nodes)
 
 
 async def test_the_first_voter_is_named_before_the_second() -> None:
@@ -132,6 +149,58 @@ async def test_an_order_goes_to_another_voter_if_one_is_away_or_cannot() -> None
     nodes.answers[address_of(node(2))] = Refused(RejectReason.LIMIT_EXCEEDED, "seven already")
     with pytest.raises(Refused, match="seven"):
         await voters.add(node(3))
+
+
+def refusal(reason: RejectReason) -> Refused:
+    return Refused(reason, "no")
+
+
+@pytest.mark.parametrize(
+    ("said", "expected", "words"),
+    [
+        (
+            [refusal(RejectReason.NO_MAJORITY), NotReached("off"), NotReached("off")],
+            Refused,
+            "of 3 voters too few answer, and nothing was changed",
+        ),
+        ([NotReached("off"), NotReached("off"), refusal(RejectReason.NO_MAJORITY)], Refused, "too few answer"),
+        ([refusal(RejectReason.NO_MAJORITY), Unreachable("may be"), NotReached("off")], Unreachable, "may be"),
+        ([refusal(RejectReason.NO_MAJORITY), refusal(RejectReason.NOT_READY), NotReached("off")], Refused, "no$"),
+        ([NotReached("a"), NotReached("b"), NotReached("c")], NotReached, "c"),
+    ],
+)
+async def test_what_no_voter_has_carried_out_is_told_as_it_stands(said: list[Exception], expected: type[Exception], words: str) -> None:
+    nodes, voters = office(Senate())
+    nodes.answers = {address_of(node(number)): what for number, what in enumerate(said)}
+    with pytest.raises(ScenefoldError, match=words) as told:
+        await voters.remove(node(1))
+    assert type(told.value) is expected
+
+
+async def test_those_who_answer_are_waited_for_until_all_of_them_grant_leases(autojump_clock: MockClock) -> None:
+    view, _ = begun(Senate()).after(told(Senate()), LOG_KEY.public, GENESIS)
+    nodes, voters = office_of(view)
+    first, second, third = voters_of(view)
+    done, late = {"log_position": view.position}, {"log_position": view.position, "grants_leases": False}
+    behind = {"log_position": view.position - 1, "grants_leases": True}
+    silent = Unreachable("nobody there")
+    nodes.said = [
+        {first: done, second: late, third: behind},
+        {first: done, second: done, third: behind},
+        {first: done, second: done, third: silent},
+    ]
+    assert await voters.preparing() == [] and len(nodes.said) == 1
+    nodes.said = [{first: done, second: late, third: behind}]
+    assert await voters.preparing(within_s=0.0) == [second, third]
+    began = trio.current_time()
+    assert await voters.preparing() == [second, third] and trio.current_time() - began < 2 * READY_S_MAX
+
+
+async def test_one_voter_alone_is_asked_nothing() -> None:
+    senate = Senate(voters=1)
+    senate.records.pop()
+    _, voters = office(senate)
+    assert await voters.preparing() == ()
 
 
 async def test_what_is_so_already_is_no_order() -> None:

@@ -32,6 +32,7 @@ def moment(**changes: Any) -> Moment:
         "arc": HALF,
         "gap": None,
         "lease_s": 8.0,
+        "grants_leases": True,
         "is_draining": False,
         "handovers": [(Side.RIGHT, GIVEN)],
         "pieces": {GIVEN.id: Counts(7, 700)},
@@ -61,7 +62,7 @@ def test_a_client_reads_what_a_node_writes() -> None:
     document = report_of(moment(), registry, roster_of(registry), memory)
     read = read_report(pack_value(document), address_of(node(0)))
     assert (read.blacklist, read.blacklist_version) == (("10.1.2.0/24", "10.9.9.9"), 7)
-    assert (read.role, read.boot, read.arc, read.lease_s, read.log_position) == ("voter", 3, HALF, 8.0, 3)
+    assert (read.role, read.boot, read.arc, read.lease_s, read.grants_leases, read.log_position) == ("voter", 3, HALF, 8.0, True, 3)
     assert (read.records, read.fill, read.strays, read.seconds_up) == (20, 0.5, 2, 90.0)
     (handover,) = read.handovers
     assert (handover.gives, handover.open, handover.peer, handover.piece) == (True, True, address_of(node(1)), PIECE)

@@ -83,6 +83,11 @@ class ClusterLog:
         """Whether the log's key has given way to votes, as far as is known here."""
         return bool(self.registry.voting.councils)
 
+    @property
+    def grants_leases(self) -> bool:
+        """Whether this node decides the log, alone or as one of several, and may grant leases."""
+        return self.voting.grants_leases if self.is_by_votes else self._own.me in self.registry.voters
+
     async def changed_after(self, position: int) -> Registry:
         """The registry once it is of a later position."""
         return await self._copy.changed_after(position)

@@ -55,6 +55,11 @@ class Voting:
         return self.voted.is_voter and self.voted.desk.may_vote(changes_voters=True)
 
     @property
+    def grants_leases(self) -> bool:
+        """Whether this node decides, and may grant leases as one of those who do."""
+        return self.is_ready and self.voted.desk.is_awake
+
+    @property
     def is_restored(self) -> bool:
         """Another voter knows of a later life of this one, which has not spoken yet, so that its disk is an older one."""
         return self.voted.is_voter and self.voted.desk.is_restored
