@@ -232,10 +232,10 @@ class TakingHome:
         return None
 
     async def _check_mode(self, item: HandItem) -> None:
-        """While a scene is rendered, a stray may fill an empty place and replaces nothing."""
+        """While a scene is rendered, a stray may fill an empty place and replaces nothing; what is here already it may bring at any time."""
         scene = await self._parts.scenes.known(item.scene)
         if scene.public.mode is SceneMode.EDIT:
             return
         (present,) = await self._parts.store.read([spot_of_item(item)])
-        if isinstance(present, Record):
+        if isinstance(present, Record) and rank_of(told_version(item.header)) > rank_of(told_version(present.header_bytes)):
             raise Refused(RejectReason.BUSY, "the scene is being rendered: nothing in it is replaced")

@@ -308,6 +308,21 @@ def test_strays_replace_nothing_in_a_scene_that_is_rendered(monkeypatch: pytest.
     endure(tale)
 
 
+def test_strays_that_their_owner_has_go_while_a_scene_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def tale(street: Street, _: trio.Nursery) -> None:
+        owner, holder = street.houses
+        same, newer = await street.fill(0, 2)
+        await owner.store.merge([Put(record_at(newer, seq=3))])
+        monkeypatch.setattr(streets, "SCENE", KnownScene.of(later_header(HEADER, mode=SceneMode.RENDER)))
+        await holder.store.merge([Put(record_at(same)), Put(record_at(newer, seq=2))])
+        await trio.sleep(90.0)
+        assert holder.stored() == set()
+        kept = await owner.store.get_many([RecordPlace(HEADER.scene, SPACE, place) for place in (same, newer)])
+        assert kept == [record_at(same), record_at(newer, seq=3)]
+
+    endure(tale)
+
+
 # ----------------------------------------------------------------------------------------------------------- settling
 
 
